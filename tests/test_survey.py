@@ -1,0 +1,74 @@
+"""The survey: presets, derived numbers, random streams, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.survey import PRESETS, Survey
+
+
+@pytest.mark.parametrize(
+    ("name", "nside", "n_channels", "width", "cells"),
+    [
+        ("ci", 32, 100, 5, 128),
+        ("quick", 64, 125, 4, 256),
+        ("laptop", 128, 250, 2, 512),
+        ("paper", 256, 500, 1, 1024),
+    ],
+)
+def test_presets(name, nside, n_channels, width, cells):
+    survey = Survey.preset(name)
+    assert (survey.nside, survey.n_channels, survey.box_cells) == (nside, n_channels, cells)
+    assert survey.channel_width == width
+    assert survey.freqs == pytest.approx(900 + width * (np.arange(n_channels) + 0.5))
+    assert len(survey.freq_edges) == n_channels + 1
+
+
+def test_default_preset_is_quick():
+    assert Survey() == Survey.preset() == PRESETS["quick"]
+
+
+def test_channels_sample_the_ripple():
+    """A 20 MHz wave keeps its mean square on the channels; round frequencies 10 MHz apart would see none."""
+    for survey in PRESETS.values():
+        assert np.mean(np.sin(2 * np.pi * survey.freqs / 20) ** 2) == pytest.approx(0.5)
+
+
+def test_overrides():
+    survey = Survey.preset("ci", nside=16, seed=3)
+    assert (survey.nside, survey.seed, survey.n_channels) == (16, 3, 100)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"nside": 65}, "power of two, got 65; try 64 or 128"),
+        ({"nside": 64.5}, "whole number"),
+        ({"nside": "64"}, "whole number"),
+        ({"nside": True}, "whole number"),
+        ({"n_channels": 1}, "at least 2"),
+        ({"freq_min": 1400.0}, "freq_min < freq_max"),
+        ({"freq_min": float("nan")}, "must be a number"),
+        ({"freq_max": 1500.0}, "at most 1420"),
+        ({"f_sky": 0.0}, "above 0 and at most 1"),
+        ({"seed": -1}, "at least 0"),
+    ],
+)
+def test_bad_values(values, message):
+    with pytest.raises(InputError, match=message):
+        Survey(**values)
+
+
+def test_unknown_names_list_what_exists():
+    with pytest.raises(InputError, match="ci, quick, laptop, paper"):
+        Survey.preset("huge")
+    with pytest.raises(InputError, match="n_channels: int  number of frequency channels"):
+        Survey.preset("ci", channels=3)
+
+
+def test_random_streams():
+    survey = Survey(seed=1)
+    hi = survey.rng("hi").standard_normal(4)
+    assert np.array_equal(hi, survey.rng("hi").standard_normal(4))
+    assert not np.array_equal(hi, survey.rng("noise").standard_normal(4))
+    assert not np.array_equal(hi, Survey(seed=2).rng("hi").standard_normal(4))
