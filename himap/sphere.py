@@ -1,0 +1,209 @@
+"""The one door to healpy and ducc0: maps, harmonic coefficients, power spectra, beams.
+
+Maps are HEALPix RING; coefficients are in healpy's order (m major), for real fields of spin 0.
+The transforms run in ducc0, on all cores, in the precision of what they are given: float32 maps
+give complex64 coefficients. They agree with healpy to rounding (tests/test_sphere.py).
+"""
+
+from functools import lru_cache
+
+import ducc0
+import healpy as hp
+import numpy as np
+
+from himap.errors import InputError
+
+__all__ = [
+    "alm_degree",
+    "alm_size",
+    "analyse",
+    "change_resolution",
+    "convolve",
+    "coupling_matrix",
+    "cross_spectrum",
+    "gaussian_alm",
+    "lmax_of_size",
+    "multiply_beam",
+    "nest_to_ring",
+    "nside_of",
+    "pixel_at",
+    "pixel_latitude",
+    "pixel_vectors",
+    "synthesise",
+]
+
+N_ITER = 3  # refinements of the HEALPix quadrature, as in healpy's map2alm
+
+
+def nside_of(maps):
+    """nside of a map or of the last axis of a cube.
+
+    Raises
+    ------
+    InputError
+        The number of pixels is not 12 nside^2 with nside a power of two.
+    """
+    n_pix = np.shape(maps)[-1]
+    nside = round((n_pix / 12) ** 0.5)
+    if 12 * nside**2 != n_pix or nside & (nside - 1):
+        raise InputError(f"a HEALPix map has 12 nside^2 pixels, nside a power of two; got {n_pix} pixels.")
+    return nside
+
+
+def alm_size(lmax):
+    """Number of coefficients (m >= 0) up to `lmax`."""
+    return (lmax + 1) * (lmax + 2) // 2
+
+
+def lmax_of_size(n_alm):
+    """The lmax of `n_alm` coefficients; the inverse of `alm_size`."""
+    lmax = round((np.sqrt(8 * n_alm + 1) - 3) / 2)
+    if alm_size(lmax) != n_alm:
+        raise InputError(f"{n_alm} is not the number of coefficients of any lmax.")
+    return lmax
+
+
+@lru_cache(maxsize=8)
+def alm_degree(lmax):
+    """The degree l of every coefficient, shape (n_alm,), read-only."""
+    degree = np.concatenate([np.arange(m, lmax + 1) for m in range(lmax + 1)])
+    degree.flags.writeable = False
+    return degree
+
+
+@lru_cache(maxsize=8)
+def _geometry(nside):
+    return ducc0.healpix.Healpix_Base(nside, "RING").sht_info()
+
+
+def synthesise(alm, nside):
+    """Map of harmonic coefficients: (..., n_alm) to (..., n_pix), float32 for complex64."""
+    alm = np.asarray(alm)
+    lmax = lmax_of_size(alm.shape[-1])
+    flat = alm.reshape(-1, alm.shape[-1])
+    real = np.float32 if alm.dtype == np.complex64 else np.float64
+    maps = np.empty((len(flat), 12 * nside**2), dtype=real)
+    for row, out in zip(flat, maps, strict=True):
+        row = row.astype(np.result_type(real, 1j), copy=False)
+        ducc0.sht.synthesis(alm=row[None], map=out[None], lmax=lmax, spin=0, nthreads=0, **_geometry(nside))
+    return maps.reshape(*alm.shape[:-1], -1)
+
+
+def analyse(maps, lmax=None, *, n_iter=N_ITER):
+    """Harmonic coefficients of maps: (..., n_pix) to (..., n_alm).
+
+    HEALPix has no exact quadrature; each of `n_iter` refinements adds the coefficients of what the
+    last ones leave behind, as healpy's map2alm does. `lmax` is 3 nside - 1 unless given.
+    """
+    maps = np.asarray(maps)
+    nside = nside_of(maps)
+    lmax = 3 * nside - 1 if lmax is None else lmax
+    flat = maps.reshape(-1, maps.shape[-1])
+    real = np.float32 if maps.dtype == np.float32 else np.float64
+    alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
+    for row, alm in zip(flat, alms, strict=True):
+        left = row.astype(real)
+        alm += _adjoint(left, lmax, nside)
+        for _ in range(n_iter):
+            alm += _adjoint(row - synthesise(alm, nside), lmax, nside)
+    return alms.reshape(*maps.shape[:-1], -1)
+
+
+def _adjoint(pixels, lmax, nside):
+    """Plain quadrature: coefficients of one map with equal pixel weights."""
+    alm = ducc0.sht.adjoint_synthesis(map=pixels[None], lmax=lmax, spin=0, nthreads=0, **_geometry(nside))[0]
+    alm *= 4 * np.pi / len(pixels)
+    return alm
+
+
+def multiply_beam(alm, beam):
+    """Coefficients times b_l, (..., n_alm) times (lmax_beam + 1,); in a new array.
+
+    Raises
+    ------
+    InputError
+        The beam ends before the coefficients do.
+    """
+    lmax = lmax_of_size(alm.shape[-1])
+    if len(beam) <= lmax:
+        raise InputError(f"the beam must reach l = {lmax}, got {len(beam) - 1}; give a longer b_l.")
+    return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
+
+
+def convolve(maps, beams, *, n_iter=N_ITER):
+    """Cube convolved channel by channel with `beams` (n_channels, lmax + 1), float32.
+
+    Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
+    """
+    nside = nside_of(maps)
+    out = np.empty(np.shape(maps), dtype=np.float32)
+    for channel, beam, smooth in zip(maps, beams, out, strict=True):
+        alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1, n_iter=n_iter)
+        smooth[:] = synthesise(multiply_beam(alm, beam), nside)
+    return out
+
+
+def cross_spectrum(alm, other=None):
+    """C_l of coefficients, (..., n_alm) to (..., lmax + 1); with `other`, the cross spectrum."""
+    alm = np.asarray(alm)
+    other = alm if other is None else np.asarray(other)
+    lmax = lmax_of_size(alm.shape[-1])
+    degree = alm_degree(lmax)
+    twice = np.where(np.arange(len(degree)) <= lmax, 1.0, 2.0)  # m > 0 stands for -m too
+    product = (alm * other.conj()).real * twice / (2 * degree + 1)
+    flat = product.reshape(-1, len(degree))
+    cl = np.array([np.bincount(degree, weights=row, minlength=lmax + 1) for row in flat])
+    return cl.reshape(*alm.shape[:-1], lmax + 1)
+
+
+def gaussian_alm(cl, rng):
+    """A Gaussian realisation of the spectrum `cl`, shape (n_alm,), complex128."""
+    lmax = len(cl) - 1
+    alm = rng.standard_normal(alm_size(lmax)) + 1j * rng.standard_normal(alm_size(lmax))
+    alm /= np.sqrt(2)
+    alm[: lmax + 1] = alm[: lmax + 1].real * np.sqrt(2)
+    return multiply_beam(alm, np.sqrt(cl))
+
+
+def change_resolution(pixels, nside):
+    """One map at another nside: pixel means downwards, copies upwards (no ringing, no new scales)."""
+    return hp.ud_grade(pixels, nside, power=0)
+
+
+def coupling_matrix(mask_cl, lmax):
+    """Mode coupling of a mask, (lmax + 1, lmax + 1): <pseudo C_l> = sum_l' M_ll' C_l'.
+
+    M_ll' = (2 l' + 1) / (4 pi) sum_L (2 L + 1) W_L (l l' L; 0 0 0)^2 with W_L the mask's spectrum
+    (Hivon et al. 2002, Eq. A31).
+    """
+    weight = np.zeros(2 * lmax + 1)
+    n = min(len(mask_cl), len(weight))
+    weight[:n] = (2 * np.arange(n) + 1) * mask_cl[:n] / (4 * np.pi)
+    matrix = np.empty((lmax + 1, lmax + 1))
+    for l1 in range(lmax + 1):
+        for l2 in range(l1 + 1):
+            first, symbol = ducc0.misc.wigner3j_int(l1, l2, 0, 0)
+            value = np.dot(symbol * symbol, weight[first : first + len(symbol)])
+            matrix[l1, l2] = (2 * l2 + 1) * value
+            matrix[l2, l1] = (2 * l1 + 1) * value
+    return matrix
+
+
+def pixel_vectors(nside):
+    """Unit vectors of the pixel centres in NESTED order, (n_pix, 3)."""
+    return np.stack(hp.pix2vec(nside, np.arange(12 * nside**2), nest=True), axis=-1)
+
+
+def nest_to_ring(nside):
+    """RING index of every NESTED pixel, (n_pix,)."""
+    return hp.nest2ring(nside, np.arange(12 * nside**2))
+
+
+def pixel_at(nside, lon, lat):
+    """RING index of the pixel at Galactic longitude and latitude, deg."""
+    return hp.ang2pix(nside, lon, lat, lonlat=True)
+
+
+def pixel_latitude(nside):
+    """Galactic latitude of every RING pixel, deg, (n_pix,)."""
+    return hp.pix2ang(nside, np.arange(12 * nside**2), lonlat=True)[1]

@@ -1,0 +1,144 @@
+"""The transforms: against healpy, and the properties any transform must have."""
+
+import healpy as hp
+import numpy as np
+import pytest
+
+from himap import sphere
+from himap.errors import InputError
+
+NSIDE = 16
+LMAX = 3 * NSIDE - 1
+
+
+@pytest.fixture
+def alm(rng):
+    """Band-limited to 2 nside, where HEALPix quadrature converges fast."""
+    cl = np.where(np.arange(LMAX + 1) <= 2 * NSIDE, 1.0, 0.0)
+    return sphere.gaussian_alm(cl, rng)
+
+
+@pytest.fixture
+def pixels(rng):
+    return rng.standard_normal(12 * NSIDE**2)
+
+
+def test_against_healpy(pixels):
+    ours = sphere.analyse(pixels)
+    theirs = hp.map2alm(pixels, iter=3)
+    assert ours == pytest.approx(theirs, abs=1e-12)
+    assert sphere.synthesise(ours, NSIDE) == pytest.approx(hp.alm2map(theirs, NSIDE), abs=1e-11)
+    assert sphere.cross_spectrum(ours) == pytest.approx(hp.alm2cl(theirs), rel=1e-10)
+
+
+def test_float32_in_float32_out(pixels):
+    alm32 = sphere.analyse(pixels.astype(np.float32))
+    assert alm32.dtype == np.complex64
+    assert sphere.synthesise(alm32, NSIDE).dtype == np.float32
+    assert alm32 == pytest.approx(sphere.analyse(pixels), abs=1e-6)
+
+
+def test_linear(pixels, rng):
+    other = rng.standard_normal(pixels.size)
+    together = sphere.analyse(2 * pixels - 3 * other)
+    assert together == pytest.approx(2 * sphere.analyse(pixels) - 3 * sphere.analyse(other), abs=1e-12)
+
+
+def test_round_trip(alm):
+    """Exact where HEALPix quadrature converges, up to 2 nside; every refinement brings it closer."""
+    pixels = sphere.synthesise(alm, NSIDE)
+    inside = alm[sphere.alm_degree(LMAX) <= 2 * NSIDE]
+    errors = [np.abs(sphere.analyse(pixels, 2 * NSIDE, n_iter=n) - inside).max() for n in (0, 3, 6)]
+    assert errors[0] > 20 * errors[1] > 20 * errors[2]
+    assert errors[1] < 2e-3
+
+
+def test_parseval(alm):
+    """The mean square of a map is sum (2 l + 1) C_l / 4 pi."""
+    pixels = sphere.synthesise(alm, NSIDE)
+    power = ((2 * np.arange(LMAX + 1) + 1) * sphere.cross_spectrum(alm)).sum() / (4 * np.pi)
+    assert (pixels**2).mean() == pytest.approx(power, rel=1e-3)
+
+
+def test_cubes_are_transformed_map_by_map(pixels):
+    cube = np.stack([pixels, pixels[::-1]])
+    assert np.array_equal(sphere.analyse(cube)[1], sphere.analyse(pixels[::-1]))
+    assert sphere.cross_spectrum(sphere.analyse(cube)).shape == (2, LMAX + 1)
+
+
+def test_cross_spectrum(alm):
+    assert sphere.cross_spectrum(alm, -2 * alm) == pytest.approx(-2 * sphere.cross_spectrum(alm))
+
+
+def test_gaussian_alm_has_its_spectrum(rng):
+    cl = 1 / (1 + np.arange(101.0)) ** 2
+    mean = np.mean([sphere.cross_spectrum(sphere.gaussian_alm(cl, rng)) for _ in range(50)], axis=0)
+    scatter = np.sqrt(2 / (2 * np.arange(101) + 1) / 50)
+    assert np.abs(mean / cl - 1).max() < 5 * scatter.max()
+    assert (np.abs(mean / cl - 1) < 4.5 * scatter).all()
+
+
+def test_gaussian_alm_makes_real_maps(rng):
+    assert sphere.gaussian_alm(np.ones(9), rng)[:9].imag == pytest.approx(0)
+
+
+def test_convolution_smooths_like_healpy(pixels):
+    fwhm = np.deg2rad(10)
+    beam = hp.gauss_beam(fwhm, LMAX)
+    ours = sphere.convolve(pixels[None], beam[None])[0]
+    assert ours.dtype == np.float32
+    assert ours == pytest.approx(hp.smoothing(pixels, fwhm=fwhm), abs=1e-6)
+
+
+def test_convolution_keeps_faint_signals_under_bright_ones(pixels):
+    """A signal 1e-6 of the foreground survives: convolving it alone or with the foreground is the same."""
+    faint, bright = 0.05 * pixels[None], 1e5 * (2 + pixels[None, ::-1])
+    beam = hp.gauss_beam(np.deg2rad(10), LMAX)[None]
+    difference = sphere.convolve(faint + bright, beam).astype(float) - sphere.convolve(bright, beam)
+    assert difference == pytest.approx(sphere.convolve(faint, beam), abs=2 * float(np.spacing(np.float32(3e5))))
+
+
+def test_coupling_matrix_of_the_full_sky_is_the_identity():
+    mask_cl = np.zeros(41)
+    mask_cl[0] = 4 * np.pi
+    assert sphere.coupling_matrix(mask_cl, 20) == pytest.approx(np.eye(21), abs=1e-12)
+
+
+def test_coupling_matrix_predicts_pseudo_spectra(rng):
+    """Mean pseudo-C_l of many masked realisations against M C_l."""
+    cl = 1 / (1 + np.arange(LMAX + 1.0))
+    cl[2 * NSIDE :] = 0
+    mask = (np.abs(hp.pix2ang(NSIDE, np.arange(12 * NSIDE**2), lonlat=True)[1]) > 20).astype(float)
+    maps = [mask * sphere.synthesise(sphere.gaussian_alm(cl, rng), NSIDE) for _ in range(200)]
+    pseudo = np.mean([sphere.cross_spectrum(sphere.analyse(pixels)) for pixels in maps], axis=0)
+    expected = sphere.coupling_matrix(hp.anafast(mask), LMAX) @ cl
+    assert pseudo[2:24] == pytest.approx(expected[2:24], rel=0.15)
+    assert (pseudo[2:24] / expected[2:24]).mean() == pytest.approx(1, abs=0.02)
+
+
+def test_resolution_change_keeps_the_mean(pixels):
+    assert sphere.change_resolution(pixels, 4).mean() == pytest.approx(pixels.mean())
+    assert sphere.change_resolution(pixels, 32).shape == (12 * 32**2,)
+
+
+def test_sizes():
+    assert sphere.lmax_of_size(sphere.alm_size(100)) == 100
+    assert sphere.nside_of(np.zeros((3, 12 * 8**2))) == 8
+    ells, _ = hp.Alm.getlm(10)
+    assert np.array_equal(sphere.alm_degree(10), ells)
+
+
+@pytest.mark.parametrize("n_pix", [100, 12 * 9**2])
+def test_bad_map_size(n_pix):
+    with pytest.raises(InputError, match=f"got {n_pix} pixels"):
+        sphere.nside_of(np.zeros(n_pix))
+
+
+def test_bad_alm_size():
+    with pytest.raises(InputError, match="12 is not the number"):
+        sphere.lmax_of_size(12)
+
+
+def test_short_beam(alm):
+    with pytest.raises(InputError, match=f"reach l = {LMAX}, got 9"):
+        sphere.multiply_beam(alm, np.ones(10))
