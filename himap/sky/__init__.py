@@ -1,0 +1,1 @@
+"""The simulated sky: HI, Galaxy and point sources."""

@@ -1,0 +1,189 @@
+"""The HI light cone against theory: closed forms in the box, projected spectra on the sky."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import fft
+from scipy.special import spherical_jn
+
+from himap import sphere
+from himap.cosmology import Cosmology, HIModel, redshift
+from himap.errors import InputError
+from himap.sky import box, hi, light_cone
+from himap.survey import Survey
+
+NARROW = Survey(nside=32, n_channels=4, freq_min=940, freq_max=960, box_cells=128, seed=7)
+
+
+# Fluctuations a tenth of the real ones: linear theory holds to the per cent, so a wrong factor shows.
+LINEAR = HIModel(cosmology=Cosmology(sigma_8=0.1))
+
+
+def band_maps(rsd=True, seed=7, **options):
+    survey = replace(NARROW, seed=seed)
+    return hi.hi_maps(survey, survey.rng("hi"), rsd=rsd, **options)
+
+
+def linear_spectrum(survey, channel, degrees, rsd, model=LINEAR):
+    """C_l of one channel in linear theory, mK^2, projected without approximation.
+
+    Times the windows of interpolation in the box and of a square pixel, to second order in l.
+
+    C_l = 2/pi int k^2 P(k) [D int dchi W (b j_l - f j_l'')]^2 dk
+    """
+    cosmology = model.cosmology
+    far, near = cosmology.comoving_distance(redshift(survey.freq_edges[channel : channel + 2]))
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    chi = 0.5 * (far + near) + 0.5 * (far - near) * nodes
+    z = cosmology.redshift_at(chi)
+    cell = survey.box_size / survey.box_cells
+    k = np.geomspace(1e-4, np.pi / cell, 3000)
+    growth, bias = cosmology.growth(z.mean()), model.bias(z.mean())
+    window = np.sinc(k * cell / (2 * np.pi * np.sqrt(3))) ** 6  # of one interpolation, isotropic
+    rate = cosmology.growth_rate(z.mean()) if rsd else 0.0
+    cl = []
+    for degree in degrees:
+        x = k[:, None] * chi
+        bessel = spherical_jn(degree, x)
+        second = (degree * (degree - 1) / x**2 - 1) * bessel + 2 / x * spherical_jn(degree + 1, x)
+        kernel = (bias * bessel - rate * second) @ weights / 2
+        cl.append(
+            2 / np.pi * np.trapezoid(k**2 * cosmology.linear_power(k) * (window * growth * kernel) ** 2, k)
+        )
+    pixel = 1 - degrees * (degrees + 1) * 4 * np.pi / survey.n_pix / 24
+    return np.array(cl) * (pixel * model.mean_temperature(z.mean())) ** 2
+
+
+def band_power(maps, degrees):
+    cl = sphere.cross_spectrum(sphere.analyse(maps.astype(float)))[:, degrees]
+    return ((2 * degrees + 1) * cl).sum(axis=-1)
+
+
+def test_modes_have_the_requested_spectrum(rng):
+    cosmology = Cosmology()
+    n, size = 64, 3000.0
+    field = box.real_field(box.gaussian_modes(cosmology.linear_power, n, size, rng))
+    power = np.abs(fft.fftn(field.astype(float))) ** 2 * size**3 / n**6
+    k = 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
+    k = np.sqrt(k[:, None, None] ** 2 + k[:, None] ** 2 + k**2)
+    shell = (k > 0.02) & (k < 0.06)
+    ratio = power[shell] / cosmology.linear_power(k[shell])
+    assert ratio.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / shell.sum()))
+
+
+def test_displacement_of_a_plane_wave():
+    """delta = cos(q z) moves matter by -sin(q z) / q along z, here projected on the line of sight."""
+    n, size = 32, 600.0
+    x = box.cell_centres(n, size)
+    q = 2 * np.pi * 3 / size
+    # The grid starts at the first cell centre, so the field itself is what is transformed.
+    field = np.broadcast_to(np.cos(q * x), (n, n, n)).astype(np.float32)
+    psi = box.radial_displacement(fft.rfftn(field), size)
+    r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    assert psi == pytest.approx(-np.sin(q * x) / q * x / r, abs=1e-4)
+
+
+def test_displacement_diverges_where_density_is_low(rng):
+    """Matter moves towards overdensities: a central overdensity pulls inwards."""
+    n, size = 32, 600.0
+    x = box.cell_centres(n, size)
+    r2 = x[:, None, None] ** 2 + x[:, None] ** 2 + x**2
+    blob = np.exp(-r2 / (2 * 60.0**2)).astype(np.float32)
+    psi = box.radial_displacement(fft.rfftn(blob - blob.mean()), size)
+    assert psi[(r2 > 40**2) & (r2 < 150**2)].max() < 0
+
+
+def test_lognormal_box_is_positive_with_mean_one(rng):
+    density, displacement = hi.lognormal_box(64, 3000.0, rng)
+    assert density.min() > 0
+    assert density.mean(dtype=float) == pytest.approx(1, abs=0.02)
+    assert displacement.std() == pytest.approx(3, abs=1)  # f D psi of linear theory, Mpc/h
+
+
+def test_trace_conserves_a_uniform_medium():
+    ones = np.ones((16, 16, 16), dtype=np.float32)
+    edges = np.linspace(400, 900, 8)
+    rays = light_cone.plan_rays(8, 100.0, edges[0], edges[-1])
+    maps = light_cone.trace(ones, None, edges, 8, 1600.0, rays)
+    assert maps == pytest.approx(1, rel=1e-5)
+
+
+def test_trace_shifts_matter_by_the_displacement():
+    """Matter displaced by exactly one channel shows up one channel further out, with all its mass."""
+    n, size = 128, 1280.0
+    x = box.cell_centres(n, size)
+    r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    shell = np.exp(-((r - 425) ** 2) / (2 * 15.0**2)).astype(np.float32)
+    edges = np.arange(300, 600, 25.0)
+    rays = light_cone.plan_rays(8, 10.0, edges[0], edges[-1])
+    still = light_cone.trace(shell, None, edges, 8, size, rays)
+    moved = light_cone.trace(shell, np.full_like(shell, 25), edges, 8, size, rays)
+    assert moved[1:] == pytest.approx(still[:-1], abs=2e-3)
+    assert moved.sum() == pytest.approx(still.sum(), rel=1e-4)
+
+
+def test_maps_are_positive_with_the_mean_of_theory():
+    maps = band_maps()
+    assert maps.dtype == np.float32
+    assert maps.min() >= 0
+    expected = HIModel().mean_temperature(redshift(NARROW.freqs))
+    assert maps.mean(axis=1) == pytest.approx(expected, rel=0.03)
+
+
+def test_mean_temperature_against_the_textbook_constant():
+    """T = 189 h Omega_HI (1 + z)^2 / E(z) mK, to the per cent its constants vary by in the literature."""
+    model = HIModel()
+    z = np.array([0.0, 0.3, 0.6])
+    textbook = 189 * 0.67 * model.omega(z) * (1 + z) ** 2 / np.sqrt(0.3 * (1 + z) ** 3 + 0.7)
+    assert model.mean_temperature(z) == pytest.approx(textbook, rel=0.01)
+
+
+@pytest.mark.parametrize("rsd", [False, True])
+def test_angular_spectrum_against_linear_theory(rsd):
+    """Band power of 10 <= l <= 40 in four seeds, within 4 sigma of their sample variance."""
+    degrees = np.arange(10, 41)
+    expected = ((2 * degrees + 1) * linear_spectrum(NARROW, 1, degrees, rsd)).sum()
+    seeds = [3, 4, 5, 6]
+    measured = np.mean([band_power(band_maps(rsd, seed, model=LINEAR), degrees)[1] for seed in seeds])
+    n_modes = (2 * degrees + 1).sum() * len(seeds)
+    assert measured / expected == pytest.approx(1, abs=4 * np.sqrt(2 / n_modes))
+
+
+def test_redshift_space_boost_against_linear_theory():
+    """Same seed with and without redshift space: the sample variance cancels."""
+    degrees = np.arange(10, 41)
+    boost = band_power(band_maps(True, model=LINEAR), degrees) / band_power(
+        band_maps(False, model=LINEAR), degrees
+    )
+    weight = 2 * degrees + 1
+    expected = (weight * linear_spectrum(NARROW, 1, degrees, True)).sum()
+    expected /= (weight * linear_spectrum(NARROW, 1, degrees, False)).sum()
+    assert boost.mean() == pytest.approx(expected, rel=0.03)
+    assert expected > 1.2
+
+
+def test_result_does_not_depend_on_the_sampling():
+    coarse, fine = band_maps(), band_maps(oversample=4.0)
+    assert (coarse - fine).std() < 0.03 * fine.std()
+    degrees = np.arange(2, 64)
+    assert band_power(coarse, degrees) == pytest.approx(band_power(fine, degrees), rel=0.015)
+
+
+def test_same_seed_same_maps_whatever_the_threads():
+    import numba
+
+    threads = numba.get_num_threads()
+    first = band_maps()
+    numba.set_num_threads(1)
+    try:
+        assert np.array_equal(first, band_maps())
+    finally:
+        numba.set_num_threads(threads)
+    assert not np.array_equal(first, band_maps(seed=8))
+
+
+def test_band_beyond_the_box_is_an_error():
+    with pytest.raises(InputError, match="box_size to at least 2994"):
+        survey = Survey(nside=8, box_size=2000.0, box_cells=16)
+        hi.hi_maps(survey, survey.rng("hi"))
