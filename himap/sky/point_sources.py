@@ -1,0 +1,138 @@
+"""Extragalactic radio sources (paper, Sect. 2.1.4).
+
+Faint sources are a field with a mean, clustering and Poisson fluctuations; sources between
+`FLUX_FAINT` and `FLUX_REMOVED` are injected one by one; brighter ones are taken as removed. Counts of
+Battye et al. (2013) at 1.4 GHz, in the recipe of Olivari et al. (2016). No flux is counted twice:
+the field's mean and clustering are those of the faint sources alone.
+"""
+
+import numpy as np
+from astropy import constants as const
+from astropy import units as u
+from scipy.integrate import quad
+
+from himap import sphere
+from himap.sky.emission import PowerLaw
+
+__all__ = [
+    "FLUX_FAINT",
+    "FLUX_REMOVED",
+    "FREQ_COUNTS",
+    "clustering_spectrum",
+    "flux_to_temperature",
+    "mean_temperature",
+    "number_density",
+    "point_sources",
+    "poisson_spectrum",
+    "source_counts",
+]
+
+FREQ_COUNTS = 1400.0
+"""Frequency of the source counts, MHz."""
+FLUX_FAINT = 0.01
+"""Sources above this flux, Jy, are injected one by one."""
+FLUX_REMOVED = 1.0
+"""Sources above this flux, Jy, are taken as identified and removed."""
+
+_FLUX_MIN = 1e-6  # Jy; fainter sources add nothing (Battye et al. 2013)
+_COUNTS = (2.593, 9.333e-2, -4.839e-4, 2.488e-1, 8.995e-2, 8.506e-3)
+_INDEX_MEAN, _INDEX_STD = -2.7, 0.2  # Bigot-Sazy et al. 2015
+
+
+def source_counts(flux):
+    """Differential counts dN/dS at 1.4 GHz, per Jy and sr, at `flux` in Jy.
+
+    dN/dS = S^-2.5 10^(sum_i a_i log10(S)^i) (Battye et al. 2013).
+    """
+    flux = np.asarray(flux, dtype=float)
+    return flux**-2.5 * 10 ** np.polynomial.polynomial.polyval(np.log10(flux), _COUNTS)
+
+
+def _moment(power, flux_min, flux_max):
+    """Integral of S^power dN/dS, Jy^power per sr."""
+
+    def integrand(log_flux):
+        flux = np.exp(log_flux)
+        return flux ** (power + 1) * source_counts(flux)
+
+    return quad(integrand, np.log(flux_min), np.log(flux_max), epsrel=1e-10, limit=200)[0]
+
+
+def flux_to_temperature(freq=FREQ_COUNTS):
+    """lambda^2 / (2 k_B): mK per (Jy / sr) at `freq` in MHz."""
+    wavelength = const.c / (freq * u.MHz)
+    return (wavelength**2 / (2 * const.k_B) * u.Jy).to_value(u.mK)
+
+
+def mean_temperature(flux_max):
+    """Mean brightness temperature at 1.4 GHz of the sources below `flux_max` Jy, mK."""
+    return flux_to_temperature() * _moment(1, _FLUX_MIN, flux_max)
+
+
+def number_density(flux_min, flux_max):
+    """Sources per sr with fluxes between two limits in Jy."""
+    return _moment(0, flux_min, flux_max)
+
+
+def poisson_spectrum(flux_max):
+    """Poisson C_l at 1.4 GHz of the sources below `flux_max` Jy, mK^2, the same at every l."""
+    return flux_to_temperature() ** 2 * _moment(2, _FLUX_MIN, flux_max)
+
+
+def clustering_spectrum(lmax, temperature):
+    """Clustering C_l = 1.8e-4 l^-1.2 T^2, mK^2, for sources of mean `temperature` in mK; 0 at l = 0."""
+    degree = np.arange(1, lmax + 1)
+    return np.concatenate([[0.0], 1.8e-4 * degree**-1.2 * temperature**2])
+
+
+def point_sources(nside, rng):
+    """The extragalactic sources as a `PowerLaw` with an index that varies from pixel to pixel.
+
+    Parameters
+    ----------
+    nside
+        Resolution of the maps.
+    rng
+        numpy Generator; faint field, injected sources and index have a child stream each.
+
+    Returns
+    -------
+    PowerLaw
+        Amplitude at 1.4 GHz in mK, positive; index drawn from N(-2.7, 0.2).
+    """
+    faint, bright, index = rng.spawn(3)
+    n_pix = 12 * nside**2
+    return PowerLaw(
+        name="point sources",
+        amplitude=_faint_field(nside, faint) + _injected(n_pix, bright),
+        freq_ref=FREQ_COUNTS,
+        index=index.normal(_INDEX_MEAN, _INDEX_STD, n_pix),
+    )
+
+
+def _faint_field(nside, rng):
+    """Mean plus Gaussian clustering and Poisson fluctuations, mK; fluctuations below zero cannot occur.
+
+    The rms is a few mK around a mean of 84 mK up to nside 512; clipping at zero guards finer maps.
+    """
+    lmax = 3 * nside - 1
+    mean = mean_temperature(FLUX_FAINT)
+    cl = clustering_spectrum(lmax, mean)
+    cl[1:] += poisson_spectrum(FLUX_FAINT)
+    return np.maximum(mean + sphere.synthesise(sphere.gaussian_alm(cl, rng), nside), 0.0)
+
+
+def _injected(n_pix, rng):
+    """Sources of `FLUX_FAINT` to `FLUX_REMOVED` at random positions, mK; those in one pixel add up."""
+    n_sources = rng.poisson(4 * np.pi * number_density(FLUX_FAINT, FLUX_REMOVED))
+    pixels = rng.integers(n_pix, size=n_sources)  # pixels have equal area
+    total = np.bincount(pixels, weights=_draw_fluxes(n_sources, rng), minlength=n_pix)
+    return total * flux_to_temperature() / (4 * np.pi / n_pix)
+
+
+def _draw_fluxes(n_sources, rng):
+    """Fluxes in Jy drawn from the counts between the two limits, by inverting their cumulative."""
+    log_flux = np.linspace(np.log(FLUX_FAINT), np.log(FLUX_REMOVED), 20_001)
+    density = np.exp(log_flux) * source_counts(np.exp(log_flux))
+    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    return np.exp(np.interp(rng.random(n_sources) * cumulative[-1], cumulative, log_flux))

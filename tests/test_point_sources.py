@@ -1,0 +1,80 @@
+"""Point sources against the check values of FACTS.md and against their own statistics."""
+
+import numpy as np
+import pytest
+
+from himap import sphere
+from himap.sky import point_sources as ps
+
+
+@pytest.mark.parametrize(("flux_max", "expected"), [(1.0, 127.50), (0.01, 84.47)])
+def test_mean_temperature(flux_max, expected):
+    assert ps.mean_temperature(flux_max) == pytest.approx(expected, abs=0.005)
+
+
+def test_poisson_spectrum():
+    assert ps.poisson_spectrum(0.01) == pytest.approx(8.192e-4, rel=1e-3)
+
+
+def test_number_of_injected_sources():
+    per_sr = ps.number_density(0.01, 1.0)
+    assert per_sr == pytest.approx(50_233, abs=1)
+    assert 4 * np.pi * per_sr == pytest.approx(631_241, abs=5)
+
+
+def test_clustering_spectrum():
+    cl = ps.clustering_spectrum(100, 127.5)
+    assert cl[0] == 0
+    assert cl[[10, 100]] == pytest.approx([0.1846, 0.01165], rel=1e-3)
+
+
+def test_one_jansky_in_a_pixel():
+    assert ps.flux_to_temperature() / (4 * np.pi / (12 * 256**2)) == pytest.approx(1039, abs=1)
+
+
+def test_injected_sources_cover_the_whole_sphere_once(rng):
+    """Total flux over the sky against the counts: 4 pi sr, no source overwritten by a neighbour."""
+    nside = 16  # 205 sources a pixel: assignment instead of addition would lose nearly all of them
+    pixels = ps._injected(12 * nside**2, rng)
+    expected = ps.mean_temperature(1.0) - ps.mean_temperature(0.01)
+    scatter = ps.flux_to_temperature() * np.sqrt(ps._moment(2, 0.01, 1.0) / (4 * np.pi))
+    assert pixels.mean() == pytest.approx(expected, abs=5 * scatter)
+
+
+def test_fluxes_follow_the_counts(rng):
+    fluxes = ps._draw_fluxes(200_000, rng)
+    assert fluxes.min() >= 0.01
+    assert fluxes.max() <= 1.0
+    for split in (0.02, 0.1, 0.5):
+        expected = ps.number_density(split, 1.0) / ps.number_density(0.01, 1.0)
+        assert (fluxes > split).mean() == pytest.approx(expected, abs=5 * np.sqrt(expected / len(fluxes)))
+
+
+def test_faint_field_has_the_spectrum_of_theory(rng):
+    nside = 64
+    field = np.mean(
+        [sphere.cross_spectrum(sphere.analyse(ps._faint_field(nside, rng))) for _ in range(4)], axis=0
+    )
+    degrees = np.arange(10, 129)
+    expected = ps.clustering_spectrum(128, ps.mean_temperature(0.01))[degrees] + ps.poisson_spectrum(0.01)
+    weight = (2 * degrees + 1) / expected
+    ratio = (weight * field[degrees]).sum() / (weight * expected).sum()
+    assert ratio == pytest.approx(1, abs=4 * np.sqrt(2 / (4 * (2 * degrees + 1).sum())))
+
+
+def test_component(rng):
+    component = ps.point_sources(32, rng)
+    assert component.amplitude.min() > 0
+    assert component.amplitude.mean() == pytest.approx(127.5, rel=0.02)
+    assert component.index.mean() == pytest.approx(-2.7, abs=0.01)
+    assert component.index.std() == pytest.approx(0.2, rel=0.03)
+    ratio = component.map(1000.0) / component.amplitude
+    assert np.log(ratio) / np.log(1000 / 1400) == pytest.approx(component.index)
+
+
+def test_streams_are_independent(rng):
+    """The injected sources do not move when the faint field draws more numbers (a finer map)."""
+    first = ps.point_sources(8, np.random.default_rng(1))
+    again = ps.point_sources(8, np.random.default_rng(1))
+    assert np.array_equal(first.amplitude, again.amplitude)
+    assert not np.array_equal(first.amplitude, ps.point_sources(8, np.random.default_rng(2)).amplitude)
