@@ -1,0 +1,1 @@
+"""The instrument: beams, noise, and the observation they make of a sky."""
