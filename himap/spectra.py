@@ -1,0 +1,158 @@
+"""Angular and frequency power spectra of channel maps, with or without a mask.
+
+The mean over the sky is removed from every channel first, as in the paper.
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from himap import sphere
+from himap.errors import InputError
+
+__all__ = ["AngularPower", "FrequencyPower", "angular_power", "frequency_power"]
+
+_MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
+_BLOCK = 4096  # lines of sight at a time
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngularPower:
+    """`degrees` (n_l,), the mean l of each bin; `cl` (n_channels, n_l), mK^2."""
+
+    degrees: np.ndarray
+    cl: np.ndarray
+
+    @property
+    def mean(self):
+        """C_l averaged over channels, (n_l,)."""
+        return self.cl.mean(axis=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrequencyPower:
+    """`k` (n_k,), 1/MHz, from 0; `power` (n_k,), mK^2 MHz, averaged over lines of sight."""
+
+    k: np.ndarray
+    power: np.ndarray
+
+
+def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
+    """Angular power spectrum of every channel.
+
+    With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
+    2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
+    the pseudo-C_l are divided by the kept fraction of the sky instead.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix), mK, RING.
+    mask
+        (n_pix,) bool, True where kept, or weights between 0 and 1; None for the full sky.
+    lmax
+        Largest multipole, 3 nside - 1 unless given.
+    bin_width
+        Multipoles per bin; 1 / f_sky rounded up unless given, so 1 on the full sky.
+
+    Returns
+    -------
+    AngularPower
+
+    Raises
+    ------
+    InputError
+        A mask of the wrong shape or that keeps nothing, or a bad bin width.
+    """
+    maps = np.atleast_2d(maps)
+    nside = sphere.nside_of(maps)
+    lmax = 3 * nside - 1 if lmax is None else lmax
+    weights = _weights(mask, maps.shape[1])
+    f_sky = weights.mean()
+    bin_width = int(np.ceil(1 / f_sky)) if bin_width is None else bin_width
+    if not 1 <= bin_width <= lmax:
+        raise InputError(f"bin_width must be between 1 and lmax = {lmax}, got {bin_width}.")
+    cl = np.empty((len(maps), lmax + 1))
+    for channel, out in zip(maps, cl, strict=True):
+        centred = weights * (channel - np.average(channel, weights=weights))
+        out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), lmax))
+    bins = _bin_matrix(lmax, bin_width)
+    degrees = bins @ np.arange(lmax + 1)
+    if mask is None:
+        return AngularPower(degrees=degrees, cl=cl @ bins.T)
+    return AngularPower(degrees=degrees, cl=_decoupled(cl, weights, bins, lmax, f_sky))
+
+
+def _decoupled(pseudo, weights, bins, lmax, f_sky):
+    """Binned C_l from pseudo-C_l, or their ratio to the kept sky where that cannot be had."""
+    mask_cl = sphere.cross_spectrum(sphere.analyse(weights))
+    coupling = sphere.coupling_matrix(mask_cl, lmax)
+    binned = bins @ coupling @ (bins > 0).T
+    condition = np.linalg.cond(binned)
+    if condition > _MAX_CONDITION:
+        warnings.warn(
+            f"the mask keeps {f_sky:.1%} of the sky and its coupling matrix has condition number "
+            f"{condition:.1e}: C_l are divided by that fraction instead of decoupled; use wider bins.",
+            stacklevel=3,
+        )
+        return pseudo @ bins.T / np.mean(weights**2)
+    return np.linalg.solve(binned, bins @ pseudo.T).T
+
+
+def _bin_matrix(lmax, width):
+    """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a bin of its own."""
+    first = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
+    if first[-1] - first[-2] < width and len(first) > 3:
+        first = np.delete(first, -2)  # the last bin takes the remainder
+    degree = np.arange(lmax + 1)
+    inside = (degree >= first[:-1, None]) & (degree < first[1:, None])
+    return inside / inside.sum(axis=1, keepdims=True)
+
+
+def _weights(mask, n_pix):
+    """The mask as float64 weights, checked."""
+    if mask is None:
+        return np.ones(n_pix)
+    weights = np.asarray(mask, dtype=np.float64)
+    if weights.shape != (n_pix,):
+        raise InputError(f"the mask must have shape (n_pix,) = ({n_pix},), got {weights.shape}.")
+    if not (np.isfinite(weights).all() and weights.min() >= 0 and weights.max() <= 1):
+        raise InputError("the mask must be True where kept, or weights between 0 and 1; got values outside.")
+    if not weights.any():
+        raise InputError("the mask keeps no pixel; True (or 1) means kept.")
+    return weights
+
+
+def frequency_power(maps, channel_width, *, mask=None):
+    """Frequency power spectrum, averaged over lines of sight.
+
+    P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu) at k = 2 pi n / (n_channels dnu), n from 0 to
+    n_channels // 2, with the mean over the sky of each channel.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix), mK.
+    channel_width
+        MHz.
+    mask
+        As in `angular_power`; weights count once in the mean over lines of sight.
+
+    Returns
+    -------
+    FrequencyPower
+    """
+    maps = np.atleast_2d(maps)
+    n_channels, n_pix = maps.shape
+    weights = _weights(mask, n_pix)
+    mean = np.array([np.average(channel, weights=weights) for channel in maps])
+    total = np.zeros(n_channels // 2 + 1)
+    for start in range(0, n_pix, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        if weights[block].any():
+            lines = maps[:, block] - mean[:, None]
+            total += np.abs(fft.rfft(lines, axis=0, workers=-1)) ** 2 @ weights[block]
+    power = total * channel_width / (n_channels * weights.sum())
+    return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)

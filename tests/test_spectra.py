@@ -1,0 +1,151 @@
+"""Power spectra: closed forms, Parseval, and masks that change nothing on average."""
+
+import healpy as hp
+import numpy as np
+import pytest
+
+from himap import diagnostics, spectra, sphere
+from himap.errors import InputError
+
+NSIDE = 32
+LMAX = 3 * NSIDE - 1
+N_PIX = 12 * NSIDE**2
+
+
+def cut(width):
+    return np.abs(hp.pix2ang(NSIDE, np.arange(N_PIX), lonlat=True)[1]) > width
+
+
+@pytest.fixture(scope="module")
+def red_cl():
+    """A steep spectrum, band-limited: what a mask mixes most."""
+    degree = np.arange(LMAX + 1.0)
+    return np.where(degree <= 2 * NSIDE, 1 / (1 + degree) ** 2, 0)
+
+
+def realisations(cl, n, rng):
+    return np.stack([sphere.synthesise(sphere.gaussian_alm(cl, rng), NSIDE) for _ in range(n)])
+
+
+def test_full_sky_against_healpy(rng):
+    maps = rng.standard_normal((2, N_PIX))
+    power = spectra.angular_power(maps)
+    assert power.degrees == pytest.approx(np.arange(LMAX + 1))
+    assert power.cl[1][1:] == pytest.approx(hp.anafast(maps[1], iter=3)[1:], rel=1e-6)
+    assert power.mean == pytest.approx(power.cl.mean(axis=0))
+
+
+def test_channel_means_do_not_count(rng):
+    maps = rng.standard_normal((2, N_PIX)).astype(np.float32)
+    shifted = maps + np.float32([[3], [-5]])
+    assert spectra.angular_power(shifted).cl == pytest.approx(spectra.angular_power(maps).cl, abs=1e-7)
+    before = spectra.frequency_power(maps, 1.0).power
+    assert spectra.frequency_power(shifted, 1.0).power == pytest.approx(before, rel=1e-5)
+
+
+@pytest.mark.parametrize("width", [5, 20])
+def test_mask_is_decoupled_without_bias(red_cl, rng, width):
+    maps = realisations(red_cl, 40, rng)
+    masked = spectra.angular_power(maps, mask=cut(width))
+    full = spectra.angular_power(maps).mean
+    inside = (masked.degrees > 4) & (masked.degrees < 1.5 * NSIDE)
+    expected = np.interp(masked.degrees[inside], np.arange(LMAX + 1), full)
+    # Same skies, so only the modes lost to the mask scatter: 4 sigma of a tenth of all modes.
+    modes = 40 * (2 * masked.degrees[inside] + 1)
+    assert (np.abs(masked.mean[inside] / expected - 1) < 4 * np.sqrt(2 / modes) + 0.02).all()
+    naive = sphere.cross_spectrum(sphere.analyse(maps * cut(width))).mean(axis=0)
+    assert naive[10] < 0.95 * full[10]  # the mask does something to be undone
+
+
+def test_unmasked_mask_changes_nothing(red_cl, rng):
+    maps = realisations(red_cl, 2, rng)
+    masked = spectra.angular_power(maps, mask=np.ones(N_PIX, dtype=bool))
+    assert masked.cl[:, 2:64] == pytest.approx(spectra.angular_power(maps).cl[:, 2:64], rel=1e-4)
+
+
+def test_hopeless_mask_falls_back_with_a_warning(rng):
+    pole = hp.pix2ang(NSIDE, np.arange(N_PIX), lonlat=True)[1] > 85
+    with pytest.warns(UserWarning, match="divided by that fraction"):
+        power = spectra.angular_power(rng.standard_normal((1, N_PIX)), mask=pole, bin_width=1)
+    white = 4 * np.pi / N_PIX
+    assert power.mean[20:90].mean() == pytest.approx(white, rel=0.2)
+
+
+def test_bins(rng):
+    maps = rng.standard_normal((1, N_PIX))
+    fine, coarse = spectra.angular_power(maps), spectra.angular_power(maps, bin_width=10)
+    assert coarse.degrees[:2] == pytest.approx([0, 5.5])
+    assert coarse.cl[0, 1] == pytest.approx(fine.cl[0, 1:11].mean())
+    assert spectra.angular_power(maps, lmax=20).cl.shape == (1, 21)
+
+
+def test_frequency_power_of_a_wave(rng):
+    """cos(k nu) on every line of sight, with random phases: half its power times the bandwidth, at one k."""
+    n_channels, width, n = 50, 2.0, 7
+    phase = rng.uniform(0, 2 * np.pi, N_PIX)
+    nu = width * np.arange(n_channels)
+    maps = np.cos(2 * np.pi * n * nu[:, None] / (n_channels * width) + phase)
+    power = spectra.frequency_power(maps, width)
+    assert power.k[n] == pytest.approx(2 * np.pi * n / 100)
+    assert power.power[n] == pytest.approx(n_channels * width / 4, rel=0.01)
+    assert np.delete(power.power, n) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("n_channels", [20, 21])
+def test_parseval_along_the_line_of_sight(rng, n_channels):
+    """sum over all k of P / bandwidth is the variance."""
+    width = 4.0
+    maps = rng.standard_normal((n_channels, N_PIX))
+    maps -= maps.mean(axis=1, keepdims=True)
+    power = spectra.frequency_power(maps, width)
+    twice = np.full(len(power.k), 2.0)  # k and -k
+    twice[0] = 1
+    if n_channels % 2 == 0:
+        twice[-1] = 1
+    assert (twice * power.power).sum() / (n_channels * width) == pytest.approx((maps**2).mean())
+
+
+def test_white_noise_has_flat_frequency_power(rng):
+    power = spectra.frequency_power(3 * rng.standard_normal((40, N_PIX)), 5.0).power
+    assert power == pytest.approx(9 * 5.0, rel=0.05)
+
+
+def test_masked_frequency_power_sees_only_kept_lines(rng):
+    maps = rng.standard_normal((20, N_PIX))
+    mask = cut(10)
+    dirty = np.where(mask, maps, 1e6)
+    clean = spectra.frequency_power(maps[:, mask], 1.0).power
+    assert spectra.frequency_power(dirty, 1.0, mask=mask).power == pytest.approx(clean)
+
+
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        (np.ones(12), "must have shape"),
+        (np.zeros(N_PIX), "keeps no pixel"),
+        (np.full(N_PIX, 2.0), "between 0 and 1"),
+        (np.full(N_PIX, np.nan), "between 0 and 1"),
+    ],
+)
+def test_bad_masks(mask, message):
+    with pytest.raises(InputError, match=message):
+        spectra.angular_power(np.ones((2, N_PIX)), mask=mask)
+
+
+def test_bad_bin_width():
+    with pytest.raises(InputError, match="bin_width"):
+        spectra.angular_power(np.ones((2, N_PIX)), bin_width=0)
+
+
+def test_ratio_and_bands():
+    x = np.array([1.0, 2, 3, 4])
+    ratios = diagnostics.ratio([1, 2.2, 2.7, 8], [1, 2, 3, 4])
+    assert ratios == pytest.approx([1, 1.1, 0.9, 2])
+    assert diagnostics.band_mean(x, ratios, 1, 4) == pytest.approx(1.0)
+    assert diagnostics.largest_deviation(x, ratios, 1, 5) == pytest.approx((1, 4))
+    with pytest.raises(InputError, match="one shape"):
+        diagnostics.ratio([1, 2], [1])
+    with pytest.raises(InputError, match="positive"):
+        diagnostics.ratio([1.0], [0.0])
+    with pytest.raises(InputError, match="between 10 and 20"):
+        diagnostics.band_mean(x, ratios, 10, 20)
