@@ -1,0 +1,210 @@
+"""What every method of foreground removal has in common: checks, centring, subtraction, the register.
+
+A method is a dataclass of its parameters with one hook, `_separate`. To add one, write one file with
+one class and import it in `himap/removal/__init__.py`; the contract test runs on it by itself.
+"""
+
+import difflib
+import warnings
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, fields
+from typing import ClassVar
+
+import numpy as np
+
+from himap.errors import InputError
+
+__all__ = ["Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
+
+_REGISTRY = {}
+
+
+class SeparationWarning(UserWarning):
+    """A method ended without converging, or with something the user should know."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Separation:
+    """What a method found in centred maps.
+
+    Attributes
+    ----------
+    foreground
+        (n_channels, n_pix) float32, mK, of the centred maps.
+    mixing
+        (n_channels, n_sources).
+    sources
+        (n_sources, n_pix).
+    converged
+        False if the method stopped at its limit.
+    n_iterations
+        0 for a direct method.
+    """
+
+    foreground: np.ndarray
+    mixing: np.ndarray
+    sources: np.ndarray
+    converged: bool = True
+    n_iterations: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cleaned:
+    """A cleaned cube: `residual` + `foreground` is the input, up to float32 rounding.
+
+    Attributes
+    ----------
+    residual
+        HI plus noise as the method sees it, (n_channels, n_pix) float32, mK.
+    foreground
+        What was subtracted, including the mean of every channel, same shape.
+    separation
+        The `Separation` behind it.
+    """
+
+    residual: np.ndarray
+    foreground: np.ndarray
+    separation: Separation
+
+
+def parameter(default, help, *, minimum=None, maximum=None):
+    """A dataclass field with a help text and limits, both inclusive."""
+    return field(default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum})
+
+
+@dataclass(kw_only=True)
+class ForegroundRemover(ABC):
+    """A method of foreground removal; its fields are its parameters."""
+
+    name: ClassVar[str]
+
+    def __init_subclass__(cls, **kwargs):
+        super().__init_subclass__(**kwargs)
+        _REGISTRY[cls.name] = cls
+
+    def __post_init__(self):
+        for item in fields(self):
+            _check_parameter(self.name, item, getattr(self, item.name))
+
+    @staticmethod
+    def available():
+        """Names of the methods, sorted."""
+        return sorted(_REGISTRY)
+
+    @staticmethod
+    def create(name, **parameters):
+        """The method called `name`.
+
+        Raises
+        ------
+        InputError
+            An unknown name or parameter (the message lists what exists), or a bad value.
+        """
+        if name not in _REGISTRY:
+            raise InputError(f"unknown method {name!r}; there are {', '.join(sorted(_REGISTRY))}.")
+        method = _REGISTRY[name]
+        known = {item.name: item.metadata["help"] for item in fields(method)}
+        for key in sorted(set(parameters) - set(known)):
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            listing = "; ".join(f"{item}: {help}" for item, help in known.items())
+            raise InputError(f"{name} has no parameter {key!r}{hint}; its parameters are {listing}.")
+        return method(**parameters)
+
+    def clean(self, maps, *, freqs, beams=None, rng=None, separate_on=None):
+        """Find the foreground and subtract it.
+
+        Parameters
+        ----------
+        maps
+            (n_channels, n_pix), mK; left as they are.
+        freqs
+            Channel centres, MHz, ascending, (n_channels,).
+        beams
+            b_l, (n_channels, lmax + 1), for methods that use them.
+        rng
+            numpy Generator, for methods that draw numbers.
+        separate_on
+            Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
+            themselves unless given. The foreground is always subtracted from `maps`.
+
+        Returns
+        -------
+        Cleaned
+
+        Raises
+        ------
+        InputError
+            Maps that are not finite, of one channel or of different shapes; frequencies that do not
+            fit them; more sources than channels.
+        """
+        maps = _checked_maps("maps", maps)
+        basis = maps if separate_on is None else _checked_maps("separate_on", separate_on)
+        if basis.shape != maps.shape:
+            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
+        freqs = _checked_freqs(freqs, len(maps))
+        n_sources = getattr(self, "n_sources", 0)
+        if n_sources > len(maps):
+            raise InputError(
+                f"n_sources must be at most the number of channels, {len(maps)}, got {n_sources}."
+            )
+        mean = basis.mean(axis=1, dtype=np.float64)
+        centred = _shifted(basis, -mean)
+        separation = self._separate(centred, freqs=freqs, beams=beams, rng=rng)
+        if not separation.converged:
+            warnings.warn(
+                f"{self.name} stopped after {separation.n_iterations} iterations without converging.",
+                SeparationWarning,
+                stacklevel=2,
+            )
+        foreground = _shifted(separation.foreground, mean)
+        return Cleaned(residual=maps - foreground, foreground=foreground, separation=separation)
+
+    @abstractmethod
+    def _separate(self, maps, *, freqs, beams, rng):
+        """The `Separation` of centred float32 `maps`; must not change them."""
+
+
+def _shifted(maps, shift):
+    """float32 maps plus one number per channel, added in float64 a channel at a time."""
+    out = np.empty(maps.shape, dtype=np.float32)
+    for channel, value, row in zip(maps, shift, out, strict=True):
+        row[:] = channel + np.float64(value)
+    return out
+
+
+def _checked_maps(label, maps):
+    maps = np.asarray(maps)
+    if maps.ndim != 2 or len(maps) < 2:
+        raise InputError(
+            f"{label} must have shape (n_channels, n_pix) with 2 or more channels, got {maps.shape}."
+        )
+    if maps.dtype.kind not in "fiu":
+        raise InputError(f"{label} must be real numbers in mK, got {maps.dtype}.")
+    bad = sum(int(np.count_nonzero(~np.isfinite(channel))) for channel in maps)
+    if bad:
+        raise InputError(
+            f"{label} must be finite everywhere, got {bad} NaN or infinite pixels; fill or cut them first."
+        )
+    return maps.astype(np.float32, copy=False)
+
+
+def _checked_freqs(freqs, n_channels):
+    freqs = np.asarray(freqs, dtype=float)
+    if freqs.shape != (n_channels,):
+        raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
+    if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
+        raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
+    return freqs
+
+
+def _check_parameter(name, item, value):
+    whole = item.type is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    real = item.type is float and isinstance(value, (int, float)) and not isinstance(value, bool)
+    if item.type in (int, float) and not (whole or real):
+        kind = "a whole number" if item.type is int else "a number"
+        raise InputError(f"{name}: {item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
+    low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
+    if (low is not None and value < low) or (high is not None and value > high):
+        limits = f"at least {low}" if high is None else f"between {low} and {high}"
+        raise InputError(f"{name}: {item.name} ({item.metadata['help']}) must be {limits}, got {value}.")

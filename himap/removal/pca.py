@@ -1,0 +1,61 @@
+"""Principal component analysis (paper, Sect. 3.1.1)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy import linalg
+
+from himap.removal.base import ForegroundRemover, Separation, parameter
+
+__all__ = ["PCA", "channel_covariance", "principal_axes"]
+
+_BLOCK = 16384  # pixels at a time: the float64 copy of a block stays small
+
+
+@dataclass(kw_only=True)
+class PCA(ForegroundRemover):
+    """Principal components of the channel covariance.
+
+    C = X X^T / n_pix = U D U^T (Eq. 15); the columns of U with the largest eigenvalues are the
+    mixing matrix A, the sources are S = A^T X, the foreground is A S.
+    """
+
+    name: ClassVar[str] = "pca"
+    n_sources: int = parameter(3, "number of components to remove", minimum=1)
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        mixing = principal_axes(channel_covariance(maps), self.n_sources)
+        sources = np.empty((self.n_sources, maps.shape[1]))
+        foreground = np.empty_like(maps)
+        for block in _blocks(maps.shape[1]):
+            sources[:, block] = mixing.T @ maps[:, block].astype(np.float64)
+            foreground[:, block] = mixing @ sources[:, block]
+        return Separation(foreground=foreground, mixing=mixing, sources=sources)
+
+
+def channel_covariance(maps):
+    """X X^T / n_pix of centred maps, (n_channels, n_channels) float64.
+
+    Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
+    drown HI in rounding, so products are taken in float64, block by block.
+    """
+    n_channels, n_pix = maps.shape
+    total = np.zeros((n_channels, n_channels))
+    for block in _blocks(n_pix):
+        lines = maps[:, block].astype(np.float64)
+        total += lines @ lines.T
+    return total / n_pix
+
+
+def principal_axes(covariance, n_axes):
+    """Eigenvectors of the largest eigenvalues, descending, (n_channels, n_axes); signs made definite."""
+    n_channels = len(covariance)
+    _, vectors = linalg.eigh(covariance, subset_by_index=[n_channels - n_axes, n_channels - 1])
+    vectors = vectors[:, ::-1]
+    largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(n_axes)]
+    return vectors * np.sign(largest)
+
+
+def _blocks(n_pix):
+    return [slice(start, start + _BLOCK) for start in range(0, n_pix, _BLOCK)]

@@ -1,0 +1,148 @@
+"""The contract that every method of foreground removal fulfils, and the closed forms of each."""
+
+import numpy as np
+import pytest
+from sklearn.decomposition import PCA as SklearnPCA
+
+from himap import removal
+from himap.errors import InputError
+from himap.removal.base import ForegroundRemover, Separation, SeparationWarning
+
+FREQS = np.linspace(902.5, 1397.5, 24)
+N_PIX = 12 * 8**2
+BEAMS = np.ones((len(FREQS), 24))
+METHODS = removal.available()
+
+
+@pytest.fixture
+def toy(rng):
+    """Two bright power laws with means, noise free: rank two after centring."""
+    amplitude = 1e3 * np.exp(rng.standard_normal((2, N_PIX)))
+    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+    return (spectra @ amplitude).astype(np.float32)
+
+
+@pytest.fixture
+def sky(toy, rng):
+    return toy + rng.standard_normal(toy.shape).astype(np.float32)
+
+
+def clean(name, maps, **options):
+    method = removal.create(name)
+    return method.clean(maps, freqs=FREQS, beams=BEAMS, rng=np.random.default_rng(1), **options)
+
+
+@pytest.mark.parametrize("name", METHODS)
+class TestContract:
+    def test_shapes_and_types(self, name, sky):
+        cleaned = clean(name, sky)
+        for cube in (cleaned.residual, cleaned.foreground):
+            assert cube.shape == sky.shape
+            assert cube.dtype == np.float32
+            assert np.isfinite(cube).all()
+        separation = cleaned.separation
+        assert separation.mixing.shape == (len(FREQS), len(separation.sources))
+        assert separation.sources.shape[1] == N_PIX
+
+    def test_input_untouched(self, name, sky):
+        before = sky.copy()
+        clean(name, sky)
+        assert np.array_equal(sky, before)
+
+    def test_same_seed_same_answer(self, name, sky):
+        assert np.array_equal(clean(name, sky).residual, clean(name, sky).residual)
+
+    def test_residual_plus_foreground_is_the_input(self, name, sky):
+        cleaned = clean(name, sky)
+        assert cleaned.residual + cleaned.foreground == pytest.approx(sky, rel=3e-7)
+
+    def test_exact_on_a_noise_free_low_rank_sky(self, name, toy):
+        assert np.abs(clean(name, toy).residual).max() < 3e-7 * np.abs(toy).max()
+
+    def test_pixel_order_is_irrelevant(self, name, sky, rng):
+        order = rng.permutation(N_PIX)
+        shuffled = clean(name, sky[:, order]).residual
+        assert shuffled == pytest.approx(clean(name, sky).residual[:, order], abs=2e-3)
+
+    def test_separating_on_other_maps(self, name, sky, toy):
+        """The foreground found in one cube is subtracted from another."""
+        cleaned = clean(name, sky, separate_on=toy)
+        assert cleaned.residual == pytest.approx(sky - toy, abs=6e-7 * float(sky.max()))
+
+    def test_memory_mapped_input(self, name, sky, tmp_path):
+        np.save(tmp_path / "sky.npy", sky)
+        mapped = np.load(tmp_path / "sky.npy", mmap_mode="r")
+        assert np.array_equal(clean(name, mapped).residual, clean(name, sky).residual)
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    def test_bad_pixels(self, name, sky, value):
+        sky[3, 5] = value
+        with pytest.raises(InputError, match="got 1 NaN or infinite"):
+            clean(name, sky)
+
+    def test_bad_shapes(self, name, sky):
+        with pytest.raises(InputError, match="2 or more channels"):
+            clean(name, sky[:1])
+        with pytest.raises(InputError, match="one MHz value per channel"):
+            clean(name, sky[:-1])
+        with pytest.raises(InputError, match="shape of maps"):
+            clean(name, sky, separate_on=sky[:, :12])
+        with pytest.raises(InputError, match="real numbers"):
+            clean(name, sky.astype(complex))
+
+    def test_unsorted_frequencies(self, name, sky):
+        with pytest.raises(InputError, match="ascending"):
+            removal.create(name).clean(sky, freqs=FREQS[::-1])
+
+
+def test_unknown_method_and_parameter():
+    with pytest.raises(InputError, match="unknown method 'pcs'; there are .*pca"):
+        removal.create("pcs")
+    with pytest.raises(InputError, match="did you mean n_sources.*number of components"):
+        removal.create("pca", n_sorces=3)
+
+
+@pytest.mark.parametrize("value", [0, -1, 2.5, "three", True])
+def test_bad_number_of_sources(value):
+    with pytest.raises(InputError, match="n_sources"):
+        removal.PCA(n_sources=value)
+
+
+def test_more_sources_than_channels(sky):
+    with pytest.raises(InputError, match="at most the number of channels, 24, got 25"):
+        removal.PCA(n_sources=25).clean(sky, freqs=FREQS)
+
+
+def test_not_converging_is_a_warning(sky):
+    class Stuck(ForegroundRemover):
+        name = "stuck"
+
+        def _separate(self, maps, *, freqs, beams, rng):
+            zeros = np.zeros_like(maps)
+            return Separation(
+                foreground=zeros, mixing=zeros[:, :1], sources=zeros[:1], converged=False, n_iterations=7
+            )
+
+    try:
+        with pytest.warns(SeparationWarning, match="stuck stopped after 7 iterations"):
+            Stuck().clean(sky, freqs=FREQS)
+    finally:
+        removal.base._REGISTRY.pop("stuck")
+
+
+def test_pca_equals_scikit_learn(sky):
+    reference = SklearnPCA(n_components=3).fit(sky.T.astype(float))
+    foreground = reference.inverse_transform(reference.transform(sky.T.astype(float))).T
+    cleaned = removal.PCA(n_sources=3).clean(sky, freqs=FREQS)
+    assert cleaned.foreground == pytest.approx(foreground, abs=3e-7 * float(sky.max()))
+    axes = np.abs(cleaned.separation.mixing.T @ reference.components_.T)
+    assert axes == pytest.approx(np.eye(3), abs=1e-5)
+
+
+def test_pca_keeps_a_faint_signal_under_a_bright_sky(rng):
+    """Foregrounds of 1e5 mK over a signal of 0.05 mK: what is left has the signal's variance."""
+    signal = 0.05 * rng.standard_normal((len(FREQS), N_PIX))
+    bright = 1e5 * np.exp(rng.standard_normal((1, N_PIX))) * (FREQS[:, None] / 1000) ** -2.7
+    residual = removal.PCA(n_sources=1).clean(bright + signal, freqs=FREQS).residual
+    rounding = np.spacing(np.float32(bright.mean()))
+    assert residual.std() == pytest.approx(np.hypot(0.05, 0.3 * rounding), rel=0.15)
