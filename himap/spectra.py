@@ -11,6 +11,7 @@ from scipy import fft
 
 from himap import sphere
 from himap.errors import InputError
+from himap.progress import progress
 
 __all__ = ["AngularPower", "FrequencyPower", "angular_power", "frequency_power"]
 
@@ -75,7 +76,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     if not 1 <= bin_width <= lmax:
         raise InputError(f"bin_width must be between 1 and lmax = {lmax}, got {bin_width}.")
     cl = np.empty((len(maps), lmax + 1))
-    for channel, out in zip(maps, cl, strict=True):
+    for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
         centred = weights * (channel - np.average(channel, weights=weights))
         out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), lmax))
     bins = _bin_matrix(lmax, bin_width)

@@ -12,6 +12,7 @@ import healpy as hp
 import numpy as np
 
 from himap.errors import InputError
+from himap.progress import progress
 
 __all__ = [
     "alm_degree",
@@ -130,14 +131,14 @@ def multiply_beam(alm, beam):
     return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
 
 
-def convolve(maps, beams, *, n_iter=N_ITER):
+def convolve(maps, beams, *, n_iter=N_ITER, label="maps"):
     """Cube convolved channel by channel with `beams` (n_channels, lmax + 1), float32.
 
     Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
     """
     nside = nside_of(maps)
     out = np.empty(np.shape(maps), dtype=np.float32)
-    for channel, beam, smooth in zip(maps, beams, out, strict=True):
+    for channel, beam, smooth in zip(progress(maps, f"beam on {label}"), beams, out, strict=True):
         alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1, n_iter=n_iter)
         smooth[:] = synthesise(multiply_beam(alm, beam), nside)
     return out

@@ -95,7 +95,7 @@ def test_convolution_keeps_faint_signals_under_bright_ones(pixels):
     faint, bright = 0.05 * pixels[None], 1e5 * (2 + pixels[None, ::-1])
     beam = hp.gauss_beam(np.deg2rad(10), LMAX)[None]
     difference = sphere.convolve(faint + bright, beam).astype(float) - sphere.convolve(bright, beam)
-    assert difference == pytest.approx(sphere.convolve(faint, beam), abs=2 * float(np.spacing(np.float32(3e5))))
+    assert difference == pytest.approx(sphere.convolve(faint, beam), abs=0.0625)
 
 
 def test_coupling_matrix_of_the_full_sky_is_the_identity():

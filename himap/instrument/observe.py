@@ -65,9 +65,9 @@ def observe(hi, foregrounds, noise, beam, survey, *, provenance=None):
             raise InputError(
                 f"{label} must have shape (n_channels, n_pix) = {expected}, got {np.shape(cube)}."
             )
-    truth = sphere.convolve(hi, beam.transfer)
-    truth += noise if beam.after is None else sphere.convolve(noise, beam.after)
-    maps = sphere.convolve(foregrounds, beam.transfer)
+    truth = sphere.convolve(hi, beam.transfer, label="HI")
+    truth += noise if beam.after is None else sphere.convolve(noise, beam.after, label="noise")
+    maps = sphere.convolve(foregrounds, beam.transfer, label="foregrounds")
     maps += truth
     return Observation(
         maps=maps,

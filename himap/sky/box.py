@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit, prange
 from scipy import fft
 
+from himap.progress import progress
+
 __all__ = ["cell_centres", "gaussian_modes", "radial_displacement", "real_field"]
 
 _TABLE_SIZE = (
@@ -113,7 +115,7 @@ def radial_displacement(modes, box_size):
     x = cell_centres(n_cells, box_size).astype(np.float32)
     square = x[:, None] ** 2 + x[None, :] ** 2
     out = np.zeros((n_cells,) * 3, dtype=np.float32)
-    for axis in range(3):
+    for axis in progress(range(3), "HI velocities"):
         gradient = np.empty_like(modes)
         _inverse_gradient(modes, gradient, axis, 2 * np.pi / box_size)
         for i, plane in _planes(gradient):

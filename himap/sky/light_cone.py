@@ -11,10 +11,12 @@ import numpy as np
 from numba import njit, prange
 
 from himap import sphere
+from himap.progress import progress
 
 __all__ = ["Rays", "plan_rays", "trace"]
 
 _STEPS_PER_GAP = 2  # along a ray nothing else smooths, so steps are finer than the gaps between rays
+_BLOCKS = 50  # of pixels, between which progress is shown
 _MARGIN = 30.0  # Mpc/h beyond the band on either side; linear displacements are 3 Mpc/h rms
 
 
@@ -71,17 +73,20 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
         n_steps = int(np.ceil((stop - start) / rays.step))
         if n_steps == 0:
             continue
-        _trace_shell(
-            density,
-            density if still else displacement,
-            0.0 if still else 1.0,
-            sphere.pixel_vectors(nside * 2**level).astype(np.float32),
-            ring,
-            np.linspace(start, stop, n_steps + 1),
-            np.asarray(distance_edges, dtype=float),
-            density.shape[0] / box_size,
-            maps,
-        )
+        vectors = sphere.pixel_vectors(nside * 2**level).astype(np.float32).reshape(len(ring), -1, 3)
+        blocks = np.array_split(np.arange(len(ring)), _BLOCKS)
+        for pixels in progress(blocks, f"HI light cone, {start:.0f} to {stop:.0f} Mpc/h"):
+            _trace_shell(
+                density,
+                density if still else displacement,
+                0.0 if still else 1.0,
+                vectors[pixels],
+                ring[pixels],
+                np.linspace(start, stop, n_steps + 1),
+                np.asarray(distance_edges, dtype=float),
+                density.shape[0] / box_size,
+                maps,
+            )
     maps /= np.diff(distance_edges)[:, None]
     return maps
 
@@ -90,15 +95,14 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
 def _trace_shell(density, displacement, move, vectors, ring, radii, edges, per_cell, maps):
     """Add the shell between radii[0] and radii[-1] to `maps`, as integrals over each channel.
 
-    `vectors` are ray directions in NESTED order, so the children of a pixel are contiguous and one
-    thread owns a pixel: the sums are the same for any number of threads.
+    `vectors` (n_pixels, n_rays, 3) are ray directions, `ring` the RING index of each pixel. One thread
+    owns a pixel: the sums are the same for any number of threads.
     """
-    n_pix = len(ring)
-    n_rays = len(vectors) // n_pix
-    for pixel in prange(n_pix):
+    n_rays = vectors.shape[1]
+    for pixel in prange(len(ring)):
         row = np.zeros(len(edges) - 1)
-        for ray in range(pixel * n_rays, (pixel + 1) * n_rays):
-            x, y, z = vectors[ray]
+        for ray in range(n_rays):
+            x, y, z = vectors[pixel, ray]
             channel = 0
             near = radii[0] + move * _interpolate(displacement, x, y, z, radii[0] * per_cell)
             for i in range(1, len(radii)):

@@ -1,0 +1,46 @@
+"""Bars on a terminal, silence elsewhere."""
+
+import fcntl
+import os
+import pty
+import struct
+import termios
+
+import pytest
+
+from himap.progress import TERMINAL_VARIABLE, progress
+
+
+@pytest.fixture
+def terminal():
+    """A terminal: the path to write to and a function that reads what was written."""
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    yield os.ttyname(follower), lambda: os.read(leader, 65536).decode()
+    os.close(leader)
+    os.close(follower)
+
+
+def test_silent_without_a_terminal(capfd, monkeypatch, tmp_path):
+    for path in ["", str(tmp_path / "gone"), str(tmp_path / "file")]:
+        (tmp_path / "file").touch()
+        monkeypatch.setenv(TERMINAL_VARIABLE, path)
+        assert list(progress(range(3), "work")) == [0, 1, 2]
+    assert capfd.readouterr() == ("", "")
+    assert (tmp_path / "file").read_text() == ""
+
+
+def test_a_bar_on_the_terminal_that_is_named(terminal, capfd, monkeypatch):
+    path, read = terminal
+    monkeypatch.setenv(TERMINAL_VARIABLE, path)
+    assert list(progress(range(3), "channels")) == [0, 1, 2]
+    assert "channels" in read() and capfd.readouterr() == ("", "")
+
+
+def test_steps_by_hand(terminal, monkeypatch):
+    path, read = terminal
+    monkeypatch.setenv(TERMINAL_VARIABLE, path)
+    with progress(description="realisations", total=4) as bar:
+        bar.update(2)
+        bar.refresh()
+    assert "2/4" in read()
