@@ -1,0 +1,63 @@
+"""Numbers with a tolerance: what a notebook shows, and what a test takes for the same."""
+
+import math
+
+import pytest
+
+from himap.errors import InputError
+from himap.numbers import agree, show
+
+
+@pytest.mark.parametrize(
+    "entry, text",
+    [
+        ((0.98712, 0.01), "x: 0.987 ± 0.010"),
+        ((0.98712, 0.0999), "x: 0.99 ± 0.10"),
+        ((-31.24, 5), "x: -31.2 ± 5.0"),
+        ((123456, 500, "K"), "x: 123456 ± 500 K"),
+        ((1.23456e-7, 1.2e-9), "x: 1.235e-07 ± 1.2e-09"),
+        ((0, 1e-9), "x: 0.0e+00 ± 1.0e-09"),
+        ((math.nan, 0.1), "x: nan ± 1.0e-01"),
+        (125, "x: 125"),
+        ("synthetic", "x: synthetic"),
+    ],
+)
+def test_the_digits_follow_the_tolerance(entry, text):
+    assert repr(show({"x": entry})) == text
+
+
+def test_the_table_is_html():
+    table = show({"10 < l": (1.0, 0.1, "mK"), "n": 3})._repr_html_()
+    assert "10 &lt; l</td><td>1.00 ± 0.10</td>" in table and table.count("<tr>") == 2
+
+
+@pytest.mark.parametrize("entry", [(1.0, 0), (1.0, -1), (1.0, math.nan), (1.0,), (1, 2, 3, 4), ("a", 1)])
+def test_a_number_needs_a_tolerance(entry):
+    with pytest.raises(InputError, match="x: "):
+        show({"x": entry})
+
+
+@pytest.mark.parametrize(
+    "text, reference, same",
+    [
+        ("a 0.987 ± 0.010 b", "a 0.987 ± 0.010 b", True),
+        ("a 0.997 ± 0.010 b", "a 0.987 ± 0.010 b", True),
+        ("a 0.998 ± 0.010 b", "a 0.987 ± 0.010 b", False),
+        ("a 0.987 ± 0.020 b", "a 0.987 ± 0.010 b", False),
+        ("b 0.987 ± 0.010 b", "a 0.987 ± 0.010 b", False),
+        ("1.00e-07 ± 2.0e-09", "9.99e-08 ± 2.0e-09", True),
+        ("-0.001 ± 0.010", "0.001 ± 0.010", True),
+        ("1 ± 1, n = 4", "1 ± 1, n = 5", False),
+        ("4", "5", False),
+        ("1 ± 1, 2 ± 1", "1 ± 1", False),
+        ("<td>1.0 ± 0.5</td><td>3</td>", "<td>1.3 ± 0.5</td><td>3</td>", True),
+        ("nan ± 1.0e-01", "0.10 ± 0.10", False),
+    ],
+)
+def test_texts_agree_within_the_stated_tolerance(text, reference, same):
+    assert agree(text, reference) is same
+
+
+def test_what_is_shown_agrees_with_what_is_shown_elsewhere():
+    mine, theirs, off = (repr(show({"ratio": (value, 3e-4)})) for value in (0.99971, 0.99999, 1.00061))
+    assert agree(mine, theirs) and not agree(mine, off)

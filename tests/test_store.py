@@ -1,0 +1,284 @@
+"""Cached products: computed once, whole or not at all, under the right key."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pytest
+
+import himap
+from himap import store
+from himap.errors import InputError
+from himap.survey import PRESETS
+
+ROOT = Path(himap.__file__).parents[1]
+
+MODULE = '''
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from himap.store import product
+from himap.survey import Survey
+
+SCALE = 2.0
+
+
+@dataclass(frozen=True)
+class Pair:
+    first: np.ndarray
+    label: str
+
+
+@dataclass(frozen=True)
+class Method:
+    n_sources: int = 3
+
+    def clean(self):
+        return 1
+
+
+@dataclass(frozen=True)
+class Template:
+    path: str
+
+    def digest(self):
+        return Path(self.path).read_text()
+
+
+def note(name):
+    """Called when something is computed."""
+    with open(os.environ["NOTES"], "a") as file:
+        print(name, file=file)
+
+
+@product
+def base(survey, *, scale=1.0, options=None):
+    note("base")
+    return np.arange(survey.n_channels, dtype=np.float32) * SCALE * scale
+
+
+@product
+def pair(survey, *, scale=1.0):
+    note("pair")
+    return Pair(first=base(survey, scale=scale) + 1, label="sum")
+
+
+@product
+def of_template(template):
+    note("template")
+    return np.array([len(template.digest())])
+
+
+@product
+def slow(size, gate=""):
+    note("slow")
+    while gate and not Path(gate).exists():
+        time.sleep(0.01)
+    return np.ones(size)
+
+
+@product
+def failing():
+    raise KeyError("mine")
+'''
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch, request):
+    """A module with products, in a file of its own, and the list of what was computed."""
+    name = "lab_" + request.node.name.partition("[")[0]
+    (tmp_path / f"{name}.py").write_text(MODULE)
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("NOTES", str(tmp_path / "notes"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = __import__(name)
+    (tmp_path / "notes").touch()
+    module.computed = lambda: (tmp_path / "notes").read_text().split()
+    yield module
+    del sys.modules[name]
+
+
+SURVEY = PRESETS["ci"]
+
+
+def test_a_result_is_computed_once_and_mapped_from_disk(lab):
+    first, second = lab.base(SURVEY), lab.base(survey=SURVEY, scale=1.0)
+    assert lab.computed() == ["base"]
+    assert isinstance(second, np.memmap) and not second.flags.writeable
+    np.testing.assert_array_equal(first, 2 * np.arange(100))
+    assert second.dtype == np.float32
+
+
+def test_every_argument_counts(lab):
+    for kwargs in [{}, {"scale": 2.0}, {"options": {"a": (1, None)}}, {"options": {"a": (1, False)}}]:
+        lab.base(SURVEY, **kwargs)
+    lab.base(replace(SURVEY, seed=1))
+    lab.base(SURVEY, options=np.arange(3.0))
+    lab.base(SURVEY, options=np.arange(3.0) + 1e-12)
+    assert len(lab.computed()) == 7
+    lab.base(SURVEY, scale=np.float64(2.0))
+    lab.base(SURVEY, options={"a": [1, None]})
+    assert len(lab.computed()) == 7
+
+
+def test_an_argument_can_bring_a_digest(lab, tmp_path):
+    template = lab.Template(str(tmp_path / "map.txt"))
+    for text, n_computed in [("one", 1), ("one", 1), ("other", 2)]:
+        (tmp_path / "map.txt").write_text(text)
+        assert lab.of_template(template)[0] == len(text)
+        assert len(lab.computed()) == n_computed
+
+
+def test_arguments_that_have_no_text_are_refused(lab):
+    with pytest.raises(InputError, match="got Generator"):
+        lab.base(SURVEY, options=np.random.default_rng(0))
+    with pytest.raises(InputError, match="scale=1.0.*unexpected keyword argument 'sclae'"):
+        lab.base(SURVEY, sclae=2)
+
+
+def test_a_product_travels_by_name(lab):
+    assert pickle.loads(pickle.dumps(lab.base)) is lab.base
+
+
+def test_products_nest_also_in_workers(lab):
+    with joblib.Parallel(n_jobs=2) as parallel:
+        results = parallel(joblib.delayed(lab.pair)(SURVEY, scale=scale) for scale in (1.0, 3.0))
+    assert sorted(lab.computed()) == ["base", "base", "pair", "pair"]
+    np.testing.assert_array_equal(results[1].first, 6 * np.arange(100) + 1)
+    assert results[1].label == "sum"
+    again = lab.pair(SURVEY, scale=3.0)
+    assert isinstance(again.first, np.memmap)
+    assert len(lab.computed()) == 4
+
+
+def test_a_truncated_result_is_computed_again_with_a_warning(lab, caplog):
+    lab.base(SURVEY)
+    (file,) = store.cache_folder().rglob("output.pkl")
+    file.write_bytes(file.read_bytes()[:-8])
+    with pytest.warns(UserWarning, match="cached .*base cannot be read"):
+        again = lab.base(SURVEY)
+    np.testing.assert_array_equal(again, 2 * np.arange(100))
+    assert lab.computed() == ["base", "base"] and not caplog.records
+    lab.base(SURVEY)
+    assert len(lab.computed()) == 2
+
+
+def _start(lab, code):
+    return subprocess.Popen([sys.executable, "-c", f"import {lab.__name__} as lab\n{code}"])
+
+
+def _wait_for(condition):
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_writer_that_is_killed_leaves_no_result(lab):
+    size = 400_000_000 // 8
+    process = _start(lab, f"lab.slow({size})")
+    _wait_for(lambda: list(store.cache_folder().rglob("output.pkl.*")))
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not list(store.cache_folder().rglob("output.pkl"))
+    assert not lab.slow.is_cached(size)
+    (left,) = store.cache_info()
+    assert left.product == "unfinished" and left.n_bytes < size * 8
+    assert store.clear_cache() == left.n_bytes
+    assert not list(store.cache_folder().rglob("output.pkl*"))
+
+
+def test_what_killed_writers_left_goes_after_a_day(lab):
+    lab.base(SURVEY)
+    (file,) = store.cache_folder().rglob("output.pkl")
+    old, new = Path(f"{file}.old-1-1"), Path(f"{file}.new-2-2")
+    for path, age in [(old, 2 * 86_400), (new, 60)]:
+        path.write_bytes(b"half")
+        os.utime(path, (time.time() - age,) * 2)
+    lab.base(SURVEY, scale=2.0)
+    assert new.exists() and not old.exists()
+
+
+def test_two_processes_at_once(lab, tmp_path):
+    gate = str(tmp_path / "gate")
+    check = f"assert lab.slow(1000, gate={gate!r}).sum() == 1000"
+    processes = [_start(lab, check) for _ in range(2)]
+    _wait_for(lambda: lab.computed() == ["slow", "slow"])
+    Path(gate).touch()
+    assert [process.wait() for process in processes] == [0, 0]
+    assert lab.slow(1000, gate=gate).sum() == 1000
+    assert len(lab.computed()) == 2
+    assert not list(store.cache_folder().rglob("output.pkl.*"))
+
+
+def test_a_disk_that_is_full_costs_only_the_cache(lab, monkeypatch):
+    def fail(value, file, **options):
+        file.write(b"a part")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("joblib.numpy_pickle.dump", fail)
+    with pytest.warns(Warning, match="no space left"):
+        np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
+    assert not list(store.cache_folder().rglob("output.pkl*"))
+
+
+def test_an_error_of_the_function_is_its_own(lab):
+    with pytest.raises(KeyError, match="mine"):
+        lab.failing()
+
+
+def test_code_edited_under_a_running_process_is_not_cached(lab):
+    path = Path(lab.__file__)
+    lab.base(SURVEY)
+    path.write_text(MODULE.replace("SCALE = 2.0", "SCALE = 2.0  # a comment"))
+    lab.base(SURVEY)
+    assert lab.computed() == ["base"]
+    path.write_text(MODULE.replace("SCALE = 2.0", "SCALE = 3.0"))
+    with pytest.warns(UserWarning, match="changed on disk since it was loaded"):
+        assert lab.base(SURVEY)[1] == 2.0
+    assert len(store.cache_info()) == 1
+    assert _start(lab, "from himap.survey import PRESETS\nassert lab.base(PRESETS['ci'])[1] == 3").wait() == 0
+    assert len(store.cache_info()) == 2
+
+
+def test_the_code_of_a_dataclass_that_is_passed_counts(lab):
+    for options in [{}, {"method": lab.Method()}]:
+        lab.base(SURVEY, options=options)
+    Path(lab.__file__).write_text(MODULE.replace("return 1", "return 2"))
+    calls = "for options in [{}, {'method': lab.Method()}]: lab.base(PRESETS['ci'], options=options)"
+    assert _start(lab, f"from himap.survey import PRESETS\n{calls}").wait() == 0
+    assert len(lab.computed()) == 3
+
+
+def test_info_and_clear(lab):
+    lab.base(SURVEY, scale=4.0)
+    lab.pair(SURVEY)
+    newest, *_, oldest = store.cache_info()
+    assert newest.product.endswith("pair") and oldest.product.endswith("base")
+    assert "scale=4.0" in oldest.arguments.replace(": ", "=") and "n_channels=100" in oldest.arguments
+    assert oldest.n_bytes > 400 and time.time() - oldest.created.timestamp() < 60
+    assert store.clear_cache([newest.product]) == newest.n_bytes
+    assert {entry.product for entry in store.cache_info()} == {oldest.product}
+    with pytest.raises(InputError, match=f"no spectra; it holds {oldest.product}"):
+        store.clear_cache(["spectra"])
+    lab.pair(SURVEY)
+    assert lab.computed() == ["base", "pair", "base", "pair"]
+
+
+def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "file" / "cache"))
+    with pytest.raises(InputError, match="HIMAP_CACHE"):
+        lab.base(SURVEY)
