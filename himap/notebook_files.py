@@ -1,0 +1,129 @@
+"""Notebook files: what is kept of an executed notebook, its stamp, and how it is written.
+
+An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
+file only where the content changes. Its stamp holds three things: the fingerprint of its code, the
+parameters that were passed, and a digest of its text, which shows whether it was edited since.
+"""
+
+import copy
+import hashlib
+import json
+import os
+
+import nbformat
+
+from himap.errors import InputError
+
+__all__ = [
+    "KERNEL",
+    "STAMP",
+    "check_output",
+    "code_cells",
+    "has_code",
+    "number_cells",
+    "read_notebook",
+    "stamped",
+    "text_digest",
+    "with_outputs",
+    "write_notebook",
+]
+
+STAMP = "himap_run"
+"""Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
+
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+"""The kernelspec of every notebook."""
+
+_JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
+"""For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
+
+_VOLATILE_METADATA = ("papermill", "execution")
+
+
+def stamped(node, source, *, fingerprint, parameters):
+    """The executed `node`, cleaned and with its stamp.
+
+    Parameters
+    ----------
+    node
+        The notebook; it is changed.
+    source
+        The notebook as read from its ``.py``, for the header.
+    fingerprint, parameters
+        For the stamp.
+    """
+    fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
+    node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
+    for cell in node.cells:
+        for key in _VOLATILE_METADATA:
+            cell.metadata.pop(key, None)
+        if not cell.metadata.get("tags"):
+            cell.metadata.pop("tags", None)
+    number_cells(node)
+    stamp = {"fingerprint": fingerprint, "parameters": parameters, "text": text_digest(node)}
+    node.metadata[STAMP] = nbformat.from_dict(stamp)
+    return node
+
+
+def with_outputs(source, executed):
+    """The text of the ``.py`` with the outputs and the stamp of `executed`, whose code is the same."""
+    node = copy.deepcopy(source)
+    for cell, old in zip(code_cells(node), code_cells(executed), strict=True):
+        cell.outputs, cell.execution_count = old.outputs, old.execution_count
+    stamp = executed.metadata[STAMP]
+    return stamped(node, source, fingerprint=stamp["fingerprint"], parameters=stamp["parameters"])
+
+
+def code_cells(node):
+    """The code cells that do something: not those of blank lines and comments only."""
+    return [cell for cell in node.cells if cell.cell_type == "code" and has_code(cell.source)]
+
+
+def has_code(source):
+    """Whether a cell does something, beyond blank lines and comments."""
+    return any(line and not line.startswith("#") for line in map(str.strip, source.splitlines()))
+
+
+def number_cells(node):
+    """Give cells ids that depend on their content, so that they stay when other cells come and go."""
+    seen = {}
+    for cell in node.cells:
+        key = hashlib.sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:8]
+        seen[key] = seen.get(key, 0) + 1
+        cell["id"] = f"{key}-{seen[key]}"
+
+
+def text_digest(node):
+    """SHA-256 (hex) of what a reader sees of the source: all cells, their tags and captions, the header."""
+    shown = [
+        [cell.cell_type, cell.source, cell.metadata.get("tags") or [], cell.metadata.get("mystnb") or {}]
+        for cell in node.cells
+    ]
+    text = json.dumps([shown, node.metadata.get("himap", {})], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read_notebook(path):
+    """The notebook in an ``.ipynb`` file; OSError or ValueError where there is none."""
+    return nbformat.read(path, as_version=4)
+
+
+def check_output(path):
+    """`path`, or an InputError now rather than after hours of work."""
+    if path.suffix != ".ipynb" or path.is_dir():
+        raise InputError(f"the output is the path of a notebook, something.ipynb; got {path}.")
+    parent = next(folder for folder in path.resolve().parents if folder.exists())
+    if not (parent.is_dir() and os.access(parent, os.W_OK)):
+        raise InputError(f"the output {path} cannot be written, because {parent} is no folder that can be.")
+    return path
+
+
+def write_notebook(node, path):
+    """Write a notebook under another name, then rename it: whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,305 @@
+"""Running the notebooks: with other parameters, or again because something they depend on changed.
+
+A notebook is a pair: ``NN_name.py`` (py:percent), which people edit, and ``NN_name.ipynb``, executed,
+which people open. The executed one carries a stamp: the fingerprint of its code and of all that this
+reaches in himap. A notebook whose stamp is that of today's code is fresh.
+"""
+
+import contextlib
+import copy
+import hashlib
+import json
+import logging
+import os
+import sys
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+
+from himap.errors import InputError
+from himap.fingerprint import CodeTree
+from himap.notebook_files import (
+    KERNEL,
+    STAMP,
+    check_output,
+    code_cells,
+    number_cells,
+    read_notebook,
+    stamped,
+    text_digest,
+    with_outputs,
+    write_notebook,
+)
+from himap.parameters import check_parameters, read_parameters
+from himap.progress import TERMINAL_VARIABLE
+
+__all__ = ["Notebook", "NotebookError", "find", "notebooks", "notebooks_folder", "refresh", "run", "stale"]
+
+_PACKAGE = Path(__file__).resolve().parent
+_KERNEL_OPTIONS = ("--log-level=CRITICAL",)
+
+
+class NotebookError(RuntimeError):
+    """A notebook that stopped at an error; the message says where."""
+
+
+@dataclass(frozen=True)
+class Notebook:
+    """One notebook of the companion, by the path of its ``.py``.
+
+    Attributes
+    ----------
+    path
+        The ``.py`` file.
+    """
+
+    path: Path
+
+    @property
+    def name(self):
+        return self.path.stem
+
+    @property
+    def executed(self):
+        """Path of the ``.ipynb``."""
+        return self.path.with_suffix(".ipynb")
+
+    @cached_property
+    def node(self):
+        """The notebook as nbformat has it, without outputs, every cell under an id of its own."""
+        import jupytext  # slow, and most commands do without
+
+        node = jupytext.read(self.path)
+        number_cells(node)
+        return node
+
+    @property
+    def title(self):
+        """The first heading."""
+        text = "\n".join(cell.source for cell in self.node.cells if cell.cell_type == "markdown")
+        headings = [line[2:].strip() for line in text.splitlines() if line.startswith("# ")]
+        return headings[0] if headings else self.name
+
+    @property
+    def section(self):
+        """The section of the paper, from the header's ``himap: section``."""
+        return str(self.node.metadata.get("himap", {}).get("section", ""))
+
+    @property
+    def figures(self):
+        """The figures of the paper, from the header's ``himap: figures``."""
+        return [str(figure) for figure in self.node.metadata.get("himap", {}).get("figures", [])]
+
+    @cached_property
+    def parameters(self):
+        """What the cell tagged ``parameters`` declares, a list of `himap.parameters.Parameter`."""
+        tagged = [cell for cell in self.node.cells if "parameters" in cell.metadata.get("tags", [])]
+        return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
+
+    def fingerprint(self, parameters=None):
+        """SHA-256 (hex) of the code, of what it reaches in himap, and of the parameters passed."""
+        code = CodeTree().source_fingerprint(*(cell.source for cell in code_cells(self.node)))
+        return hashlib.sha256(f"{code} {json.dumps(parameters or {}, sort_keys=True)}".encode()).hexdigest()
+
+
+def notebooks_folder():
+    """The folder of notebooks beside the package, else ``notebooks`` in the current folder.
+
+    Raises
+    ------
+    InputError
+        There is neither.
+    """
+    for folder in (_PACKAGE.parent / "notebooks", Path.cwd() / "notebooks"):
+        if any(folder.glob("*.py")):
+            return folder
+    raise InputError(
+        "there is no folder `notebooks` beside the package nor in the current folder; run this from a "
+        "checkout of himap."
+    )
+
+
+def notebooks(folder=None):
+    """All notebooks, in order."""
+    paths = (folder or notebooks_folder()).glob("[0-9]*_*.py")
+    return [Notebook(path) for path in sorted(paths)]
+
+
+def find(name, folder=None):
+    """The notebook called `name`: its name, its number, or the path of either of its files.
+
+    Raises
+    ------
+    InputError
+        No such notebook; the message lists what there is.
+    """
+    stem = Path(name).name.removesuffix(".py").removesuffix(".ipynb")
+    there = {notebook.name: notebook for notebook in notebooks(folder)}
+    matches = [there[key] for key in there if stem in (key, key.partition("_")[0])]
+    if len(matches) == 1:
+        return matches[0]
+    close = get_close_matches(stem, there, n=1)
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    raise InputError(f"there is no notebook {name!r}{hint}; there are {', '.join(there) or 'none'}.")
+
+
+def run(name, *, preset=None, parameters=None, output=None, folder=None):
+    """Execute a notebook with other parameters.
+
+    Parameters
+    ----------
+    name
+        As in `find`.
+    preset
+        Name of the preset; default: the notebook's.
+    parameters
+        {name: value}; fields of `Survey` may be among them.
+    output
+        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder.
+
+    Returns
+    -------
+    Path
+        Of the executed notebook, which is written whole or not at all.
+
+    Raises
+    ------
+    InputError
+        A bad name, parameter or output, or bad input found by the notebook itself.
+    NotebookError
+        The notebook stopped at any other error.
+    """
+    notebook = find(name, folder)
+    values = check_parameters(notebook.parameters, parameters or {}, preset)
+    if output is None:
+        defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
+        label = values.get("preset", defaults.get("preset"))
+        output = Path("results") / f"{notebook.name}{f'_{label}' if label else ''}.ipynb"
+    output = check_output(Path(output))
+    write_notebook(_execute(notebook, values, Path.cwd()), output)
+    return output
+
+
+def stale(folder=None):
+    """The notebooks whose executed file is not that of today's code: {name: why}."""
+    states = {notebook.name: _state(notebook) for notebook in notebooks(folder)}
+    return {name: state for name, state in states.items() if state}
+
+
+def refresh(names=None, folder=None, *, report=None):
+    """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
+
+    Parameters
+    ----------
+    names
+        Which, as in `find`; default all. Fresh ones are left alone.
+    report
+        Called as ``report(name, why)`` before each.
+
+    Returns
+    -------
+    dict
+        {name: why} of what was done.
+
+    Raises
+    ------
+    InputError
+        An ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost.
+    NotebookError
+        A notebook stopped at an error; it is as it was before.
+    """
+    chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
+    todo = {notebook: state for notebook in chosen if (state := _state(notebook))}
+    edited = [notebook.executed.name for notebook, state in todo.items() if state == _EDITED]
+    if edited:
+        raise InputError(
+            f"{', '.join(edited)} was edited in Jupyter and differs from its .py; take the edits over with "
+            "`jupytext --to py:percent` or delete the file, then run this again."
+        )
+    for notebook, state in todo.items():
+        if report:
+            report(notebook.name, state)
+        if state == _TEXT_CHANGED:
+            write_notebook(with_outputs(notebook.node, read_notebook(notebook.executed)), notebook.executed)
+        else:
+            write_notebook(_execute(notebook, {}, notebook.path.parent), notebook.executed)
+    return {notebook.name: state for notebook, state in todo.items()}
+
+
+_EDITED = "edited in Jupyter, unlike its .py"
+_TEXT_CHANGED = "its text changed"
+
+
+def _state(notebook):
+    """Why the executed notebook is stale; empty if it is fresh."""
+    try:
+        node = read_notebook(notebook.executed)
+    except (OSError, ValueError):
+        return "there is no executed notebook"
+    stamp = node.metadata.get(STAMP, {})
+    text, source = text_digest(node), text_digest(notebook.node)
+    if stamp and text not in (stamp.get("text"), source):
+        return _EDITED
+    if not stamp or any(cell.execution_count is None for cell in code_cells(node)):
+        return "it was never executed"
+    if stamp.get("fingerprint") != notebook.fingerprint():
+        return "its code, or code that it uses, changed"
+    return "" if text == source == stamp.get("text") else _TEXT_CHANGED
+
+
+def _execute(notebook, parameters, folder):
+    """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+    import papermill  # slow, and most commands do without
+    from nbclient.exceptions import DeadKernelError
+
+    fingerprint = notebook.fingerprint(parameters)  # of the code that runs, whatever is edited meanwhile
+    node = copy.deepcopy(notebook.node)
+    node.metadata["kernelspec"] = dict(KERNEL)
+    terminal = _terminal()
+    bar = {"desc": notebook.name, "leave": False} if terminal else False
+    try:
+        with _kernel_environment(terminal):
+            done = papermill.execute_notebook(
+                node, None, parameters, cwd=folder, progress_bar=bar, extra_arguments=list(_KERNEL_OPTIONS)
+            )
+    except papermill.PapermillExecutionError as error:
+        if error.ename == InputError.__name__:
+            raise InputError(error.evalue) from error
+        number = error.exec_count - bool(parameters)  # papermill adds a cell for them
+        raise NotebookError(
+            f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
+        ) from error
+    except DeadKernelError as error:
+        raise NotebookError(
+            f"the kernel of {notebook.name} died, most often because memory ran out; try a smaller preset."
+        ) from error
+    return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters)
+
+
+def _terminal():
+    """Path of the terminal that a person watches, or None."""
+    with contextlib.suppress(OSError, AttributeError):
+        return os.ttyname(sys.stderr.fileno())
+    return None
+
+
+@contextlib.contextmanager
+def _kernel_environment(terminal):
+    """What a kernel started inside finds: this himap, the terminal for its bars, and no chatter."""
+    paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    changes = {
+        "PYTHONPATH": os.pathsep.join(paths),
+        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+        "JUPYTER_PLATFORM_DIRS": "1",
+    }
+    if terminal:
+        changes[TERMINAL_VARIABLE] = terminal
+    before = {name: os.environ.get(name) for name in changes}
+    logging.getLogger("papermill").setLevel(logging.ERROR)
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)

@@ -1,0 +1,50 @@
+"""How `pytest --nbval notebooks/` compares the notebooks.
+
+nbval compares every text exactly. Here a number shown as ``value ± tolerance`` may move by its
+tolerance, the commit and the time in the line under a figure may differ, and a cell that was never
+executed fails. All the rest is exact, as in nbval.
+"""
+
+import re
+
+from nbval.plugin import IPyNbCell
+
+from himap.notebook_files import has_code
+from himap.numbers import agree
+from himap.provenance import VOLATILE
+
+_compare_exactly = IPyNbCell.compare_outputs
+_run = IPyNbCell.runtest
+
+
+def compare_outputs(self, test, ref, skip_compare=None):
+    """nbval's comparison, after texts that agree within tolerance were made the same."""
+    settled = [_settled(mine, theirs) for mine, theirs in zip(test, ref, strict=False)]
+    return _compare_exactly(self, settled + test[len(ref) :], ref, skip_compare)
+
+
+def runtest(self):
+    """Run the cell and compare its outputs."""
+    if has_code(self.cell.source) and self.cell.execution_count is None and not self.options["skip"]:
+        self.raise_cell_error("the notebook was never executed: run `make book`, or `himap run --stale`")
+    _run(self)
+
+
+def _settled(test, reference):
+    """`test`, an output or the data in one, with the texts of `reference` wherever the two agree."""
+    return type(test)(
+        (key, _settled_value(value, reference[key]) if key in reference else value)
+        for key, value in test.items()
+    )
+
+
+def _settled_value(test, reference):
+    if isinstance(test, dict) and isinstance(reference, dict):
+        return _settled(test, reference)
+    texts = isinstance(test, str) and isinstance(reference, str)
+    same = texts and agree(re.sub(VOLATILE, "", test), re.sub(VOLATILE, "", reference))
+    return reference if same else test
+
+
+IPyNbCell.compare_outputs = compare_outputs
+IPyNbCell.runtest = runtest

@@ -1,0 +1,201 @@
+"""The `himap` command."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import himap
+from himap import reproduce, store
+from himap.cli import main
+from himap.errors import InputError
+
+TOY = """\
+# %% [markdown]
+# # The toy
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+n_sources: int = 3  # components to remove
+survey: dict = {}
+
+# %%
+from himap.errors import InputError
+
+if n_sources > 10:
+    raise InputError("too many sources.")
+"""
+
+
+PRODUCTS = """\
+import numpy as np
+
+from himap.store import product
+
+
+@product
+def sky(seed):
+    return np.ones(100_000)
+
+
+@product
+def spectra():
+    return np.ones(100_000)
+"""
+
+
+@pytest.fixture
+def himap_command(tmp_path, monkeypatch):
+    """Call the command in an empty folder; gives exit code, stdout and stderr."""
+    (tmp_path / "notebooks").mkdir()
+    for name in ("01_toy", "02_other"):
+        (tmp_path / "notebooks" / f"{name}.py").write_text(TOY)
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "himap")
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+
+    def call(*arguments, **options):
+        result = CliRunner().invoke(main, arguments, **options)
+        return result.exit_code, result.stdout, result.stderr
+
+    return call
+
+
+@pytest.fixture
+def runs(monkeypatch):
+    """The calls of `reproduce.run`, which only takes note of them."""
+    calls = []
+
+    def note(name, **options):
+        calls.append((name, options))
+        return Path("results") / f"{name}.ipynb"
+
+    monkeypatch.setattr(reproduce, "run", note)
+    return calls
+
+
+def test_help_fits_a_screen_and_shows_an_example(himap_command):
+    code, out, _ = himap_command("--help")
+    assert code == 0 and len(out.splitlines()) <= 24
+    assert "himap run 04_pca --preset laptop -p n_sources=4" in out
+    for command in ["list", "run", "cache"]:
+        assert f"\n  {command}" in out
+
+
+def test_list(himap_command):
+    code, out, _ = himap_command("list")
+    assert code == 0 and [line.split()[0] for line in out.splitlines()] == ["notebook", "01_toy", "02_other"]
+    code, out, _ = himap_command("list", "01")
+    assert code == 0 and "n_sources: int = 3  components to remove" in out and "nside: int" in out
+
+
+def test_run_passes_parameters_of_any_type(himap_command, runs):
+    pairs = ["-p", "n_sources=4", "-p", 'survey={"nside": 16}', "-p", "seed=7"]
+    code, out, _ = himap_command("run", "01_toy", "--preset", "ci", *pairs, "-o", "out.ipynb")
+    values = {"n_sources": 4, "survey": {"nside": 16}, "seed": 7}
+    assert runs == [("01_toy", {"preset": "ci", "parameters": values, "output": "out.ipynb"})]
+    assert code == 0 and out.startswith("results/01_toy.ipynb")
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["01_toy", "-p", "n_sorces=3"], "did you mean n_sources"),
+        (["01_toy", "-p", "n_sources=three"], "n_sources must be a whole number, got 'three'"),
+        (["01_toy", "-p", "nside=65"], "nside must be a power of two, got 65; try 64 or 128"),
+        (["01_toy", "-p", "n_sources"], "-p name=value; got -p n_sources"),
+        (["01_toy", "-p", "n_sources=1", "-p", "n_sources=2"], "given twice"),
+        (["01_toy", "--preset", "big"], "unknown preset 'big'"),
+        (["01_toy", "03_none"], "no notebook '03_none'"),
+        (["01_toy", "02_other", "-o", "out.ipynb"], "-o names the output of one notebook"),
+        (["--stale", "-p", "n_sources=3"], "--stale runs notebooks as they are committed"),
+        ([], "name the notebooks to run"),
+    ],
+)
+def test_bad_input_ends_in_one_paragraph_and_code_2(himap_command, runs, arguments, message):
+    code, out, err = himap_command("run", *arguments)
+    assert code == 2 and out == ""
+    assert err.startswith("Error: ") and message in err and "Traceback" not in err and "\n\n" not in err
+    assert runs == [] and os.listdir() == []
+
+
+def test_debug_shows_the_traceback(himap_command):
+    for arguments in [["--debug", "list", "zz"], ["list", "zz", "--debug"]]:
+        with pytest.raises(InputError):
+            himap_command(*arguments, catch_exceptions=False)
+
+
+def test_a_notebook_that_fails_ends_with_code_1(himap_command, monkeypatch):
+    def fail(*args, **kwargs):
+        raise reproduce.NotebookError("01_toy stopped in cell [3] with KeyError: 'x'")
+
+    monkeypatch.setattr(reproduce, "run", fail)
+    code, _, err = himap_command("run", "01_toy")
+    assert code == 1 and "stopped in cell [3]" in err and "--debug" in err
+
+
+def test_stale_notebooks_are_run_and_named(himap_command, monkeypatch, tmp_path):
+    calls = []
+
+    def execute(notebook, parameters, folder):
+        calls.append((notebook.name, parameters, folder))
+        node = reproduce.copy.deepcopy(notebook.node)
+        for cell in reproduce.code_cells(node):
+            cell.execution_count = 1
+        stamp = {"fingerprint": notebook.fingerprint(), "parameters": {}}
+        return reproduce.stamped(node, notebook.node, **stamp)
+
+    monkeypatch.setattr(reproduce, "_execute", execute)
+    assert himap_command("run", "--stale", "02")[:2] == (0, "02_other: there is no executed notebook\n")
+    assert himap_command("run", "--stale")[:2] == (0, "01_toy: there is no executed notebook\n")
+    assert himap_command("run", "--stale")[:2] == (0, "every notebook is fresh\n")
+    assert calls == [(name, {}, tmp_path / "notebooks") for name in ("02_other", "01_toy")]
+
+
+def test_the_cache(himap_command, monkeypatch, tmp_path):
+    code, out, _ = himap_command("cache", "info")
+    assert code == 0 and out.strip().endswith("cache: 0 B")
+    (tmp_path / "cli_products.py").write_text(PRODUCTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import cli_products
+
+    for result in [cli_products.sky(1), cli_products.sky(2), cli_products.spectra()]:
+        assert result.sum() == 100_000
+    _, out, _ = himap_command("cache", "info")
+    assert out.splitlines()[0].endswith("cache: 2.4 MB")
+    assert [line.split()[:2] for line in out.splitlines()[1:]] == [
+        ["product", "results"],
+        ["cli_products.sky", "2"],
+        ["cli_products.spectra", "1"],
+    ]
+    assert "{seed: 2}" in himap_command("cache", "info", "--all")[1]
+    assert himap_command("cache", "clear", "cli_products.sky")[:2] == (0, "freed 1.6 MB\n")
+    code, _, err = himap_command("cache", "clear", "cli_products.sky")
+    assert code == 2 and "it holds cli_products.spectra" in err
+    assert himap_command("cache", "clear", input="n\n")[0] == 1 and store.cache_info()
+    assert himap_command("cache", "clear", "--yes")[0] == 0 and not store.cache_info()
+
+
+def test_from_the_shell(himap_command, tmp_path):
+    """The whole way once: a process of its own, a kernel, an InputError inside it."""
+    script = (
+        "import sys, pathlib; from himap import cli, reproduce; "
+        f"reproduce._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); cli.main()"
+    )
+    assert _python("-c", script, "run", "01_toy", "--preset", "ci", "-o", "good.ipynb") == (0, "good", "")
+    error = "Error: too many sources.\n"
+    assert _python("-c", script, "run", "01_toy", "-p", "n_sources=11", "-o", "bad.ipynb") == (2, "", error)
+    assert os.listdir() == ["good.ipynb"]
+    assert _python("-m", "himap", "--version") == (0, f"himap {himap.__version__}\n", "")
+
+
+def _python(*arguments):
+    """Exit code, stdout up to a file's extension, and stderr."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(himap.__file__).parents[1])}
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout.partition(".ipynb")[0], done.stderr

@@ -1,0 +1,107 @@
+"""The committed notebooks are those of today's code, and nbval compares numbers as they are meant."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+
+import himap
+from himap import reproduce
+
+ROOT = Path(himap.__file__).parents[1]
+CONFTEST = ROOT / "notebooks" / "conftest.py"
+FOOTER = "quick · synthetic Galaxy · seed 2025 · himap 0.1.0, commit {} · {}"
+
+
+def test_the_committed_notebooks_are_fresh():
+    stale = reproduce.stale(ROOT / "notebooks")
+    lines = "\n".join(f"  {name}: {why}" for name, why in stale.items())
+    assert not stale, f"stale notebooks; run `make book`, or `himap run --stale`:\n{lines}"
+
+
+def test_every_notebook_is_a_pair():
+    folder = ROOT / "notebooks"
+    executed = {path.stem for path in folder.glob("*.ipynb")}
+    assert executed == {notebook.name for notebook in reproduce.notebooks(folder)}
+
+
+def test_every_notebook_describes_its_parameters():
+    for notebook in reproduce.notebooks(ROOT / "notebooks"):
+        assert notebook.title != notebook.name, notebook.name
+        undescribed = [p.name for p in notebook.parameters if not p.help]
+        assert notebook.parameters and not undescribed, (notebook.name, undescribed)
+
+
+def notebook(code, *outputs, executed=True):
+    """A notebook of one cell with outputs that a former run is said to have left."""
+    cell = nbformat.v4.new_code_cell(code, execution_count=1 if executed else None, outputs=list(outputs))
+    return nbformat.v4.new_notebook(cells=[cell], metadata={"kernelspec": reproduce.KERNEL})
+
+
+def printed(text):
+    return nbformat.v4.new_output("stream", name="stdout", text=f"{text}\n")
+
+
+def shown(text, html):
+    data = {"text/plain": text, "text/html": html}
+    return nbformat.v4.new_output("execute_result", data, execution_count=1)
+
+
+SHOW = "from himap.numbers import show\nshow({'ratio': (1.002, 0.01)})"
+TABLE = (
+    '<table><tr><td style="text-align:left">{}</td><td>{} ± 0.010</td>'
+    '<td style="text-align:left"></td></tr></table>'
+)
+NOTEBOOKS = {
+    "same": notebook("print('x = 0.987 ± 0.010')", printed("x = 0.987 ± 0.010")),
+    "within": notebook("print('x = 0.987 ± 0.010')", printed("x = 0.996 ± 0.010")),
+    "beyond": notebook("print('x = 0.987 ± 0.010')", printed("x = 0.998 ± 0.010")),
+    "tolerance": notebook("print('x = 0.987 ± 0.010')", printed("x = 0.987 ± 0.020")),
+    "text": notebook("print('x = 0.987 ± 0.010')", printed("y = 0.987 ± 0.010")),
+    "exact": notebook("print('n = 4')", printed("n = 5")),
+    "more": notebook("print(1)\n2", printed("1")),
+    "table_within": notebook(SHOW, shown("ratio: 0.999 ± 0.010", TABLE.format("ratio", "0.999"))),
+    "table_beyond": notebook(SHOW, shown("ratio: 0.999 ± 0.010", TABLE.format("ratio", "0.991"))),
+    "footer": notebook(
+        f"print({FOOTER.format('abc1234', '2.1 s')!r})",
+        printed(FOOTER.format("unknown with edits", "11 min")),
+    ),
+    "seed": notebook(
+        f"print({FOOTER.format('abc1234', '2.1 s')!r})",
+        printed(FOOTER.format("abc1234", "2.1 s").replace("2025", "2026")),
+    ),
+    "unexecuted": notebook("x = 1", executed=False),
+    "comment": notebook("# only a comment", executed=False),
+}
+PASSING = {"same", "within", "table_within", "footer", "comment"}
+
+
+@pytest.fixture(scope="module")
+def verdicts(tmp_path_factory):
+    """{notebook: passed} and the report of one run of nbval over made-up notebooks."""
+    folder = tmp_path_factory.mktemp("nbval")
+    shutil.copy(CONFTEST, folder)
+    for name, node in NOTEBOOKS.items():
+        nbformat.write(node, folder / f"{name}.ipynb")
+    command = [sys.executable, "-m", "pytest", "--nbval", "-v", "-p", "no:cacheprovider", "--rootdir", folder]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "JUPYTER_PLATFORM_DIRS": "1"}
+    done = subprocess.run(
+        [*command, folder], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    verdicts = re.findall(r"(\w+)(?:\.|::)ipynb::Cell 0 (PASSED|FAILED)", done.stdout)
+    return {name: verdict == "PASSED" for name, verdict in verdicts}, done.stdout
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_nbval_with_tolerances(verdicts, name):
+    found, report = verdicts
+    assert found[name] == (name in PASSING), report
+
+
+def test_nbval_says_how_to_mend_an_unexecuted_notebook(verdicts):
+    assert "never executed: run `make book`, or `himap run --stale`" in verdicts[1]

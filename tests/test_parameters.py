@@ -1,0 +1,116 @@
+"""The parameters of a notebook: declared in its cell, passed as text, checked before anything runs."""
+
+import pytest
+
+from himap.errors import InputError
+from himap.parameters import check_parameters, describe_parameters, parse_texts, read_parameters
+
+CELL = """
+preset: str = "quick"  # the preset
+n_sources: int = 3  # how many, # or more
+share: float = 0.5
+masked: bool = True
+degrees: list[int] = [2, 10]  # a list
+options: dict = {}
+folder: str | None = None  # a folder
+n_max: int | None = 5
+survey: dict = {"seed": 1}  # Survey fields
+"""
+DECLARED = read_parameters(CELL)
+
+
+def test_reading_the_cell():
+    known = {p.name: p for p in DECLARED}
+    assert [known["n_sources"].kind, known["n_sources"].default] == ["int", 3]
+    assert known["n_sources"].help == "how many, # or more"
+    assert known["share"].help == ""
+    assert known["folder"].kinds == {"str", "None"} and known["degrees"].default == [2, 10]
+
+
+@pytest.mark.parametrize("line", ["x = 1", "x: int", "x: int = len('a')", "x: set = {1}", "print(1)"])
+def test_other_lines_are_refused(line):
+    with pytest.raises(InputError, match="name: type = default"):
+        read_parameters(line)
+
+
+@pytest.mark.parametrize(
+    "name, text, value",
+    [
+        ("n_sources", "4", 4),
+        ("n_sources", "4.0", 4),
+        ("share", "1", 1.0),
+        ("share", "1e-3", 1e-3),
+        ("masked", "false", False),
+        ("masked", "False", False),
+        ("degrees", "[3, 4]", [3, 4]),
+        ("degrees", "(3, 4)", [3, 4]),
+        ("options", '{"a": {"b": null}}', {"a": {"b": None}}),
+        ("folder", "sky/maps", "sky/maps"),
+        ("folder", "2025", "2025"),
+        ("folder", '"2025"', "2025"),
+        ("folder", "null", None),
+        ("preset", "ci", "ci"),
+        ("n_max", "null", None),
+        ("n_max", "None", None),
+    ],
+)
+def test_values_from_the_command_line(name, text, value):
+    checked = check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
+    assert checked == {name: value}
+    assert type(checked[name]) is type(value)
+
+
+@pytest.mark.parametrize(
+    "name, text, expected",
+    [
+        ("n_sources", "three", "a whole number, got 'three'"),
+        ("n_sources", "3.5", "a whole number, got 3.5"),
+        ("n_sources", "true", "a whole number, got True"),
+        ("n_sources", "null", "a whole number, got None"),
+        ("share", "half", "a number, got 'half'"),
+        ("masked", "1", "true or false, got 1"),
+        ("degrees", "3", "a list, got 3"),
+        ("options", "[]", "a dict such as .* got \\[\\]"),
+        ("n_max", "x", "a whole number or null, got 'x'"),
+    ],
+)
+def test_values_of_another_type_are_refused(name, text, expected):
+    with pytest.raises(InputError, match=f"parameter {name} must be {expected}") as caught:
+        check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
+    assert "n_sources: int = 3  how many" in str(caught.value)
+
+
+def test_unknown_names_are_refused_with_the_nearest():
+    with pytest.raises(InputError, match="unknown parameter n_sorces .did you mean n_sources") as caught:
+        check_parameters(DECLARED, {"n_sorces": 3})
+    assert describe_parameters(DECLARED) in str(caught.value)
+    with pytest.raises(InputError, match="did you mean nside"):
+        check_parameters(DECLARED, {"nsid": 3})
+    with pytest.raises(InputError, match="unknown parameters zzz, qqq; the"):
+        check_parameters(DECLARED, {"zzz": 3, "qqq": 1})
+
+
+def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
+    checked = check_parameters(DECLARED, {"nside": 32, "survey": {"n_channels": 50}}, "ci")
+    assert checked == {"preset": "ci", "survey": {"seed": 1, "n_channels": 50, "nside": 32}}
+    assert "nside: int = (preset)  HEALPix" in describe_parameters(DECLARED)
+    alone = read_parameters("n: int = 3")
+    assert describe_parameters(alone) == "  n: int = 3"
+    for bad in [{"nside": 32}, {"preset": "ci"}]:
+        with pytest.raises(InputError, match="unknown parameter"):
+            check_parameters(alone, bad)
+
+
+@pytest.mark.parametrize(
+    "given, preset, message",
+    [
+        ({"nside": 65}, None, "nside must be a power of two, got 65"),
+        ({"survey": {"nsides": 64}}, None, "unknown Survey field nsides"),
+        ({}, "big", "unknown preset 'big'; there are ci"),
+        ({"preset": "big"}, None, "unknown preset 'big'; there are ci"),
+        ({"preset": "ci"}, "quick", "given twice"),
+    ],
+)
+def test_the_survey_is_checked_before_anything_runs(given, preset, message):
+    with pytest.raises(InputError, match=message):
+        check_parameters(DECLARED, given, preset)

@@ -1,0 +1,235 @@
+"""Notebooks run with other parameters, and again when something they depend on changed."""
+
+import json
+import os
+import re
+
+import jupytext
+import nbformat
+import pytest
+
+from himap import reproduce
+from himap.errors import InputError
+
+TOY = """\
+# ---
+# jupyter:
+#   himap:
+#     section: "2.1"
+#     figures: ["Fig. 1", "Fig. 2"]
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# A line before.
+#
+# # The toy
+# Some text.
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+scale: float = 1.0  # a factor
+mode: str = "good"
+survey: dict = {}  # Survey fields that differ from the preset
+
+# %%
+# A cell of comments only.
+
+# %%
+import os
+
+from himap.errors import InputError
+from himap.survey import Survey
+
+made = Survey.preset(preset, **survey)
+if mode == "bad":
+    raise InputError("templates need a folder.")
+if mode == "bug":
+    1 / 0
+if mode == "killed":
+    os.kill(os.getpid(), 9)
+
+# %%
+print(made.nside, scale, os.path.basename(os.getcwd()))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder of one notebook, beside a working folder."""
+    (tmp_path / "notebooks").mkdir()
+    (tmp_path / "notebooks" / "01_toy.py").write_text(TOY)
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    return tmp_path / "notebooks"
+
+
+def outputs(path):
+    node = nbformat.read(path, as_version=4)
+    return "".join(out.text for cell in node.cells if cell.cell_type == "code" for out in cell.outputs)
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def pretend_executed(folder):
+    """An executed notebook without a kernel: the outputs say so."""
+    notebook = reproduce.find("01_toy", folder)
+    node = nbformat.from_dict(notebook.node)
+    for number, cell in enumerate(reproduce.code_cells(node)):
+        cell.execution_count = number + 1
+        cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=f"{number}\n")]
+    done = reproduce.stamped(node, notebook.node, fingerprint=notebook.fingerprint(), parameters={})
+    reproduce.write_notebook(done, notebook.executed)
+    return notebook.executed
+
+
+def test_what_a_notebook_says_of_itself(folder):
+    (notebook,) = reproduce.notebooks(folder)
+    assert (notebook.name, notebook.title, notebook.section) == ("01_toy", "The toy", "2.1")
+    assert notebook.figures == ["Fig. 1", "Fig. 2"]
+    assert [p.name for p in notebook.parameters] == ["preset", "scale", "mode", "survey"]
+
+
+def test_finding_a_notebook(folder, tmp_path):
+    for name in ["01_toy", "01", "notebooks/01_toy.ipynb", str(folder / "01_toy.py")]:
+        assert reproduce.find(name, folder).name == "01_toy"
+    with pytest.raises(InputError, match=r"no notebook '01_tyo' \(did you mean 01_toy\?\); there are 01_toy"):
+        reproduce.find("01_tyo", folder)
+
+
+def test_the_folder_of_notebooks(folder, monkeypatch, tmp_path):
+    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "site-packages" / "himap")
+    with pytest.raises(InputError, match="no folder `notebooks`"):
+        reproduce.notebooks_folder()
+    monkeypatch.chdir(tmp_path)
+    assert reproduce.notebooks_folder() == folder
+    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "himap")
+    monkeypatch.chdir("work")
+    assert reproduce.notebooks_folder() == folder
+
+
+def test_a_run_with_other_parameters(folder):
+    path = reproduce.run("01", preset="ci", parameters={"scale": 2, "nside": 16}, folder=folder)
+    assert str(path) == "results/01_toy_ci.ipynb"
+    assert outputs(path) == "16 2.0 work\n"
+    assert os.listdir("results") == ["01_toy_ci.ipynb"]
+    assert os.listdir(folder) == ["01_toy.py"]
+    text = path.read_text()
+    assert str(folder.parent) not in text and "papermill" not in text and "start_time" not in text
+    assert all(re.fullmatch(r"[0-9a-f]{8}-1", cell["id"]) for cell in json.loads(text)["cells"])
+    stamp = json.loads(text)["metadata"]["himap_run"]
+    assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
+    assert stamp["fingerprint"] != reproduce.find("01", folder).fingerprint()
+
+
+@pytest.mark.parametrize(
+    "mode, error, message",
+    [
+        ("bad", InputError, "^templates need a folder.$"),
+        ("bug", reproduce.NotebookError, r"01_toy stopped in cell \[3\] with ZeroDivisionError: division"),
+        ("killed", reproduce.NotebookError, "the kernel of 01_toy died"),
+    ],
+)
+def test_a_run_that_fails_leaves_nothing(folder, mode, error, message):
+    with pytest.raises(error, match=message):
+        reproduce.run("01", parameters={"mode": mode}, output="new/out.ipynb", folder=folder)
+    assert os.listdir() == []
+
+
+def test_bad_outputs_are_refused_at_once(folder, tmp_path):
+    (tmp_path / "work" / "file").touch()
+    (tmp_path / "work" / "folder.ipynb").mkdir()
+    for output in ["out", "folder.ipynb", "file/out.ipynb"]:
+        with pytest.raises(InputError, match="the output"):
+            reproduce.run("01", output=output, folder=folder)
+
+
+def test_refreshing_executes_once_and_writes_the_same_file_again(folder, tmp_path):
+    assert reproduce.stale(folder) == {"01_toy": "there is no executed notebook"}
+    said = []
+    done = reproduce.refresh(folder=folder, report=lambda *what: said.append(what))
+    assert done == {"01_toy": "there is no executed notebook"} and said == [*done.items()]
+    executed = folder / "01_toy.ipynb"
+    assert outputs(executed) == "64 1.0 notebooks\n"
+    assert reproduce.stale(folder) == {} == reproduce.refresh(folder=folder)
+    first = executed.read_bytes()
+    executed.unlink()
+    reproduce.refresh(["01"], folder=folder)
+    assert executed.read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    "old, new, why",
+    [
+        ("1 / 0", "1 / 0  # on purpose", "its text changed"),
+        ("Some text", "Other text", "its text changed"),
+        ("2.1", "2.2", "its text changed"),
+        ("comments only", "comments", "its text changed"),
+        ("# %%\n# A cell of comments only.\n", "", "its text changed"),
+        ("scale: float = 1.0", "scale: float = 2.0", "its code, or code that it uses, changed"),
+        ("from himap.errors", "import himap\nfrom himap.errors", "its code, or code that it uses, changed"),
+    ],
+)
+def test_an_edit_of_the_source(folder, old, new, why):
+    pretend_executed(folder)
+    assert reproduce.stale(folder) == {}
+    edit(folder / "01_toy.py", old, new)
+    assert reproduce.stale(folder) == {"01_toy": why}
+
+
+def test_text_is_copied_without_executing(folder):
+    executed = pretend_executed(folder)
+    edit(folder / "01_toy.py", "Some text", "Other text")
+    edit(folder / "01_toy.py", "# %%\n# A cell of comments only.\n", "# %%\n# One.\n\n# %%\n# Two.\n")
+    assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"}
+    assert outputs(executed) == "0\n1\n2\n" and "Other text" in executed.read_text()
+    assert reproduce.stale(folder) == {}
+
+
+def test_code_of_the_library_that_changes(folder, monkeypatch):
+    pretend_executed(folder)
+    real = reproduce.CodeTree.source_fingerprint
+    monkeypatch.setattr(reproduce.CodeTree, "source_fingerprint", lambda *args: real(*args) + "changed")
+    assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
+
+
+def test_an_unexecuted_or_broken_file_is_stale(folder):
+    executed = pretend_executed(folder)
+    edit(executed, '"execution_count": 2', '"execution_count": null')
+    assert reproduce.stale(folder) == {"01_toy": "it was never executed"}
+    executed.write_text(executed.read_text()[:100])
+    assert reproduce.stale(folder) == {"01_toy": "there is no executed notebook"}
+
+
+def test_saving_in_jupyter_keeps_the_header(folder):
+    executed = pretend_executed(folder)
+    node = nbformat.read(executed, as_version=4)
+    text = jupytext.writes(node, "py:percent")
+    assert yaml_lines(text) >= {"section: '2.1'", "- Fig. 1", "name: python3"} and "himap_run" not in text
+    (folder / "01_toy.py").write_text(text)
+    assert reproduce.stale(folder) == {}
+
+
+def yaml_lines(text):
+    return {line.lstrip("# ") for line in text.splitlines()[:40]}
+
+
+def test_edits_made_in_jupyter_are_not_lost(folder):
+    executed = pretend_executed(folder)
+    edit(executed, "Some text", "My text")
+    assert reproduce.stale(folder) == {"01_toy": "edited in Jupyter, unlike its .py"}
+    before = executed.read_bytes()
+    with pytest.raises(InputError, match="01_toy.ipynb was edited in Jupyter"):
+        reproduce.refresh(folder=folder)
+    assert executed.read_bytes() == before
+    edit(folder / "01_toy.py", "Some text", "My text")  # what jupytext does on saving
+    assert reproduce.stale(folder) == {"01_toy": "its text changed"}
+    reproduce.refresh(folder=folder)
+    assert reproduce.stale(folder) == {}
