@@ -1,0 +1,206 @@
+"""The project around the library: what the pages promise exists, and the files agree with each other."""
+
+import ast
+import re
+import shlex
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from himap import __version__, reproduce
+from himap.cli import main
+from himap.parameters import check_parameters, parse_texts
+from himap.survey import PRESETS
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "book").glob("*.md"))]
+NOTEBOOKS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.py") if path.stem[0].isdigit())
+PAPER = [f"Fig. {number}" for number in (*range(1, 8), "A.1", "A.2", "B.1", "B.2", "B.3")] + ["Table 1"]
+
+
+def blocks(text, language):
+    """The fenced blocks of a page in `language`."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.M | re.S)
+
+
+def commands():
+    """Every `himap ...` and `make ...` of the pages, in a block or between backquotes."""
+    for page in PAGES:
+        text = page.read_text()
+        lines = [line for block in blocks(text, "bash") for line in block.splitlines()]
+        for line in lines + re.findall(r"`([^`\n]+)`", text):
+            if re.match(r"(himap|make) [a-z-]", line):
+                yield page.name, line.partition("#")[0].strip()
+
+
+def table_rows():
+    """Cells of each row of the table in the intro, by the first cell."""
+    text = (ROOT / "book" / "intro.md").read_text()
+    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in row] for row in rows]
+    assert cells[0] == ["Paper", "What it shows", "Notebook", "Command"]
+    return cells[1:]
+
+
+@pytest.mark.parametrize(("page", "line"), sorted(set(commands())))
+def test_commands_of_the_pages_exist(page, line):
+    program, *words = shlex.split(line)
+    if program == "make":
+        assert re.search(rf"^{words[0]}:", (ROOT / "Makefile").read_text(), flags=re.M)
+        return
+    command, name = main, "himap"
+    while hasattr(command, "commands") and words and not words[0].startswith("-"):
+        name = words.pop(0)
+        assert name in command.commands
+        command = command.commands[name]
+    options = command.make_context(name, words).params
+    for notebook in options.get("names") or ():
+        declared = reproduce.find(notebook).parameters
+        texts = dict(pair.split("=", 1) for pair in options["pairs"])
+        check_parameters(declared, parse_texts(declared, texts), options["preset"])
+    if name == "list" and options["name"]:
+        reproduce.find(options["name"])
+
+
+def test_pages_show_commands():
+    assert {page for page, _ in commands()} >= {"README.md", "intro.md", "contributing.md"}
+
+
+def test_table_has_a_row_for_every_figure():
+    first = [row[0] for row in table_rows()]
+    assert [name for name in first if name in PAPER] == PAPER
+    assert all(name in PAPER or name.startswith("Sect. ") for name in first)
+
+
+def test_table_rows_are_planned_or_complete():
+    for paper, what, notebook, command in table_rows():
+        assert what, paper
+        links = re.findall(r"\[(\w+)\]\(\.\./notebooks/(\w+)\.ipynb\)", notebook)
+        assert bool(links) == bool(command), paper
+        assert links or notebook == "planned", paper
+        for text, target in links:
+            assert text == target and target in NOTEBOOKS, paper
+            assert f"`himap run {target}`" in command, paper
+
+
+def test_table_and_toc_have_every_notebook():
+    toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
+    chapters = [chapter["file"] for part in toc["parts"] for chapter in part["chapters"]]
+    assert [Path(file).name for file in chapters if file.startswith("notebooks/")] == NOTEBOOKS
+    assert all((ROOT / f"{file}.md").exists() for file in chapters if file.startswith("book/"))
+    assert {Path(page.stem).name for page in PAGES[1:]} == {
+        Path(file).name for file in [toc["root"], *chapters] if file.startswith("book/")
+    }
+    linked = {name for row in table_rows() for name in re.findall(r"/(\w+)\.ipynb", row[2])}
+    assert linked == set(NOTEBOOKS)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_table_agrees_with_the_notebook_about_its_figures(name):
+    stated = {figure if " " in figure else f"Fig. {figure}" for figure in reproduce.find(name).figures}
+    # A figure that a notebook has in part is "planned" as a whole: the notebook does not claim it.
+    whole = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
+    assert {row[0] for row in whole if row[0] in PAPER} == stated
+
+
+def test_presets_of_the_conventions():
+    text = (ROOT / "book" / "conventions.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| (\d+) \| (\d+) × (\d+) MHz \| (\d+)³ \|", text, flags=re.M)
+    assert {name: tuple(map(int, numbers)) for name, *numbers in rows} == {
+        name: (survey.nside, survey.n_channels, survey.channel_width, survey.box_cells)
+        for name, survey in PRESETS.items()
+    }
+    assert all((survey.freq_min, survey.freq_max) == (900, 1400) for survey in PRESETS.values())
+
+
+def test_citation_and_versions_agree():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    changelog = (ROOT / "CHANGELOG.md").read_text()
+    assert citation["version"] == project["version"] == __version__
+    assert "## [Unreleased]" in changelog and __version__ in changelog
+    assert citation["license"] == project["license"] == "MIT"
+    assert citation["authors"][0]["name"] in (ROOT / "LICENSE").read_text()
+    (paper,) = citation["references"]
+    families = [author["family-names"] for author in paper["authors"]]
+    assert families == ["Gkogkou", "Bonjean", "Starck", "Spinelli", "Tsakalides"]
+    entry = bibliography()["gkogkou2025"]
+    assert all(family in entry for family in families)
+    assert f"{{{paper['year']}}}" in entry
+
+
+def bibliography():
+    """Entries of the bibliography by key."""
+    text = (ROOT / "book" / "references.bib").read_text()
+    entries = re.findall(r"^@\w+\{([\w-]+),(.*?\})\}$", text, flags=re.M | re.S)
+    assert len(dict(entries)) == len(entries) == text.count("\n@")
+    return dict(entries)
+
+
+def test_bibliography_is_complete():
+    entries = bibliography()
+    for key, entry in entries.items():
+        fields = dict(re.findall(r"(\w+) = \{(.*?)\}(?=, \w|,\n|$)", entry))
+        assert {"author", "title", "year"} <= set(fields), key
+        assert {"journal", "publisher", "booktitle"} & set(fields), key
+        assert re.fullmatch(r"\d{4}", fields["year"]), key
+        assert re.fullmatch(r"\d{4}\.\d{4,5}|[a-z-]+/\d{7}", fields.get("eprint", "0000.0000")), key
+    cited = set()
+    for path in [*PAGES, *(ROOT / "notebooks").glob("*.py")]:
+        for keys in re.findall(r"\{cite:\w+\}`([^`]+)`", path.read_text()):
+            cited |= {key.strip() for key in keys.split(",")}
+    assert cited and cited <= set(entries)
+
+
+def test_every_import_is_required():
+    required = re.findall(r"^([\w-]+)[<>=]", (ROOT / "requirements.txt").read_text(), flags=re.M)
+    required = {name.lower().replace("_", "-") for name in required}
+    # Jupyter Book brings Sphinx and its bibliography, in the versions that it works with.
+    required |= {"sphinx", "sphinxcontrib-bibtex", "docutils"}
+    owners = packages_distributions()
+    for folder in ("himap", "tests", "notebooks", "benchmarks", "book/_ext"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
+                # What is not installed is a module that a test writes, or the import itself fails.
+                names = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
+                assert not names or names & required, f"{path.name} imports {name}: {names} is not required"
+
+
+def _top_imports(path):
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names
+
+
+def test_requirements_have_both_bounds():
+    for line in (ROOT / "requirements.txt").read_text().splitlines():
+        assert not line or line.startswith("#") or re.fullmatch(r"[\w-]+>=[\d.]+,<[\d.]+", line), line
+
+
+def test_readme_example_runs(tmp_path, monkeypatch, rng):
+    (example,) = blocks((ROOT / "README.md").read_text(), "python")
+    freqs = np.linspace(900, 1400, 20)
+    foreground = np.outer((freqs / 900) ** -2.7, rng.lognormal(size=192))
+    hi = 1e-3 * rng.standard_normal((20, 192))
+    np.save(tmp_path / "maps.npy", foreground + hi)
+    np.save(tmp_path / "freqs.npy", freqs)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(example, "README.md", "exec"), {})
+    residual = np.load(tmp_path / "residual.npy")
+    assert residual.shape == hi.shape
+    assert np.corrcoef(residual.ravel(), hi.ravel())[0, 1] > 0.8
+
+
+def test_readme_links_exist():
+    text = (ROOT / "README.md").read_text()
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
+        assert (ROOT / target).exists(), target
