@@ -32,6 +32,7 @@ book: refresh
 
 refresh: .venv/.installed
 	@$(BIN)/himap run --stale
+	@$(BIN)/python book/readme_figure.py
 
 # Sphinx forgets a warning once its page is cached, so a build always starts clean: a page that warned
 # must warn until it is mended.

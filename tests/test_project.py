@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import shlex
 import sys
 import tomllib
@@ -198,6 +199,12 @@ def test_readme_example_runs(tmp_path, monkeypatch, rng):
     residual = np.load(tmp_path / "residual.npy")
     assert residual.shape == hi.shape
     assert np.corrcoef(residual.ravel(), hi.ravel())[0, 1] > 0.8
+
+
+def test_readme_figure_is_the_notebooks():
+    """The README shows a figure of the book, and not an old one; `make book` copies it."""
+    script = runpy.run_path(str(ROOT / "book" / "readme_figure.py"))
+    assert script["TARGET"].read_bytes() == script["figure"](script["NOTEBOOK"], script["FIGURE"])
 
 
 def test_readme_links_exist():

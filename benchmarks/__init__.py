@@ -1,0 +1,1 @@
+"""Timed work, side by side with what a user would do without himap."""

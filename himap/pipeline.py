@@ -1,0 +1,134 @@
+"""The chain of products: sky, observation, cleaned maps, spectra. Each is computed once and kept.
+
+A `Case` names one observation; every product is a function of a case or of a survey, so a notebook
+asks for what it shows and what is behind it is made, or found, on the way.
+"""
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from himap.errors import InputError
+from himap.instrument.beams import RIPPLES, beam_model
+from himap.instrument.noise import noise_maps
+from himap.instrument.observe import observe
+from himap.sky.emission import emission_maps
+from himap.sky.foregrounds import foreground_components
+from himap.sky.galaxy import Galaxy
+from himap.sky.hi import hi_maps
+from himap.spectra import AngularPower, FrequencyPower, angular_power, frequency_power
+from himap.store import product
+from himap.survey import Survey
+
+__all__ = [
+    "Case",
+    "Residual",
+    "Spectra",
+    "cleaned",
+    "components",
+    "foregrounds",
+    "hi",
+    "observation",
+    "spectra",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One observation of one sky.
+
+    Attributes
+    ----------
+    survey
+        `Survey`.
+    galaxy
+        `Galaxy`.
+    beam
+        "degraded", "evolving" or "oscillating".
+    ripple
+        Reading of the oscillating beam's ripple, one of `himap.instrument.beams.RIPPLES`.
+    """
+
+    survey: Survey = field(default_factory=Survey)
+    galaxy: Galaxy = field(default_factory=Galaxy)
+    beam: str = "degraded"
+    ripple: str = "bracket"
+
+    def __post_init__(self):
+        if self.ripple not in RIPPLES:
+            raise InputError(f"unknown ripple {self.ripple!r}; there are {', '.join(RIPPLES)}.")
+        beam_model(
+            self.beam, self.survey, ripple=self.ripple
+        )  # refuses now what would fail after the sky is made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """What a method leaves, `maps` (n_channels, n_pix) in mK, and the mixing and sources it found."""
+
+    maps: np.ndarray
+    mixing: np.ndarray
+    sources: np.ndarray
+    converged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spectra:
+    """Both spectra of one cube."""
+
+    angular: AngularPower
+    frequency: FrequencyPower
+
+
+@product
+def hi(survey):
+    """HI maps before the beam, mK, (n_channels, n_pix)."""
+    return hi_maps(survey, survey.rng("hi"))
+
+
+@product
+def components(survey, galaxy):
+    """The foregrounds as a list of `PowerLaw`."""
+    return foreground_components(survey, galaxy)
+
+
+def foregrounds(survey, galaxy):
+    """Foreground maps before the beam, mK, (n_channels, n_pix); quick to make, so not kept."""
+    return emission_maps(components(survey, galaxy), survey.freqs)
+
+
+@product
+def observation(case):
+    """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
+    survey = case.survey
+    return observe(
+        hi(survey),
+        foregrounds(survey, case.galaxy),
+        noise_maps(survey, survey.rng("noise")),
+        beam_model(case.beam, survey, ripple=case.ripple),
+        survey,
+        provenance={"survey": asdict(survey), "galaxy": asdict(case.galaxy), "ripple": case.ripple},
+    )
+
+
+@product
+def cleaned(case, remover):
+    """The `Residual` of a case cleaned by `remover`, a `ForegroundRemover` such as PCA(n_sources=3).
+
+    The method comes as an object, not by name, so that its result depends on the code of that method alone.
+    """
+    seen = observation(case)
+    result = remover.clean(
+        seen.maps, freqs=seen.freqs, beams=seen.beams, rng=case.survey.rng(f"removal {remover.name}")
+    )
+    found = result.separation
+    return Residual(
+        maps=result.residual, mixing=found.mixing, sources=found.sources, converged=found.converged
+    )
+
+
+@product
+def spectra(case, remover=None):
+    """The `Spectra` of a case: of the truth, or of what `remover` leaves."""
+    maps = observation(case).truth if remover is None else cleaned(case, remover).maps
+    return Spectra(angular=angular_power(maps), frequency=frequency_power(maps, case.survey.channel_width))

@@ -1,0 +1,207 @@
+"""Figures. The only module that knows matplotlib; every function returns the figure it makes.
+
+Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in
+style too, so they stay apart in grey. Maps use cividis, which is monotonic in lightness.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm, Normalize
+
+from himap import sphere
+
+__all__ = [
+    "BEAM_STYLES",
+    "METHOD_STYLES",
+    "image",
+    "lines",
+    "save",
+    "sky_map",
+    "sky_maps",
+    "spectrum",
+    "stamp",
+]
+
+METHOD_STYLES = {
+    "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "-"},
+}
+"""Line style of every method, the same throughout the book."""
+
+BEAM_STYLES = {
+    "degraded": {"label": "degraded", "color": "#0072B2", "linestyle": "-"},
+    "evolving": {"label": "evolving", "color": "#E69F00", "linestyle": "--"},
+    "oscillating": {"label": "oscillating", "color": "#009E73", "linestyle": "-."},
+}
+"""Line style of every beam, the same throughout the book."""
+
+_TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
+_RC = {
+    "figure.dpi": 110,
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+
+
+def _mollweide(n_columns=720):
+    """Longitude and latitude, deg, of a Mollweide image, Galactic centre in the middle, l to the left."""
+    x, y = np.meshgrid(np.linspace(-2, 2, n_columns), np.linspace(-1, 1, n_columns // 2))
+    with np.errstate(invalid="ignore"):
+        theta = np.arcsin(y)
+        lat = np.arcsin((2 * theta + np.sin(2 * theta)) / np.pi)
+        lon = -np.pi * x / (2 * np.cos(theta))
+    lon[np.abs(lon) > np.pi] = np.nan
+    return np.rad2deg(lon), np.rad2deg(lat)
+
+
+def sky_map(axes, pixels, *, title, unit, log=False, limits=None):
+    """Draw one map (n_pix,) in Mollweide projection on `axes`; returns the image.
+
+    `limits` are percentiles of the colour range, (1, 99) unless given; `log` for a logarithmic one.
+    """
+    lon, lat = _mollweide()
+    inside = np.isfinite(lon)
+    image = np.full(lon.shape, np.nan)
+    image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
+    low, high = np.percentile(pixels, limits or (1, 99))
+    norm = LogNorm(low, high) if log else Normalize(low, high)
+    shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap="cividis")
+    angle = np.linspace(0, 2 * np.pi, 400)
+    axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
+    axes.set_axis_off()
+    axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
+    axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
+    return shown
+
+
+def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None):
+    """A figure of several maps, {title: (n_pix,)}; each has its own colour bar.
+
+    `unit`, `log` and `limits` as in `sky_map`, or dicts by title.
+    """
+    rows = -(-len(maps) // columns)
+    with plt.rc_context(_RC):
+        figure, panels = plt.subplots(
+            rows, columns, figsize=(4.6 * columns, 2.9 * rows), dpi=80, squeeze=False
+        )
+        for axes in panels.flat[len(maps) :]:
+            axes.set_visible(False)
+        for axes, (title, pixels) in zip(panels.flat, maps.items(), strict=False):
+            options = {"unit": unit, "log": log, "limits": limits}
+            chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
+            sky_map(axes, pixels, title=title, **chosen)
+    return _finished(figure)
+
+
+def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), band=0.1, x_limits=None):
+    """Spectra on logarithmic axes with a ratio panel below each, as in the paper's Figs. 1 and 2.
+
+    Parameters
+    ----------
+    panels
+        {title: (x, true, [(style, recovered), ...])}; styles as in `METHOD_STYLES`, spectra (n,).
+    ratio_limits
+        Range of the ratio panels; curves that leave it are cut off at its edge.
+    band
+        Half width of the grey band around 1.
+    x_limits
+        Range of x; all unless given.
+    """
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(
+            2,
+            len(panels),
+            figsize=(1.5 + 4.2 * len(panels), 5.2),
+            sharex=True,
+            sharey="row",
+            squeeze=False,
+            height_ratios=(2.2, 1),
+        )
+        for (top, bottom), (title, (x, true, curves)) in zip(grid.T, panels.items(), strict=True):
+            shown = x > 0 if x_limits is None else (x >= x_limits[0]) & (x <= x_limits[1])
+            top.loglog(x[shown], true[shown], **_TRUTH)
+            bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
+            bottom.axhline(1, color="black", linewidth=0.8)
+            for style, recovered in curves:
+                top.plot(x[shown], recovered[shown], **style)
+                bottom.plot(x[shown], (recovered / true)[shown], **style)
+            top.set_title(title)
+            top.legend()
+            bottom.set(ylim=ratio_limits, xlabel=xlabel, xscale="log")
+            _plain_ticks(bottom.xaxis, x[shown])
+        grid[0, 0].set_ylabel(ylabel)
+        grid[1, 0].set_ylabel(ratio_label)
+    return _finished(figure)
+
+
+def _plain_ticks(axis, values):
+    """Ticks at 1, 2, 5 of each decade, or 1, 3 over more than a hundredfold, as plain numbers."""
+    low, high = values[0], values[-1]
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    ticks = np.multiply.outer(decades, (1, 2, 5) if high < 200 * low else (1, 3)).ravel()
+    axis.set_ticks(ticks[(ticks >= low) & (ticks <= high)], minor=False)
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
+
+
+def lines(panels, *, columns=2, size=(4.6, 3.4)):
+    """A figure of line plots, one for each panel.
+
+    Parameters
+    ----------
+    panels
+        A list of dicts: "curves", a list of (x, y, style); optional "points", the same, drawn as
+        markers, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel, xscale, xlim...
+    """
+    rows = -(-len(panels) // columns)
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(rows, columns, figsize=(size[0] * columns, size[1] * rows), squeeze=False)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes, panel in zip(grid.flat, panels, strict=False):
+            settings = {
+                key: value for key, value in panel.items() if key not in ("curves", "points", "legend")
+            }
+            for x, y, style in panel["curves"]:
+                axes.plot(x, y, **style)
+            for x, y, style in panel.get("points", []):
+                axes.plot(x, y, **({"linestyle": "none", "marker": "o", "markersize": 4} | style))
+            axes.set(**settings)
+            if axes.get_legend_handles_labels()[1]:
+                axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
+    return _finished(figure)
+
+
+def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
+    """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
+    with plt.rc_context(_RC | {"axes.grid": False}):
+        figure, axes = plt.subplots(figsize=(9.2, 3.2))
+        low, high = np.percentile(values, limits)
+        extent = (x[0], x[-1], y[0], y[-1])
+        shown = axes.imshow(
+            values, origin="lower", aspect="auto", extent=extent, vmin=low, vmax=high, cmap="cividis"
+        )
+        axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
+        figure.colorbar(shown, label=unit, extend="both")
+    return _finished(figure)
+
+
+def _finished(figure):
+    """The figure, out of pyplot's hands: a notebook shows it once, where it is returned."""
+    plt.close(figure)
+    return figure
+
+
+def stamp(figure, provenance):
+    """Write where the figure comes from under it, in small print; returns the figure."""
+    figure.supxlabel(str(provenance), fontsize=6.5, color="0.35")
+    return figure
+
+
+def save(figure, path, *, dpi=150):
+    """Write `figure` as a file, format by its ending."""
+    figure.savefig(path, dpi=dpi)

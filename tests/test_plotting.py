@@ -1,0 +1,104 @@
+"""Figures: what they show is where it should be. How they look was looked at."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("agg")
+
+from himap import plotting, sphere
+
+
+def test_mollweide_puts_the_sky_where_it_belongs():
+    """Centre, left of it (l = 90 deg), top (the north pole), outside."""
+    lon, lat = plotting._mollweide(401)
+    assert (lon[100, 200], lat[100, 200]) == pytest.approx((0, 0), abs=1.5)
+    assert (lon[100, 100], lat[100, 100]) == pytest.approx((90, 0), abs=1.5)
+    assert lat[199, 200] == pytest.approx(90, abs=1)
+    assert np.isnan(lon[2, 2])
+
+
+def test_mollweide_has_equal_areas():
+    lon, lat = plotting._mollweide(800)
+    inside = np.isfinite(lon)
+    assert (np.abs(lat[inside]) < 30).mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_sky_map_shows_the_map():
+    nside = 8
+    pixels = sphere.pixel_latitude(nside)
+    figure = plotting.sky_maps({"north": pixels, "log": pixels + 91}, unit="deg", log={"log": True})
+    panels = [axes for axes in figure.axes if axes.images]
+    assert [axes.get_title() for axes in panels] == ["north [deg]", "log [deg]"]
+    image = panels[0].images[0].get_array()
+    assert image[-20, image.shape[1] // 2] > 60
+    assert image[20, image.shape[1] // 2] < -60
+
+
+def test_spectrum_draws_ratios_and_aligns_its_panels():
+    x = np.arange(1.0, 100)
+    style = {"label": "method", "color": "C0"}
+    figure = plotting.spectrum(
+        {"a": (x, x**-2, [(style, 1.1 * x**-2)])},
+        xlabel="l",
+        ylabel="C",
+        ratio_label="ratio",
+        x_limits=(2, 50),
+    )
+    top, bottom = figure.axes
+    assert bottom.lines[-1].get_ydata() == pytest.approx(1.1)
+    assert bottom.lines[-1].get_xdata()[[0, -1]] == pytest.approx([2, 50])
+    figure.draw_without_rendering()
+    assert top.get_position().x0 == pytest.approx(bottom.get_position().x0)
+    assert [label.get_text() for label in bottom.get_xticklabels()] == ["2", "5", "10", "20", "50"]
+
+
+def test_zero_is_left_off_a_logarithmic_axis():
+    k = np.arange(5.0)
+    figure = plotting.spectrum({"": (k, k + 1, [])}, xlabel="k", ylabel="P", ratio_label="ratio")
+    assert figure.axes[0].lines[0].get_xdata()[0] == 1
+
+
+def test_lines_takes_points_and_legends():
+    panel = {
+        "curves": [([0, 1], [0, 1], {"label": "line"})],
+        "points": [([0, 1], [1, 0], {"label": "points"})],
+        "legend": {"ncols": 2},
+        "title": "both",
+    }
+    figure = plotting.lines([panel, panel, panel])
+    drawn = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(drawn) == 3
+    assert drawn[0].get_title() == "both"
+    assert [text.get_text() for text in drawn[0].get_legend().get_texts()] == ["line", "points"]
+    assert drawn[0].lines[1].get_linestyle() == "None"
+
+
+def test_image():
+    figure = plotting.image(np.eye(4), x=np.arange(4.0), y=np.arange(4.0), xlabel="x", ylabel="y", unit="mK")
+    assert figure.axes[0].images[0].get_extent() == [0, 3, 0, 3]
+
+
+def test_stamp_and_save(tmp_path):
+    figure = plotting.stamp(plotting.lines([{"curves": []}]), "made by a test")
+    assert figure.get_supxlabel() == "made by a test"
+    plotting.save(figure, tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 1000
+
+
+def test_figures_are_left_to_the_caller():
+    before = len(matplotlib.pyplot.get_fignums())
+    plotting.lines([{"curves": []}])
+    assert len(matplotlib.pyplot.get_fignums()) == before
+
+
+def test_every_method_and_beam_has_a_style():
+    from himap import removal
+    from himap.instrument.beams import BEAM_MODELS
+
+    assert set(removal.available()) <= set(plotting.METHOD_STYLES)
+    assert set(BEAM_MODELS) == set(plotting.BEAM_STYLES)
+    for styles in (plotting.METHOD_STYLES, plotting.BEAM_STYLES):
+        looks = [(style["color"], style["linestyle"]) for style in styles.values()]
+        assert len({colour for colour, _ in looks}) == len(looks)
+        assert len({line for _, line in looks}) == len(looks)
