@@ -46,13 +46,7 @@ class NotebookError(RuntimeError):
 
 @dataclass(frozen=True)
 class Notebook:
-    """One notebook of the companion, by the path of its ``.py``.
-
-    Attributes
-    ----------
-    path
-        The ``.py`` file.
-    """
+    """One notebook of the companion, by the path of its ``.py``."""
 
     path: Path
 

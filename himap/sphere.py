@@ -23,6 +23,7 @@ __all__ = [
     "coupling_matrix",
     "cross_spectrum",
     "gaussian_alm",
+    "gaussian_beam",
     "lmax_of_size",
     "multiply_beam",
     "nest_to_ring",
@@ -115,6 +116,13 @@ def _adjoint(pixels, lmax, nside):
     alm = ducc0.sht.adjoint_synthesis(map=pixels[None], lmax=lmax, spin=0, nthreads=0, **_geometry(nside))[0]
     alm *= 4 * np.pi / len(pixels)
     return alm
+
+
+def gaussian_beam(fwhm, lmax):
+    """b_l = exp(-l (l + 1) sigma^2 / 2) of Gaussian beams: FWHM in rad, (...), to (..., lmax + 1)."""
+    sigma = np.asarray(fwhm) / np.sqrt(8 * np.log(2))
+    degree = np.arange(lmax + 1)
+    return np.exp(-0.5 * degree * (degree + 1) * sigma[..., None] ** 2)
 
 
 def multiply_beam(alm, beam):

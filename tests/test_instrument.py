@@ -58,15 +58,15 @@ def test_ripple_in_arcmin():
         assert np.rad2deg(extra) * 60 == pytest.approx([arcmin])
 
 
-def test_gaussian_transfer_against_healpy():
+def test_gaussian_beam_against_healpy():
     fwhm = np.deg2rad([1.0, 2.0])
-    ours = beams.gaussian_transfer(fwhm, 50)
+    ours = sphere.gaussian_beam(fwhm, 50)
     assert ours == pytest.approx(np.stack([hp.gauss_beam(width, 50) for width in fwhm]), rel=1e-10)
 
 
 def test_degraded_beam_is_the_worst_everywhere():
     beam = beams.beam_model("degraded", SURVEY)
-    worst = beams.gaussian_transfer(beams.diffraction_fwhm(SURVEY.freqs[0], 13.5), SURVEY.lmax)
+    worst = sphere.gaussian_beam(beams.diffraction_fwhm(SURVEY.freqs[0], 13.5), SURVEY.lmax)
     assert beam.transfer == pytest.approx(np.broadcast_to(worst, beam.transfer.shape), rel=1e-10)
     assert beam.after[0] == pytest.approx(1)
 

@@ -9,6 +9,7 @@ import numpy as np
 from astropy import constants as const
 from astropy import units as u
 
+from himap import sphere
 from himap.errors import InputError
 
 __all__ = [
@@ -18,7 +19,6 @@ __all__ = [
     "beam_from_array",
     "beam_model",
     "diffraction_fwhm",
-    "gaussian_transfer",
     "oscillating_fwhm",
 ]
 
@@ -113,13 +113,6 @@ def oscillating_fwhm(freqs, dish_diameter, ripple="bracket"):
     return diffraction * bracket
 
 
-def gaussian_transfer(fwhm, lmax):
-    """b_l = exp(-l (l + 1) sigma^2 / 2) of Gaussian beams: (n_channels,) rad to (n_channels, lmax + 1)."""
-    sigma = np.asarray(fwhm) / np.sqrt(8 * np.log(2))
-    degree = np.arange(lmax + 1)
-    return np.exp(-0.5 * degree * (degree + 1) * sigma[..., None] ** 2)
-
-
 def beam_model(name, survey, *, ripple="bracket"):
     """One of the paper's three beams for a `Survey`, up to its lmax.
 
@@ -134,13 +127,14 @@ def beam_model(name, survey, *, ripple="bracket"):
     freqs, diameter, lmax = survey.freqs, survey.dish_diameter, survey.lmax
     if name == "oscillating":
         fwhm = oscillating_fwhm(freqs, diameter, ripple)
-        return Beam(name=name, native=gaussian_transfer(fwhm, lmax))
+        return Beam(name=name, native=sphere.gaussian_beam(fwhm, lmax))
     fwhm = diffraction_fwhm(freqs, diameter)
     if name == "evolving":
-        return Beam(name=name, native=gaussian_transfer(fwhm, lmax))
+        return Beam(name=name, native=sphere.gaussian_beam(fwhm, lmax))
     if name == "degraded":
         extra = np.sqrt(fwhm.max() ** 2 - fwhm**2)
-        return Beam(name=name, native=gaussian_transfer(fwhm, lmax), after=gaussian_transfer(extra, lmax))
+        native, after = (sphere.gaussian_beam(width, lmax) for width in (fwhm, extra))
+        return Beam(name=name, native=native, after=after)
     raise InputError(
         f"unknown beam {name!r}; there are {', '.join(BEAM_MODELS)}. For a beam of your own give "
         "its b_l to beam_from_array."

@@ -1,0 +1,151 @@
+"""The Galaxy: synchrotron and free-free emission from one of three sources (paper, Sects. 2.1.2-2.1.3)."""
+
+import logging
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from himap import sphere
+from himap.errors import InputError
+from himap.sky.synthetic import synthetic_galaxy
+from himap.sky.templates import (
+    EXPECTED_FILES,
+    Template,
+    digest_of,
+    find_templates,
+    positive,
+    read_templates,
+)
+
+__all__ = ["SOURCES", "Galaxy"]
+
+SOURCES = ("synthetic", "templates", "pysm3")
+"""Made on the spot; FITS files of a folder; PySM 3's models s1 and f1, the paper's own."""
+
+_PYSM_NSIDE = 512  # of the templates of s1 and f1
+_PYSM_MODELS = {"s1": "synchrotron", "f1": "free-free"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Galaxy:
+    """Which Galaxy to simulate.
+
+    Parameters
+    ----------
+    source
+        "synthetic", "templates" or "pysm3".
+    template_dir
+        For "templates": the folder of the three FITS files (see `himap.sky.templates.read_templates`).
+    small_scales
+        Whether to add structure beyond the resolution of templates ("synthetic" has it at any nside).
+
+    Raises
+    ------
+    InputError
+        An unknown source, or a folder that is missing, does not exist or has no use.
+    """
+
+    source: str = "synthetic"
+    template_dir: str | None = None
+    small_scales: bool = True
+
+    def __post_init__(self):
+        if self.source not in SOURCES:
+            raise InputError(f"unknown Galaxy source {self.source!r}; there are {', '.join(SOURCES)}.")
+        if not isinstance(self.small_scales, (bool, np.bool_)):
+            raise InputError(f"small_scales must be True or False, got {self.small_scales!r}.")
+        if self.source == "templates":
+            if self.template_dir is None:
+                raise InputError(
+                    f"the Galaxy source 'templates' needs template_dir, a folder with {EXPECTED_FILES}."
+                )
+            object.__setattr__(self, "template_dir", str(Path(self.template_dir).expanduser()))
+            find_templates(self.template_dir)
+        elif self.template_dir is not None:
+            raise InputError(
+                f"template_dir is for the Galaxy source 'templates' alone, got {str(self.template_dir)!r} "
+                f"with {self.source!r}; leave it out or say source='templates'."
+            )
+
+    @property
+    def label(self):
+        """What figures say under them."""
+        return self.source
+
+    def components(self, nside, rng):
+        """Synchrotron and free-free, a list of two `PowerLaw`: amplitudes in mK, RING, Galactic.
+
+        T(nu, p) = amplitude(p) (nu / freq_ref)^index(p) (paper, Eqs. 1 and 2). Each component has a random
+        stream of its own, a child of `rng`.
+
+        Raises
+        ------
+        InputError
+            `nside` is no power of two, a template is not usable, or PySM cannot download its own.
+        """
+        if nside != int(nside) or nside < 1 or int(nside) & (int(nside) - 1):
+            raise InputError(f"nside must be a power of two, got {nside!r}.")
+        nside = int(nside)
+        if self.source == "synthetic":
+            return synthetic_galaxy(nside, rng)
+        templates = (
+            read_templates(self.template_dir) if self.source == "templates" else _pysm3_templates(nside)
+        )
+        return [
+            template.power_law(nside, stream, small_scales=self.small_scales)
+            for template, stream in zip(templates, rng.spawn(len(templates)), strict=True)
+        ]
+
+    def digest(self):
+        """A hash of what the components depend on besides the fields: files, or the version of pysm3."""
+        if self.source == "templates":
+            return digest_of(self.template_dir)
+        if self.source == "pysm3":
+            try:
+                return version("pysm3")
+            except PackageNotFoundError as error:
+                raise InputError(_no_pysm3("is not installed")) from error
+        return ""
+
+
+def _no_pysm3(why):
+    return (
+        f"the Galaxy source 'pysm3' needs the package pysm3 and its templates, but it {why}. Install it and "
+        "go online once (PySM keeps what it downloads), or take source='synthetic', which needs nothing, "
+        "or source='templates' with FITS files of your own."
+    )
+
+
+def _pysm3_templates(nside):
+    """PySM's s1 and f1 at `nside`, or at their own resolution where that is coarser."""
+    try:
+        import pysm3  # slow to import, and only this source needs it
+    except ImportError as error:
+        raise InputError(_no_pysm3("cannot be imported")) from error
+    log = logging.getLogger("pysm3")
+    was_disabled, log.disabled = log.disabled, True  # it blames its version for a missing network
+    try:
+        sky = pysm3.Sky(nside=min(nside, _PYSM_NSIDE), preset_strings=list(_PYSM_MODELS))
+    except OSError as error:  # urllib's errors and timeouts are OSErrors
+        raise InputError(_no_pysm3(f"could not download its templates ({error})")) from error
+    finally:
+        log.disabled = was_disabled
+    return [
+        _pysm3_template(name, model, pysm3.units)
+        for name, model in zip(_PYSM_MODELS.values(), sky.components, strict=True)
+    ]
+
+
+def _pysm3_template(name, model, units):
+    """A PySM power-law model as a `Template`."""
+    amplitude = np.asarray(model.I_ref.to_value(units.mK_RJ), dtype=np.float64).reshape(-1)
+    sphere.nside_of(amplitude)
+    index = np.asarray(model.pl_index.value, dtype=np.float64)
+    return Template(
+        name=name,
+        amplitude=positive(amplitude, f"{name} of PySM"),
+        freq_ref=float(model.freq_ref_I.to_value(units.MHz)),
+        index=index.reshape(-1) if index.size > 1 else float(index.reshape(-1)[0]),
+    )

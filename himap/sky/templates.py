@@ -1,0 +1,227 @@
+"""Templates of the Galaxy from FITS files: found by name, checked, and brought to any resolution."""
+
+import hashlib
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import healpy as hp
+import numpy as np
+from astropy.io import fits
+
+from himap import sphere
+from himap.errors import InputError
+from himap.sky.emission import PowerLaw
+from himap.sky.small_scales import change_index_resolution, refine
+from himap.sky.synthetic import FREE_FREE_INDEX
+
+__all__ = ["EXPECTED_FILES", "Template", "digest_of", "find_templates", "positive", "read_templates"]
+
+_FREQ = re.compile(r"(\d+(?:\.\d+)?)[ _-]?([mg])hz", re.IGNORECASE)
+_INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
+_KINDS = {
+    "synchrotron": re.compile("synchrotron", re.IGNORECASE),
+    "free-free": re.compile("free[ _-]?free", re.IGNORECASE),
+}
+_UNITS = {"k": 1e3, "mk": 1.0, "uk": 1e-3, "µk": 1e-3, "μk": 1e-3}  # to mK; both letters mu
+_INDEX_LIMITS = (-5.0, 0.0)
+_NOT_POSITIVE = 0.01  # share of the pixels that may be zero or negative
+
+EXPECTED_FILES = (
+    "one synchrotron intensity (such as synchrotron_408MHz.fits), one synchrotron index map (such as "
+    "synchrotron_beta.fits) and one free-free intensity (such as freefree_30GHz.fits); the reference "
+    "frequency, in MHz or GHz, is read from the name"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Template:
+    """A component at the resolution that it is known at.
+
+    Attributes
+    ----------
+    name
+        Of the component.
+    amplitude
+        Brightness temperature at `freq_ref`, mK (Rayleigh-Jeans), positive, (n_pix,), RING, Galactic.
+    freq_ref
+        MHz.
+    index
+        Spectral index: a number, or a map of any nside.
+    """
+
+    name: str
+    amplitude: np.ndarray
+    freq_ref: float
+    index: np.ndarray | float
+
+    def power_law(self, nside, rng, *, small_scales=True):
+        """The component at `nside`, a `PowerLaw`; `rng` draws the small scales of `small_scales.refine`."""
+        index = change_index_resolution(self.index, nside) if np.ndim(self.index) else self.index
+        amplitude = refine(self.amplitude, nside, rng, small_scales=small_scales)
+        return PowerLaw(name=self.name, amplitude=amplitude, freq_ref=self.freq_ref, index=index)
+
+
+def read_templates(folder):
+    """Synchrotron and free-free templates of a folder, a list of two `Template`.
+
+    The maps may have any nside and either ordering. Intensities are in K, mK or uK (Rayleigh-Jeans).
+
+    Raises
+    ------
+    InputError
+        A file is missing, ambiguous or unreadable; a map is partial, has bad pixels, an unknown unit,
+        another frame than the Galactic one, more than 1 % of intensities that are not positive, or an
+        index outside -5..0.
+    """
+    files = find_templates(folder)
+    intensity = {name: _read_intensity(files[name], name) for name in _KINDS}
+    index = {"synchrotron": _read_index(files["index"]), "free-free": FREE_FREE_INDEX}
+    return [
+        Template(name=name, amplitude=intensity[name], freq_ref=_freq_of(files[name]), index=index[name])
+        for name in _KINDS
+    ]
+
+
+def digest_of(folder):
+    """A hash of the names and contents of the template files of a folder."""
+    digest = hashlib.sha256()
+    for kind, path in sorted(find_templates(folder).items()):
+        digest.update(f"{kind} {path.name} ".encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def find_templates(folder):
+    """Paths of the three files by kind: "synchrotron", "index", "free-free"."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"template_dir must be a folder with {EXPECTED_FILES}; {folder} is not a folder.")
+    paths = sorted(
+        path for path in folder.iterdir() if re.search(r"\.fits(\.gz)?$", path.name, re.IGNORECASE)
+    )
+    found = {"index": [path for path in paths if _INDEX.search(path.name)]}
+    for kind, pattern in _KINDS.items():
+        found[kind] = [
+            path
+            for path in paths
+            if pattern.search(path.name) and _FREQ.search(path.name) and path not in found["index"]
+        ]
+    for kind, matches in found.items():
+        if len(matches) != 1:
+            what = {"index": "synchrotron index"}.get(kind, f"{kind} intensity")
+            names = ", ".join(path.name for path in matches) or "none"
+            raise InputError(
+                f"template_dir must hold {EXPECTED_FILES}. {folder} has {len(matches)} files for the "
+                f"{what}: {names}. Leave exactly one of each there."
+            )
+    return {kind: matches[0] for kind, matches in found.items()}
+
+
+def _freq_of(path):
+    """Reference frequency that a file name states, MHz."""
+    stated = {float(value) * {"m": 1.0, "g": 1e3}[unit.lower()] for value, unit in _FREQ.findall(path.name)}
+    if len(stated) != 1 or min(stated) <= 0:
+        raise InputError(
+            f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
+            f"{path.name} states {', '.join(f'{freq:g} MHz' for freq in sorted(stated))}. Rename the file."
+        )
+    return stated.pop()
+
+
+def _read_map(path):
+    """First column of a FITS map, RING, float64, and its header as a dict."""
+    try:
+        with fits.open(path) as file:  # healpy would leave a damaged file open
+            pixels, cards = hp.read_map(file, field=0, nest=False, dtype=np.float64, h=True)
+    except Exception as error:  # healpy and astropy raise nearly anything on a damaged file
+        raise InputError(
+            f"{path.name} could not be read as a HEALPix map ({type(error).__name__}: {error}). "
+            f"Write it again with healpy.write_map, whole and of a valid nside."
+        ) from error
+    header = dict(cards)
+    if (
+        str(header.get("INDXSCHM", "")).strip() == "EXPLICIT"
+        or str(header.get("OBJECT", "")).strip() == "PARTIAL"
+    ):
+        raise InputError(
+            f"{path.name} covers a part of the sky; templates cover all of it. Fill the rest first."
+        )
+    if str(header.get("ORDERING", "")).strip().upper() not in ("RING", "NESTED", "NEST"):
+        raise InputError(
+            f"{path.name} must say ORDERING = RING or NESTED in its header, got "
+            f"{header.get('ORDERING', 'nothing')!r}. Write it again with healpy.write_map."
+        )
+    _check_frame(path, str(header.get("COORDSYS", "G")).strip().upper())
+    sphere.nside_of(pixels)
+    bad = np.count_nonzero(~np.isfinite(pixels) | (np.abs(pixels / hp.UNSEEN - 1) < 1e-5))
+    if bad:
+        raise InputError(
+            f"{path.name} has {bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
+            "templates need a value in every pixel. Fill the holes first."
+        )
+    return pixels, header
+
+
+def _check_frame(path, frame):
+    if not frame.startswith("G"):
+        raise InputError(
+            f"{path.name} must be in Galactic coordinates (COORDSYS = G), got COORDSYS = {frame!r}. Rotate "
+            f"it first: healpy.Rotator(coord=[{frame[:1]!r}, 'G']).rotate_map_pixel(pixels), and "
+            "healpy.write_map(..., coord='G')."
+        )
+
+
+def _read_intensity(path, name):
+    """Intensity map in mK, RING, positive."""
+    pixels, header = _read_map(path)
+    unit = str(header.get("TUNIT1") or "").strip()
+    bare = re.sub(r"[ _]?\{?\(?rj\)?\}?$", "", unit.lower())
+    if bare not in _UNITS:
+        came = f"{unit!r}" if unit else "no TUNIT1"
+        raise InputError(
+            f"{path.name} must have a unit in its header (TUNIT1) out of K, K_RJ, mK, mK_RJ, uK, uK_RJ "
+            f"(Rayleigh-Jeans brightness temperature), got {came}. Convert the map and write "
+            "it with healpy.write_map(..., column_units='K_RJ')."
+        )
+    return positive(pixels * _UNITS[bare], f"{name} ({path.name})")
+
+
+def positive(pixels, label):
+    """An intensity map without zero or negative pixels: a few are raised, with a warning.
+
+    Raises
+    ------
+    InputError
+        More than 1 % of the pixels are zero or negative, or some are not finite.
+    """
+    bad = ~(pixels > 0)
+    n_bad = np.count_nonzero(bad)
+    if n_bad > _NOT_POSITIVE * len(pixels) or not np.isfinite(pixels).all():
+        raise InputError(
+            f"{label}: an intensity must be finite and positive, but {n_bad} of {len(pixels)} pixels are "
+            f"not, and himap mends at most {_NOT_POSITIVE:.0%}. Fill them, or give another template."
+        )
+    if n_bad:
+        smallest = pixels[~bad].min()
+        warnings.warn(
+            f"{label}: {n_bad} of {len(pixels)} pixels are zero or negative; raised to the smallest positive "
+            f"value, {smallest:.3g} mK.",
+            stacklevel=2,
+        )
+        pixels = np.where(bad, smallest, pixels)
+    return pixels
+
+
+def _read_index(path):
+    pixels, _ = _read_map(path)
+    low, high = _INDEX_LIMITS
+    bad = np.count_nonzero((pixels < low) | (pixels > high))
+    if bad:
+        raise InputError(
+            f"{path.name} must hold a spectral index between {low:g} and {high:g} (T ~ nu^index, about -3), "
+            f"but {bad} of {len(pixels)} pixels are outside; they range from {pixels.min():.3g} to "
+            f"{pixels.max():.3g}. Is it another map?"
+        )
+    return pixels

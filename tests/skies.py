@@ -1,0 +1,27 @@
+"""Maps and measures of maps that several tests share."""
+
+import healpy as hp
+import numpy as np
+
+from himap import sphere
+
+BANDS = [(0, 2), (2, 5), (5, 10), (10, 20), (20, 40), (40, 90)]  # |b|, deg
+
+
+def spectrum(pixels):
+    return sphere.cross_spectrum(sphere.analyse(pixels))
+
+
+def bands(pixels):
+    """The pixels of each band of latitude."""
+    nside = sphere.nside_of(pixels)
+    latitude = np.abs(hp.pix2ang(nside, np.arange(len(pixels)), lonlat=True)[1])
+    return [pixels[(latitude >= low) & (latitude < high)] for low, high in BANDS]
+
+
+def lognormal(nside, seed=1, width=0.4):
+    rng = np.random.default_rng(seed)
+    degree = np.arange(2 * nside)
+    alm = sphere.gaussian_alm(np.where(degree > 0, (degree + 4.0) ** -2.7, 0), rng)
+    field = sphere.synthesise(alm, nside)
+    return np.exp(width * field / field.std())
