@@ -58,16 +58,17 @@ def _mollweide(n_columns=720):
     return np.rad2deg(lon), np.rad2deg(lat)
 
 
-def sky_map(axes, pixels, *, title, unit, log=False, limits=None):
+def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     """Draw one map (n_pix,) in Mollweide projection on `axes`; returns the image.
 
-    `limits` are percentiles of the colour range, (1, 99) unless given; `log` for a logarithmic one.
+    Colours go from one percentile of the map to another, `limits`, (1, 99) unless given, or over `span`, in
+    the unit of the map; `log` for logarithmic colours.
     """
     lon, lat = _mollweide()
     inside = np.isfinite(lon)
     image = np.full(lon.shape, np.nan)
     image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
-    low, high = np.percentile(pixels, limits or (1, 99))
+    low, high = np.percentile(pixels, limits or (1, 99)) if span is None else span
     norm = LogNorm(low, high) if log else Normalize(low, high)
     shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap="cividis")
     angle = np.linspace(0, 2 * np.pi, 400)
@@ -78,10 +79,10 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None):
     return shown
 
 
-def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None):
+def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None):
     """A figure of several maps, {title: (n_pix,)}; each has its own colour bar.
 
-    `unit`, `log` and `limits` as in `sky_map`, or dicts by title.
+    `unit`, `log`, `limits` and `span` as in `sky_map`, or dicts by title.
     """
     rows = -(-len(maps) // columns)
     with plt.rc_context(_RC):
@@ -91,7 +92,7 @@ def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None):
         for axes in panels.flat[len(maps) :]:
             axes.set_visible(False)
         for axes, (title, pixels) in zip(panels.flat, maps.items(), strict=False):
-            options = {"unit": unit, "log": log, "limits": limits}
+            options = {"unit": unit, "log": log, "limits": limits, "span": span}
             chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
             sky_map(axes, pixels, title=title, **chosen)
     return _finished(figure)

@@ -1,0 +1,375 @@
+# ---
+# jupyter:
+#   himap:
+#     figures: []
+#     section: '2.1'
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # The simulated sky
+#
+# Neutral hydrogen (HI) emits at 1420.4 MHz. What reaches us at a frequency $\nu$ left at redshift
+# $1 + z = 1420.4\ \mathrm{MHz} / \nu$, so a radio map of every frequency channel is a map of the hydrogen at another
+# distance: *intensity mapping*, without seeing a single galaxy. Between 900 and 1400 MHz we look back to $z = 0.58$.
+#
+# In front of it shines the Galaxy, ten thousand times brighter. This notebook makes both: the signal, and the
+# foregrounds, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Every component draws its random numbers from a stream of its own, so
+# one can be changed while the others stay.
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+survey: dict = {}  # Survey fields that differ from the preset
+galaxy: str = "synthetic"  # synthetic, templates or pysm3
+template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
+small_scales: bool = True  # add structure beyond the resolution of the templates
+
+# %%
+import numpy as np
+
+from himap import pipeline, plotting, sphere
+from himap.cosmology import HIModel, redshift
+from himap.numbers import show
+from himap.provenance import Provenance
+from himap.sky import point_sources
+from himap.sky.galaxy import Galaxy
+from himap.survey import Survey
+
+sky = Survey.preset(preset, **survey)
+freqs = sky.freqs
+middle = sky.n_channels // 2
+
+
+def stamped(figure, source=galaxy):
+    """The figure with a line that says where it comes from."""
+    return plotting.stamp(figure, Provenance.of(sky, galaxy=source, preset=preset))
+
+
+# %% [markdown]
+# ## The signal: HI
+#
+# The mean brightness temperature of the 21 cm line after reionization follows from the Einstein coefficient of the
+# transition and the amount of hydrogen {cite:p}`furlanetto2006`,
+#
+# ```{math}
+# :label: eq-mean-temperature
+# \bar{T}(z) = \frac{3\,h_\mathrm{P}\,c^3 A_{10}}{32\pi\,k_\mathrm{B}\,m_\mathrm{H}\,\nu_{21}^2}\,
+# \frac{(1+z)^2}{H(z)}\,\Omega_\mathrm{HI}(z)\,\rho_\mathrm{c},
+# \qquad \Omega_\mathrm{HI}(z) = 4 \times 10^{-4}\,(1+z)^{0.6},
+# ```
+#
+# about 0.1 mK. Its fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
+#
+# The simulation follows CRIME {cite:p}`alonso2014`. A Gaussian field $\delta_G$ with the linear matter power spectrum of CAMB {cite:p}`lewis2000`
+# fills a periodic box of $3\ h^{-1}$ Gpc with us in the middle. At distance $r$ we see it as it was at $z(r)$: smaller by the growth factor
+# $D(z)$. A lognormal transformation {cite:p}`coles1991` makes a density that is never negative,
+#
+# ```{math}
+# :label: eq-lognormal
+# 1 + \delta_\mathrm{HI} = \exp\left(b D\,\delta_G - \tfrac{1}{2}\,b^2 D^2 \sigma_G^2\right).
+# ```
+#
+# Hydrogen also moves: with the linear velocity of the same box it appears displaced along the line of sight by $f D\,\psi_r$, with
+# $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`, which makes clusters look flattened and
+# boosts the power. Rays through the box, a few for each pixel, then collect the displaced hydrogen into the frequency
+# channels; what leaves one channel enters its neighbour.
+
+# %% mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: the simulation and the mean of theory. What scatters around the line is large-scale structure; the nearest channels hold little of the Universe and scatter most."}}
+hi = pipeline.hi(sky)
+theory = HIModel().mean_temperature(redshift(freqs))
+mean = hi.mean(axis=1, dtype=float)
+curves = [
+    (freqs, 1e3 * theory, {"color": "black", "label": "theory"}),
+    (freqs, 1e3 * mean, {"color": "#0072B2", "linestyle": "none", "marker": ".", "label": "simulation"}),
+]
+panel = {"curves": curves, "xlabel": "frequency [MHz]", "ylabel": r"mean temperature [$\mu$K]"}
+stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
+
+# %% mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The same structures look larger the nearer they are."}}
+near = int(0.9 * sky.n_channels)
+maps = {
+    f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]
+    for channel in (middle // 4, near)
+}
+stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
+
+# %% mystnb={"figure": {"name": "fig-hi-slice", "caption": "The light cone cut open: HI along the Galactic equator against frequency, that is, distance. Far away (left) structures span few pixels, close by (right) many."}}
+longitude = np.linspace(-180, 180, 720)
+equator = sphere.pixel_at(sky.nside, longitude, 0.0)
+cone = 1e3 * hi[:, equator].T
+stamped(
+    plotting.image(
+        cone,
+        x=freqs,
+        y=longitude,
+        xlabel="frequency [MHz]",
+        ylabel="Galactic longitude [deg]",
+        unit=r"$\mu$K",
+        limits=(1, 99.5),
+    ),
+    "no",
+)
+
+# %% [markdown]
+# ## The foregrounds
+#
+# ### The Galaxy
+#
+# Relativistic electrons in the Galactic magnetic field emit *synchrotron* radiation, hot ionised gas *free-free* radiation. Both are
+# power laws in frequency,
+#
+# ```{math}
+# :label: eq-power-law
+# T(\nu, p) = T(\nu_0, p)\,\left(\frac{\nu}{\nu_0}\right)^{\beta(p)},
+# ```
+#
+# with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free. The paper takes the maps of PySM
+# {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. Here the parameter `galaxy` chooses among
+#
+# - `pysm3`, the paper's maps, which PySM downloads at first use;
+# - `templates`, FITS maps of your own, of any resolution. Maps coarser than the simulation are refined in harmonic space, on the logarithm of the
+#   temperature so that nothing rings below zero, and small scales are added as a Gaussian field that continues the template's spectrum, modulated by the
+#   large-scale brightness {cite:p}`miville2007,thorne2017`;
+# - `synthetic`, the default, which needs nothing: a Galaxy of discs seen from inside, radio loops and lognormal structure, calibrated on the
+#   statistics of the real maps.
+
+# %% mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron at 408 MHz, its spectral index, and free-free emission at 30 GHz (logarithmic but for the index), and the point sources at 1.4 GHz."}}
+milky_way = Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales)
+synchrotron, free_free, sources = pipeline.components(sky, milky_way)
+titles = ["synchrotron, 408 MHz", "synchrotron index", "free-free, 30 GHz", "point sources, 1.4 GHz"]
+values = [
+    synchrotron.amplitude / 1e3,
+    np.broadcast_to(synchrotron.index, synchrotron.amplitude.shape),
+    free_free.amplitude * 1e3,
+    sources.amplitude,
+]
+stamped(
+    plotting.sky_maps(
+        dict(zip(titles, values, strict=True)),
+        unit=dict(zip(titles, ["K", "", r"$\mu$K", "mK"], strict=True)),
+        log=dict(zip(titles, [True, False, True, True], strict=True)),
+    )
+)
+
+# %% [markdown]
+# How good is the stand-in? {numref}`fig-galaxy-beside` shows it beside the real maps. A run with the real templates, or with PySM, makes this
+# picture anew; the one here was made by
+# `himap run 01_simulations -p galaxy=templates -p template_dir=FOLDER` with PySM's maps at nside 64.
+# {numref}`fig-galaxy-statistics` compares the statistics that the synthetic Galaxy was calibrated on: medians over bands of latitude, and $C_\ell$. It lacks the
+# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and single seeds scatter around the mean by factors of up to 2.
+#
+# ```{figure} ../book/_static/galaxy_beside.png
+# :name: fig-galaxy-beside
+# The real Galaxy (left) and the synthetic one (right) on the same colours: synchrotron at 408 MHz {cite:p}`remazeilles2015` and free-free emission at 30 GHz
+# {cite:p}`draine2011`, in mK, nside 64.
+# ```
+
+# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra. Above l of 100 the synthetic sky continues as the real one does at higher resolution."}}
+STATISTICS = {
+    "edges": [0, 2, 5, 10, 20, 40, 90],
+    "synchrotron": [65, 48, 34, 24, 16, 12],
+    "free-free": [1130, 328, 132, 56, 16, 2.6],
+    "degrees": [2, 5, 10, 20, 50, 100],
+    "synchrotron C_l": [646, 62, 28, 4.6, 0.35, 0.051],
+    "free-free C_l": [1.6e5, 3.4e4, 2.7e4, 1.2e4, 2.9e3, 7.0e2],
+}
+stand_in = Galaxy().components(64, sky.rng("galaxy"))
+latitude = np.abs(sphere.pixel_latitude(64))
+edges = np.array(STATISTICS["edges"])
+inside = [(latitude >= low) & (latitude < high) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+centres = 0.5 * (edges[1:] + edges[:-1])
+panels = []
+for component, name, scale, unit in zip(
+    stand_in, ["synchrotron", "free-free"], [1e-3, 1e3], ["K", r"$\mu$K"], strict=True
+):
+    pixels = scale * component.amplitude
+    medians = np.array([np.median(pixels[band]) for band in inside])
+    cl = sphere.cross_spectrum(sphere.analyse(pixels - pixels.mean()))
+    colour = {"synchrotron": "#0072B2", "free-free": "#E69F00"}[name]
+    panels.append(
+        {
+            "curves": [(centres, medians, {"color": colour, "label": "synthetic"})],
+            "points": [(centres, np.array(STATISTICS[name]), {"color": "black", "label": "real sky"})],
+            "title": name,
+            "xlabel": "|b| [deg]",
+            "ylabel": f"median [{unit}]",
+            "yscale": "log",
+        }
+    )
+    panels.append(
+        {
+            "curves": [(np.arange(2, 129), cl[2:129], {"color": colour, "label": "synthetic"})],
+            "points": [
+                (STATISTICS["degrees"], STATISTICS[f"{name} C_l"], {"color": "black", "label": "real sky"})
+            ],
+            "title": name,
+            "xlabel": r"multipole $\ell$",
+            "ylabel": rf"$C_\ell$ [{unit}$^2$]",
+            "xscale": "log",
+            "yscale": "log",
+        }
+    )
+stamped(plotting.lines(panels), "synthetic")
+
+# %%
+if galaxy == "synthetic":
+    beside = None
+else:
+    maps, span = {}, {}
+    for theirs, ours in zip(
+        (synchrotron, free_free), Galaxy().components(sky.nside, sky.rng("galaxy")), strict=True
+    ):
+        pair = {f"{theirs.name}: {galaxy}": theirs.amplitude, f"{theirs.name}: synthetic": ours.amplitude}
+        maps |= pair
+        span |= dict.fromkeys(pair, np.percentile(ours.amplitude, (1, 99)))
+    beside = stamped(plotting.sky_maps(maps, log=True, span=span), f"{galaxy} and synthetic")
+beside
+
+# %% [markdown]
+# ### Radio galaxies
+#
+# The counts of radio sources per flux $S$ and solid angle are a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are too many to
+# draw one by one; they make a field {cite:p}`olivari2016` with the mean and the spectrum
+#
+# ```{math}
+# :label: eq-sources
+# \bar{T} = \frac{\lambda^2}{2 k_\mathrm{B}} \int S\,\frac{\mathrm{d}N}{\mathrm{d}S}\,\mathrm{d}S,
+# \qquad
+# C_\ell = 1.8 \times 10^{-4}\,\ell^{-1.2}\,\bar{T}^2
+# + \left(\frac{\lambda^2}{2 k_\mathrm{B}}\right)^{2} \int S^2\,\frac{\mathrm{d}N}{\mathrm{d}S}\,\mathrm{d}S .
+# ```
+#
+# Sources between 10 mJy and 1 Jy are put on the sky one by one, 630 000 of them; brighter ones are taken as known and removed. The spectral index of each pixel is
+# drawn from a normal distribution of mean $-2.7$ and width 0.2. No flux is counted twice: mean and clustering are those of the faint sources alone.
+
+# %% mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the shaded end is drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
+flux = np.geomspace(1e-6, 1, 200)
+bright = flux >= point_sources.FLUX_FAINT
+counts = flux**2.5 * point_sources.source_counts(flux)
+degrees = np.arange(2, 2 * sky.nside)
+clustering = point_sources.clustering_spectrum(
+    degrees[-1], point_sources.mean_temperature(point_sources.FLUX_FAINT)
+)[2:]
+poisson = np.full(len(degrees), point_sources.poisson_spectrum(point_sources.FLUX_FAINT))
+source_cl = sphere.cross_spectrum(sphere.analyse(sources.amplitude - sources.amplitude.mean()))[degrees]
+panels = [
+    {
+        "curves": [
+            (flux, counts, {"color": "#0072B2", "label": "faint: a field"}),
+            (flux[bright], counts[bright], {"color": "#D55E00", "linewidth": 3, "label": "drawn one by one"}),
+        ],
+        "xlabel": "flux S [Jy]",
+        "ylabel": r"$S^{2.5}\,\mathrm{d}N/\mathrm{d}S$ [Jy$^{1.5}$ sr$^{-1}$]",
+        "xscale": "log",
+        "yscale": "log",
+    },
+    {
+        "curves": [
+            (degrees, clustering, {"color": "#0072B2", "label": "faint: clustering"}),
+            (degrees, poisson, {"color": "#E69F00", "linestyle": "--", "label": "faint: Poisson"}),
+            (degrees, source_cl, {"color": "black", "linewidth": 0.8, "label": "map, with injected sources"}),
+        ],
+        "xlabel": r"multipole $\ell$",
+        "ylabel": r"$C_\ell$ [mK$^2$]",
+        "xscale": "log",
+        "yscale": "log",
+    },
+]
+stamped(plotting.lines(panels))
+
+# %% [markdown]
+# ## Everything together
+#
+# Two lines of sight tell the story of this book. The foregrounds are four to five orders of magnitude brighter than HI, and smooth; HI is faint, and jagged.
+
+# %% mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
+styles = {
+    "synchrotron": {"color": "#0072B2", "linestyle": "-"},
+    "free-free": {"color": "#E69F00", "linestyle": "--"},
+    "point sources": {"color": "#009E73", "linestyle": "-."},
+    "HI": {"color": "black", "linestyle": "-", "linewidth": 0.9},
+}
+panels = []
+for title, position in {"l = 30°, b = 0°": (30.0, 0.0), "l = 30°, b = 60°": (30.0, 60.0)}.items():
+    pixel = sphere.pixel_at(sky.nside, *position)
+    curves = [
+        (
+            freqs,
+            [component.map(freq)[pixel] for freq in freqs],
+            styles[component.name] | {"label": component.name},
+        )
+        for component in (synchrotron, free_free, sources)
+    ]
+    curves.append((freqs, hi[:, pixel], styles["HI"] | {"label": "HI"}))
+    panels.append(
+        {
+            "curves": curves,
+            "title": title,
+            "xlabel": "frequency [MHz]",
+            "ylabel": "temperature [mK]",
+            "yscale": "log",
+            "ylim": (3e-5, None),
+            "legend": {"loc": "lower left", "ncols": 2},
+        }
+    )
+stamped(plotting.lines(panels))
+
+# %% mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of every component in the channel in the middle of the band, before beam and noise."}}
+middle_maps = {
+    component.name: component.map(freqs[middle]) for component in (synchrotron, free_free, sources)
+} | {"HI": hi[middle].astype(float)}
+power = {
+    name: sphere.cross_spectrum(sphere.analyse(pixels - pixels.mean()))[degrees]
+    for name, pixels in middle_maps.items()
+}
+curves = [(degrees, power[name], styles[name] | {"label": name}) for name in styles]
+labels = {"xlabel": r"multipole $\ell$", "ylabel": r"$C_\ell$ [mK$^2$]", "xscale": "log", "yscale": "log"}
+room = {"ylim": (1e-9, None), "legend": {"loc": "lower left", "ncols": 2}}
+stamped(plotting.lines([{"curves": curves, **labels, **room}], columns=1, size=(6.8, 4)))
+
+# %% [markdown]
+# ## The numbers
+
+# %%
+foreground = sum(middle_maps[name] for name in ("synchrotron", "free-free", "point sources"))
+show(
+    {
+        "pixels of a map": sky.n_pix,
+        "channels": sky.n_channels,
+        "mean HI temperature, middle of the band": (1e3 * mean[middle], 0.05, "µK"),
+        "mean of theory there": (1e3 * theory[middle], 0.01, "µK"),
+        "rms of HI there": (1e3 * middle_maps["HI"].std(), 0.05, "µK"),
+        "median foreground there": (np.median(foreground) / 1e3, 0.005, "K"),
+        "foreground over HI (rms), there": (
+            foreground.std() / middle_maps["HI"].std() / 1e3,
+            0.5,
+            "thousand",
+        ),
+        "mean of the point sources at 1.4 GHz": (sources.amplitude.mean(), 0.05, "mK"),
+        "... of theory, below 1 Jy": (point_sources.mean_temperature(1.0), 0.01, "mK"),
+    }
+)
+
+# %% [markdown]
+# ## What to take away
+#
+# - HI is 0.1 mK, the foregrounds are kelvins: removing them to one part in $10^5$ is not enough where they are brightest.
+# - Foregrounds are smooth in frequency, HI is not; that is the only difference a blind method uses.
+# - The simulation has limits. The density is lognormal, the velocities are linear, and HI has no structure below the cell of the box,
+#   so small scales are a sketch. For the questions of this book, which are about foregrounds, that is enough.
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 01_simulations --preset laptop                                     # sharper, a minute or two
+# himap run 01_simulations -p seed=7                                           # another Universe
+# himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # your own Galaxy
+# ```
