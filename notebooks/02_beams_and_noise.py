@@ -221,6 +221,7 @@ panel = {
     "curves": curves,
     "xlabel": "frequency [MHz]",
     "ylabel": "deviation from a smooth spectrum [ppm]",
+    "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, 1.12), "ncols": 4},
 }
 stamped(plotting.lines([panel], columns=1, size=(7.4, 4)), ripple=ripple)
 

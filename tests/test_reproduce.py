@@ -1,14 +1,18 @@
 """Notebooks run with other parameters, and again when something they depend on changed."""
 
+import base64
+import io
 import json
 import os
 import re
 
 import jupytext
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
-from himap import reproduce
+from himap import notebook_files, reproduce
 from himap.errors import InputError
 
 TOY = """\
@@ -233,3 +237,25 @@ def test_edits_made_in_jupyter_are_not_lost(folder):
     assert reproduce.stale(folder) == {"01_toy": "its text changed"}
     reproduce.refresh(folder=folder)
     assert reproduce.stale(folder) == {}
+
+
+def test_pictures_are_packed_and_stay_what_they_were():
+    """256 colours do for a figure: a photograph-like gradient moves by a few of its 255 levels, once."""
+    rng = np.random.default_rng(1)
+    levels = np.clip(np.linspace(0, 200, 120)[:, None] + 30 * rng.random((120, 160)), 0, 255)
+    pixels = np.stack([levels, levels[::-1], np.full_like(levels, 120)], axis=-1).astype(np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    before = base64.b64encode(buffer.getvalue()).decode()
+    after = notebook_files._smaller(before)
+    assert len(after) < 0.7 * len(before)
+    packed = np.asarray(Image.open(io.BytesIO(base64.b64decode(after))).convert("RGB"), dtype=float)
+    assert np.abs(packed - pixels).mean() < 5
+    assert notebook_files._smaller(after) == after
+
+
+def test_transparent_pictures_become_white():
+    buffer = io.BytesIO()
+    Image.new("RGBA", (4, 4), (0, 0, 0, 0)).save(buffer, "PNG")
+    packed = notebook_files._smaller(base64.b64encode(buffer.getvalue()).decode())
+    assert Image.open(io.BytesIO(base64.b64decode(packed))).convert("RGB").getpixel((0, 0)) == (255, 255, 255)
