@@ -116,7 +116,7 @@ def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), ba
         figure, grid = plt.subplots(
             2,
             len(panels),
-            figsize=(1.5 + 4.2 * len(panels), 5.2),
+            figsize=(1.2 + 3.3 * len(panels), 4.8),
             sharex=True,
             sharey="row",
             squeeze=False,
@@ -199,7 +199,8 @@ def _finished(figure):
 
 def stamp(figure, provenance):
     """Write where the figure comes from under it, in small print; returns the figure."""
-    figure.supxlabel(str(provenance), fontsize=6.5, color="0.35")
+    size = np.clip(0.8 * figure.get_figwidth(), 6, 9)  # wide figures are shown scaled down
+    figure.supxlabel(str(provenance), fontsize=size, color="0.35")
     return figure
 
 

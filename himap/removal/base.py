@@ -25,12 +25,13 @@ class SeparationWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """What a method found in centred maps.
+    """What a method found.
 
     Attributes
     ----------
     foreground
-        (n_channels, n_pix) float32, mK, of the centred maps.
+        (n_channels, n_pix) float32, mK, a new array. `_separate` gives that of the centred maps; the
+        base class adds the channel means in place, for a second cube of that size is not small.
     mixing
         (n_channels, n_sources).
     sources
@@ -56,15 +57,17 @@ class Cleaned:
     ----------
     residual
         HI plus noise as the method sees it, (n_channels, n_pix) float32, mK.
-    foreground
-        What was subtracted, including the mean of every channel, same shape.
     separation
         The `Separation` behind it.
     """
 
     residual: np.ndarray
-    foreground: np.ndarray
     separation: Separation
+
+    @property
+    def foreground(self):
+        """What was subtracted, the mean of every channel included, same shape."""
+        return self.separation.foreground
 
 
 def parameter(default, help, *, minimum=None, maximum=None):
@@ -149,27 +152,27 @@ class ForegroundRemover(ABC):
                 f"n_sources must be at most the number of channels, {len(maps)}, got {n_sources}."
             )
         mean = basis.mean(axis=1, dtype=np.float64)
-        centred = _shifted(basis, -mean)
-        separation = self._separate(centred, freqs=freqs, beams=beams, rng=rng)
+        separation = self._separate(_centred(basis, mean), freqs=freqs, beams=beams, rng=rng)
         if not separation.converged:
             warnings.warn(
                 f"{self.name} stopped after {separation.n_iterations} iterations without converging.",
                 SeparationWarning,
                 stacklevel=2,
             )
-        foreground = _shifted(separation.foreground, mean)
-        return Cleaned(residual=maps - foreground, foreground=foreground, separation=separation)
+        for channel, value in zip(separation.foreground, mean, strict=True):
+            channel += value
+        return Cleaned(residual=maps - separation.foreground, separation=separation)
 
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
         """The `Separation` of centred float32 `maps`; must not change them."""
 
 
-def _shifted(maps, shift):
-    """float32 maps plus one number per channel, added in float64 a channel at a time."""
+def _centred(maps, mean):
+    """float32 maps less one number per channel, subtracted in float64 a channel at a time."""
     out = np.empty(maps.shape, dtype=np.float32)
-    for channel, value, row in zip(maps, shift, out, strict=True):
-        row[:] = channel + np.float64(value)
+    for channel, value, row in zip(maps, mean, out, strict=True):
+        row[:] = channel - np.float64(value)
     return out
 
 
