@@ -12,6 +12,7 @@ import hashlib
 import io
 import json
 import os
+import tempfile
 
 import nbformat
 from PIL import Image
@@ -134,7 +135,11 @@ def check_output(path):
     parent = next(folder for folder in path.resolve().parents if folder.exists())
     if not (parent.is_dir() and os.access(parent, os.W_OK)):
         raise InputError(f"the output {path} cannot be written, because {parent} is no folder that can be.")
-    return path
+    try:  # what the permissions promise is not always so
+        with tempfile.TemporaryFile(dir=parent):
+            return path
+    except OSError as error:
+        raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
 
 
 def write_notebook(node, path):

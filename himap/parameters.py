@@ -146,6 +146,8 @@ def check_parameters(declared, given, preset=None):
         values = {name: known[name].convert(value) for name, value in given.items()}
     except InputError as error:
         raise InputError(f"{error}; the parameters are:\n{describe_parameters(declared)}") from None
+    if not all(isinstance(name, str) for name in values.get("survey", {})):
+        raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
     if survey or "survey" in values:
         values["survey"] = {**known["survey"].default, **values.get("survey", {}), **survey}
     if "preset" in known:

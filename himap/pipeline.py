@@ -55,7 +55,9 @@ class Case:
     ripple: str = "bracket"
 
     def __post_init__(self):
-        if self.ripple not in RIPPLES:
+        if not (isinstance(self.survey, Survey) and isinstance(self.galaxy, Galaxy)):
+            raise InputError("a Case takes a Survey and a Galaxy, such as Galaxy(source='synthetic').")
+        if not isinstance(self.ripple, str) or self.ripple not in RIPPLES:
             raise InputError(f"unknown ripple {self.ripple!r}; there are {', '.join(RIPPLES)}.")
         beam_model(
             self.beam, self.survey, ripple=self.ripple
@@ -101,9 +103,10 @@ def foregrounds(survey, galaxy):
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
+    bright = foregrounds(survey, case.galaxy)  # first: a bad template shows before the long work on HI
     return observe(
         hi(survey),
-        foregrounds(survey, case.galaxy),
+        bright,
         noise_maps(survey, survey.rng("noise")),
         beam_model(case.beam, survey, ripple=case.ripple),
         survey,
@@ -117,6 +120,7 @@ def cleaned(case, remover):
 
     The method comes as an object, not by name, so that its result depends on the code of that method alone.
     """
+    remover.check(case.survey.n_channels)
     seen = observation(case)
     result = remover.clean(
         seen.maps, freqs=seen.freqs, beams=seen.beams, rng=case.survey.rng(f"removal {remover.name}")

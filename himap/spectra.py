@@ -3,6 +3,7 @@
 The mean over the sky is removed from every channel first, as in the paper.
 """
 
+import numbers
 import warnings
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import numpy as np
 from scipy import fft
 
 from himap import sphere
+from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
 from himap.progress import progress
 
@@ -67,17 +69,18 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     InputError
         A mask of the wrong shape or that keeps nothing, or a bad bin width.
     """
-    maps = np.atleast_2d(maps)
+    maps, weights = _checked(maps, mask)
     nside = sphere.nside_of(maps)
-    lmax = 3 * nside - 1 if lmax is None else lmax
-    weights = _weights(mask, maps.shape[1])
+    lmax = 3 * nside - 1 if lmax is None else whole_number("lmax", lmax, 2, 3 * nside - 1)
     f_sky = weights.mean()
-    bin_width = int(np.ceil(1 / f_sky)) if bin_width is None else bin_width
-    if not 1 <= bin_width <= lmax:
-        raise InputError(f"bin_width must be between 1 and lmax = {lmax}, got {bin_width}.")
+    if bin_width is None:
+        bin_width = min(int(np.ceil(1 / f_sky)), lmax)
+    bin_width = whole_number("bin_width", bin_width, 1, lmax)
+    kept = weights > 0
     cl = np.empty((len(maps), lmax + 1))
     for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
-        centred = weights * (channel - np.average(channel, weights=weights))
+        mean = np.average(channel[kept], weights=weights[kept])
+        centred = weights * np.where(kept, channel - mean, 0)
         out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), lmax))
     bins = _bin_matrix(lmax, bin_width)
     degrees = bins @ np.arange(lmax + 1)
@@ -112,10 +115,19 @@ def _bin_matrix(lmax, width):
     return inside / inside.sum(axis=1, keepdims=True)
 
 
+def _checked(maps, mask):
+    """Maps and weights; what the mask leaves out may be anything."""
+    shape = np.shape(maps)
+    weights = _weights(mask, shape[-1] if shape else 0)
+    return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
+
+
 def _weights(mask, n_pix):
     """The mask as float64 weights, checked."""
     if mask is None:
         return np.ones(n_pix)
+    if np.asarray(mask).dtype != bool:
+        mask = real_array("the mask", mask)
     weights = np.asarray(mask, dtype=np.float64)
     if weights.shape != (n_pix,):
         raise InputError(f"the mask must have shape (n_pix,) = ({n_pix},), got {weights.shape}.")
@@ -145,15 +157,16 @@ def frequency_power(maps, channel_width, *, mask=None):
     -------
     FrequencyPower
     """
-    maps = np.atleast_2d(maps)
+    maps, weights = _checked(maps, mask)
+    if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):
+        raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
     n_channels, n_pix = maps.shape
-    weights = _weights(mask, n_pix)
-    mean = np.array([np.average(channel, weights=weights) for channel in maps])
+    kept = weights > 0
+    mean = np.array([np.average(channel[kept], weights=weights[kept]) for channel in maps])
     total = np.zeros(n_channels // 2 + 1)
     for start in range(0, n_pix, _BLOCK):
         block = slice(start, start + _BLOCK)
-        if weights[block].any():
-            lines = maps[:, block] - mean[:, None]
-            total += np.abs(fft.rfft(lines, axis=0, workers=-1)) ** 2 @ weights[block]
+        lines = maps[:, block][:, kept[block]] - mean[:, None]
+        total += np.abs(fft.rfft(lines, axis=0, workers=-1)) ** 2 @ weights[block][kept[block]]
     power = total * channel_width / (n_channels * weights.sum())
     return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)

@@ -47,7 +47,9 @@ _ABANDONED_AFTER = 86_400.0  # s without a write, after which an unfinished file
 def cache_folder():
     """The folder that products are kept in."""
     folder = os.environ.get("HIMAP_CACHE")
-    return Path(folder).expanduser() if folder else platformdirs.user_cache_path("himap", appauthor=False)
+    return (
+        Path(os.path.expanduser(folder)) if folder else platformdirs.user_cache_path("himap", appauthor=False)
+    )
 
 
 def product(function):
@@ -174,12 +176,12 @@ def _memory():
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        return joblib.Memory(folder, mmap_mode="r", verbose=0).cache(_produce, ignore=["call"])
     except OSError as error:
         raise InputError(
-            f"the cache folder {folder} cannot be made ({error.strerror}); set the variable HIMAP_CACHE to "
+            f"the cache folder {folder} cannot be used ({error.strerror}); set the variable HIMAP_CACHE to "
             "a folder that can be written."
         ) from None
-    return joblib.Memory(folder, mmap_mode="r", verbose=0).cache(_produce, ignore=["call"])
 
 
 def _describe(value):

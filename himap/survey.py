@@ -34,17 +34,17 @@ class Survey:
     """
 
     nside: int = _field(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)
-    n_channels: int = _field(125, "number of frequency channels", minimum=2)
-    freq_min: float = _field(900.0, "lower edge of the band, MHz", minimum=0, exclusive=True)
+    n_channels: int = _field(125, "number of frequency channels", minimum=2, maximum=100_000)
+    freq_min: float = _field(900.0, "lower edge of the band, MHz", minimum=240)
     freq_max: float = _field(1400.0, "upper edge of the band, MHz", maximum=1420.0)
-    box_cells: int = _field(256, "cells along one side of the HI box", minimum=8)
-    box_size: float = _field(3000.0, "side of the HI box, Mpc/h", minimum=0, exclusive=True)
+    box_cells: int = _field(256, "cells along one side of the HI box, even", minimum=8, maximum=4096)
+    box_size: float = _field(3000.0, "side of the HI box, Mpc/h", minimum=100, maximum=20_000)
     dish_diameter: float = _field(13.5, "dish diameter, m", minimum=0, exclusive=True)
     n_dishes: int = _field(197, "number of dishes", minimum=1)
     t_obs: float = _field(20_000.0, "total observing time, h", minimum=0, exclusive=True)
     t_instr: float = _field(25.0, "instrumental temperature, K", minimum=0)
     f_sky: float = _field(1.0, "observed fraction of the sky", minimum=0, maximum=1, exclusive=True)
-    seed: int = _field(2025, "seed of every random stream", minimum=0)
+    seed: int = _field(2025, "seed of every random stream", minimum=0, maximum=2**63)
 
     def __post_init__(self):
         for item in fields(self):
@@ -53,6 +53,11 @@ class Survey:
         if self.nside & (self.nside - 1):
             below = 2 ** (self.nside.bit_length() - 1)
             raise InputError(f"nside must be a power of two, got {self.nside}; try {below} or {2 * below}.")
+        if self.box_cells % 2:
+            raise InputError(
+                "box_cells must be even, because the observer sits where eight cells meet; got "
+                f"{self.box_cells}, try {self.box_cells + 1}."
+            )
         if self.freq_min >= self.freq_max:
             raise InputError(
                 f"the band must have freq_min < freq_max, got {self.freq_min} and {self.freq_max} MHz."
@@ -67,7 +72,7 @@ class Survey:
         InputError
             An unknown preset or field (the message lists what exists), or a bad value.
         """
-        if name not in PRESETS:
+        if not isinstance(name, str) or name not in PRESETS:
             raise InputError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}.")
         unknown = sorted(set(overrides) - {item.name for item in fields(cls)})
         if unknown:
@@ -117,8 +122,8 @@ class Survey:
 
 def _checked(item, value):
     """`value` as the type of the dataclass field `item`, within its limits."""
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, (bool, np.bool_))
-    if not number or not np.isfinite(value) or (item.type is int and value != int(value)):
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not number or not abs(value) < np.inf or (item.type is int and value != int(value)):
         kind = {int: "a whole number", float: "a number"}[item.type]
         raise InputError(f"{item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
     low, high = item.metadata["minimum"], item.metadata["maximum"]

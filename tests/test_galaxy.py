@@ -85,7 +85,7 @@ def test_pysm3_models_become_power_laws(monkeypatch, nside, asked):
     [
         ({"source": "haslam"}, "there are synthetic, templates, pysm3"),
         ({"source": "templates"}, "needs template_dir.*one synchrotron index map"),
-        ({"source": "templates", "template_dir": "no/such/folder"}, "no/such/folder is not a folder"),
+        ({"source": "templates", "template_dir": "no/such/folder"}, "no/such/folder cannot be read"),
         ({"template_dir": "."}, "leave it out or say source='templates'"),
         ({"source": "pysm3", "template_dir": "."}, "with 'pysm3'"),
         ({"small_scales": "yes"}, "True or False"),

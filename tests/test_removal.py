@@ -74,10 +74,10 @@ class TestContract:
         mapped = np.load(tmp_path / "sky.npy", mmap_mode="r")
         assert np.array_equal(clean(name, mapped).residual, clean(name, sky).residual)
 
-    @pytest.mark.parametrize("value", [np.nan, np.inf])
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -1.6375e30])
     def test_bad_pixels(self, name, sky, value):
         sky[3, 5] = value
-        with pytest.raises(InputError, match="got 1 NaN or infinite"):
+        with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
             clean(name, sky)
 
     def test_bad_shapes(self, name, sky):

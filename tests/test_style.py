@@ -12,7 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # A room (a module or package of himap) may import the rooms before it, and no other.
 # fmt: off
 ROOMS = [
-    "errors", "numbers", "progress", "survey", "syntax", "fingerprint", "provenance", "store",  # no physics
+    "errors", "checks", "numbers", "progress", "survey",  # no physics
+    "syntax", "fingerprint", "provenance", "store",
     "cosmology", "sphere", "sky", "instrument", "removal", "spectra", "diagnostics",
     "pipeline", "claims", "plotting",
     "parameters", "notebook_files", "reproduce", "cli", "__main__",

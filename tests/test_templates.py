@@ -297,3 +297,18 @@ def test_small_scales_of_the_408_mhz_map_are_those_published(real_sky):
     added = small_scales.add_structure(amplitude, 256, np.random.default_rng(0))
     high = np.abs(hp.pix2ang(256, np.arange(12 * 256**2), lonlat=True)[1]) > 40
     assert 0.5 < added[high].std() / (0.0599 * 12 ** (0.782 - 1)) < 2
+
+
+@pytest.mark.parametrize("name", ["1p5GHz", "1,5GHz", "0p408GHz", "1.4e3MHz"])
+def test_numbers_that_would_be_read_in_part_are_refused(folder, name):
+    (folder / "synchrotron_408MHz.fits").rename(folder / f"synchrotron_{name}.fits")
+    with pytest.raises(InputError, match="synchrotron intensity: none"):
+        Galaxy(source="templates", template_dir=str(folder))
+
+
+def test_template_that_cannot_be_read(folder):
+    (folder / "synchrotron_408MHz.fits").unlink()
+    (folder / "synchrotron_408MHz.fits").symlink_to(folder / "gone.fits")
+    galaxy = Galaxy(source="templates", template_dir=str(folder))
+    with pytest.raises(InputError, match="cannot be read"):
+        galaxy.digest()

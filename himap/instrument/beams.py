@@ -10,6 +10,7 @@ from astropy import constants as const
 from astropy import units as u
 
 from himap import sphere
+from himap.checks import real_array
 from himap.errors import InputError
 
 __all__ = [
@@ -31,6 +32,7 @@ RIPPLES = {
 """Readings of the ripple in the paper's Eq. 10, where arcmin inside a plain number are ambiguous."""
 
 _RIPPLE_PERIOD = 20.0  # MHz
+_LARGEST_TRANSFER = 1.01  # b_0 = 1, but for rounding
 # Matshawule et al. 2021, Table 1, for nu in MHz. Terms of 1e3 cancel to 1: every digit counts.
 _MATSHAWULE = (
     6.70428133e03,
@@ -94,7 +96,7 @@ def oscillating_fwhm(freqs, dish_diameter, ripple="bracket"):
         Unknown ripple, or frequencies outside the range of the polynomial, 850 to 1420 MHz.
     """
     freqs = np.asarray(freqs, dtype=float)
-    if ripple not in RIPPLES:
+    if not isinstance(ripple, str) or ripple not in RIPPLES:
         readings = "; ".join(f"{name} ({text})" for name, text in RIPPLES.items())
         raise InputError(f"unknown ripple {ripple!r}; there are: {readings}.")
     wave = np.sin(2 * np.pi * freqs / _RIPPLE_PERIOD)
@@ -149,7 +151,7 @@ def beam_from_array(transfer, survey, *, name="custom"):
     InputError
         Wrong shape, or values that are not finite and positive.
     """
-    transfer = np.asarray(transfer, dtype=float)
+    transfer = np.array(real_array("beams", transfer), dtype=float)
     n_channels, n_degrees = survey.n_channels, survey.lmax + 1
     if transfer.ndim != 2 or transfer.shape[0] != n_channels or transfer.shape[1] < n_degrees:
         raise InputError(
@@ -157,11 +159,11 @@ def beam_from_array(transfer, survey, *, name="custom"):
             f"or longer in l, got {transfer.shape}."
         )
     transfer = transfer[:, :n_degrees]
-    bad = ~np.isfinite(transfer) | (transfer <= 0)
+    bad = ~((transfer > 0) & (transfer < _LARGEST_TRANSFER))
     if bad.any():
         channel, degree = np.argwhere(bad)[0]
         raise InputError(
-            f"beams must be finite and positive at every l, got {transfer[channel, degree]} at channel "
+            f"beams must be above 0 and at most 1 at every l, got {transfer[channel, degree]} at channel "
             f"{channel}, l = {degree}. Where a beam vanishes no sky is observed: lower nside, or floor it."
         )
     return Beam(name=name, native=transfer)

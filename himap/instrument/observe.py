@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap import sphere
+from himap.checks import checked_cube
 from himap.errors import InputError
 
 __all__ = ["Observation", "observe"]
@@ -61,10 +62,15 @@ def observe(hi, foregrounds, noise, beam, survey, *, provenance=None):
     """
     expected = (survey.n_channels, survey.n_pix)
     for label, cube in (("hi", hi), ("foregrounds", foregrounds), ("noise", noise)):
-        if np.shape(cube) != expected:
+        if checked_cube(label, cube).shape != expected:
             raise InputError(
                 f"{label} must have shape (n_channels, n_pix) = {expected}, got {np.shape(cube)}."
             )
+    if beam.transfer.shape != (survey.n_channels, survey.lmax + 1):
+        raise InputError(
+            f"the beam must be made for this survey: b_l of shape {(survey.n_channels, survey.lmax + 1)}, "
+            f"got {beam.transfer.shape}."
+        )
     truth = sphere.convolve(hi, beam.transfer, label="HI")
     truth += noise if beam.after is None else sphere.convolve(noise, beam.after, label="noise")
     maps = sphere.convolve(foregrounds, beam.transfer, label="foregrounds")

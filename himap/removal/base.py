@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from himap.checks import checked_cube, real_array
 from himap.errors import InputError
 
 __all__ = ["Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
@@ -103,7 +104,7 @@ class ForegroundRemover(ABC):
         InputError
             An unknown name or parameter (the message lists what exists), or a bad value.
         """
-        if name not in _REGISTRY:
+        if not isinstance(name, str) or name not in _REGISTRY:
             raise InputError(f"unknown method {name!r}; there are {', '.join(sorted(_REGISTRY))}.")
         method = _REGISTRY[name]
         known = {item.name: item.metadata["help"] for item in fields(method)}
@@ -141,16 +142,12 @@ class ForegroundRemover(ABC):
             Maps that are not finite, of one channel or of different shapes; frequencies that do not
             fit them; more sources than channels.
         """
-        maps = _checked_maps("maps", maps)
-        basis = maps if separate_on is None else _checked_maps("separate_on", separate_on)
+        maps = checked_cube("maps", maps, min_channels=2)
+        basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
         if basis.shape != maps.shape:
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
         freqs = _checked_freqs(freqs, len(maps))
-        n_sources = getattr(self, "n_sources", 0)
-        if n_sources > len(maps):
-            raise InputError(
-                f"n_sources must be at most the number of channels, {len(maps)}, got {n_sources}."
-            )
+        self.check(len(maps))
         mean = basis.mean(axis=1, dtype=np.float64)
         separation = self._separate(_centred(basis, mean), freqs=freqs, beams=beams, rng=rng)
         if not separation.converged:
@@ -161,7 +158,22 @@ class ForegroundRemover(ABC):
             )
         for channel, value in zip(separation.foreground, mean, strict=True):
             channel += value
-        return Cleaned(residual=maps - separation.foreground, separation=separation)
+        residual = (maps - separation.foreground).astype(np.float32, copy=False)
+        return Cleaned(residual=residual, separation=separation)
+
+    def check(self, n_channels):
+        """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.
+
+        Raises
+        ------
+        InputError
+            More sources than channels.
+        """
+        n_sources = getattr(self, "n_sources", 0)
+        if n_sources > n_channels:
+            raise InputError(
+                f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
+            )
 
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
@@ -176,28 +188,14 @@ def _centred(maps, mean):
     return out
 
 
-def _checked_maps(label, maps):
-    maps = np.asarray(maps)
-    if maps.ndim != 2 or len(maps) < 2:
-        raise InputError(
-            f"{label} must have shape (n_channels, n_pix) with 2 or more channels, got {maps.shape}."
-        )
-    if maps.dtype.kind not in "fiu":
-        raise InputError(f"{label} must be real numbers in mK, got {maps.dtype}.")
-    bad = sum(int(np.count_nonzero(~np.isfinite(channel))) for channel in maps)
-    if bad:
-        raise InputError(
-            f"{label} must be finite everywhere, got {bad} NaN or infinite pixels; fill or cut them first."
-        )
-    return maps.astype(np.float32, copy=False)
-
-
 def _checked_freqs(freqs, n_channels):
-    freqs = np.asarray(freqs, dtype=float)
+    freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
     if freqs.shape != (n_channels,):
         raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
     if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
         raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
+    if not 10 < freqs[0] < freqs[-1] < 1e5:
+        raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
     return freqs
 
 

@@ -1,9 +1,9 @@
 """The Galaxy: synchrotron and free-free emission from one of three sources (paper, Sects. 2.1.2-2.1.3)."""
 
 import logging
+import os
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 import numpy as np
 
@@ -61,7 +61,9 @@ class Galaxy:
                 raise InputError(
                     f"the Galaxy source 'templates' needs template_dir, a folder with {EXPECTED_FILES}."
                 )
-            object.__setattr__(self, "template_dir", str(Path(self.template_dir).expanduser()))
+            if not isinstance(self.template_dir, (str, os.PathLike)):
+                raise InputError(f"template_dir must be the path of a folder, got {self.template_dir!r}.")
+            object.__setattr__(self, "template_dir", os.path.expanduser(self.template_dir))
             find_templates(self.template_dir)
         elif self.template_dir is not None:
             raise InputError(

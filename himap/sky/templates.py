@@ -18,7 +18,7 @@ from himap.sky.synthetic import FREE_FREE_INDEX
 
 __all__ = ["EXPECTED_FILES", "Template", "digest_of", "find_templates", "positive", "read_templates"]
 
-_FREQ = re.compile(r"(\d+(?:\.\d+)?)[ _-]?([mg])hz", re.IGNORECASE)
+_FREQ = re.compile(r"(?<![\d.])(?<!\d[pe,.])(\d+(?:\.\d+)?)[ _-]?([mg])hz", re.IGNORECASE)
 _INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
 _KINDS = {
     "synchrotron": re.compile("synchrotron", re.IGNORECASE),
@@ -89,18 +89,24 @@ def digest_of(folder):
     digest = hashlib.sha256()
     for kind, path in sorted(find_templates(folder).items()):
         digest.update(f"{kind} {path.name} ".encode())
-        digest.update(hashlib.sha256(path.read_bytes()).digest())
+        try:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        except OSError as error:
+            raise InputError(f"the template {path} cannot be read ({error.strerror}).") from None
     return digest.hexdigest()
 
 
 def find_templates(folder):
     """Paths of the three files by kind: "synchrotron", "index", "free-free"."""
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"template_dir must be a folder with {EXPECTED_FILES}; {folder} is not a folder.")
-    paths = sorted(
-        path for path in folder.iterdir() if re.search(r"\.fits(\.gz)?$", path.name, re.IGNORECASE)
-    )
+    try:
+        names = sorted(path.name for path in folder.iterdir())
+    except OSError as error:
+        raise InputError(
+            f"template_dir must be a folder with {EXPECTED_FILES}; {folder} cannot be read "
+            f"({error.strerror})."
+        ) from None
+    paths = [folder / name for name in names if re.search(r"\.fits(\.gz)?$", name, re.IGNORECASE)]
     found = {"index": [path for path in paths if _INDEX.search(path.name)]}
     for kind, pattern in _KINDS.items():
         found[kind] = [
@@ -165,7 +171,7 @@ def _read_map(path):
 
 
 def _check_frame(path, frame):
-    if not frame.startswith("G"):
+    if frame not in ("G", "GAL", "GALACTIC"):
         raise InputError(
             f"{path.name} must be in Galactic coordinates (COORDSYS = G), got COORDSYS = {frame!r}. Rotate "
             f"it first: healpy.Rotator(coord=[{frame[:1]!r}, 'G']).rotate_map_pixel(pixels), and "

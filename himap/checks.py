@@ -1,0 +1,56 @@
+"""Checks of arrays that users pass in; each raises `InputError` with what came and the way out."""
+
+import numbers
+
+import numpy as np
+
+from himap.errors import InputError
+
+__all__ = ["checked_cube", "real_array", "whole_number"]
+
+_LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
+
+
+def real_array(label, values):
+    """`values` as an array of real numbers; not masked, not ragged, not complex."""
+    if np.ma.is_masked(values):
+        raise InputError(f"{label} has masked values; fill them first, as with values.filled(...).")
+    try:
+        values = np.asarray(values)
+    except ValueError:
+        raise InputError(f"{label} must be one array, got rows of unequal length.") from None
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{label} must be real numbers, got {values.dtype}.")
+    return values
+
+
+def checked_cube(label, maps, *, min_channels=1, kept=None):
+    """`maps` as an array (n_channels, n_pix), float32 or float64, finite where `kept` (n_pix,) is True.
+
+    float32 stays as it is, without a copy; everything else becomes float64.
+    """
+    maps = real_array(label, maps)
+    if maps.ndim != 2 or len(maps) < min_channels or maps.shape[1] < 1:
+        channels = f" with {min_channels} or more channels" if min_channels > 1 else ""
+        raise InputError(f"{label} must have shape (n_channels, n_pix){channels}, got {maps.shape}.")
+    if maps.dtype != np.float32:
+        maps = maps.astype(np.float64, copy=False)
+    bad = sum(_count_bad(channel if kept is None else channel[kept]) for channel in maps)
+    if bad:
+        raise InputError(
+            f"{label} must be finite everywhere, got {bad} NaN, infinite or UNSEEN pixels; fill or cut them "
+            "first."
+        )
+    return maps
+
+
+def _count_bad(pixels):
+    return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST)))
+
+
+def whole_number(label, value, low, high):
+    """`value` as an int between `low` and `high`, both included."""
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not whole or not low <= value <= high:
+        raise InputError(f"{label} must be a whole number between {low} and {high}, got {value!r}.")
+    return int(value)
