@@ -60,17 +60,17 @@ class Cosmology:
         return CubicSpline(z, _HUBBLE_DISTANCE * cumulative_simpson(1 / self.expansion(z), x=z, initial=0))
 
     def comoving_distance(self, z):
-        """Comoving distance in Mpc/h to redshift `z` (0 to 5)."""
-        return self._distance_spline(z)
+        """Comoving distance in Mpc/h to redshift `z` (0 to 5; beyond, InputError)."""
+        return self._distance_spline(_inside("redshift", z, _Z_MAX))
 
     @cached_property
     def _redshift_spline(self):
         z = np.linspace(0, _Z_MAX, 5001)
-        return CubicSpline(self.comoving_distance(z), z)
+        return CubicSpline(self._distance_spline(z), z)
 
     def redshift_at(self, distance):
         """Redshift at a comoving distance in Mpc/h, the inverse of `comoving_distance`."""
-        return self._redshift_spline(distance)
+        return self._redshift_spline(_inside("distance", distance, self._distance_spline(_Z_MAX)))
 
     @cached_property
     def _growth_spline(self):
@@ -105,6 +105,17 @@ class Cosmology:
         inside = CubicSpline(log_k, log_p)(np.clip(x, log_k[0], log_k[-1]))
         beyond = slope_low * np.minimum(x - log_k[0], 0) + slope_high * np.maximum(x - log_k[-1], 0)
         return np.where(k > 0, np.exp(inside + beyond), 0.0)
+
+
+def _inside(label, values, top):
+    """`values`, between 0 and `top`, where the splines are."""
+    values = np.asarray(values, dtype=float)
+    if values.size and not (values.min() >= 0 and values.max() <= top):
+        raise InputError(
+            f"{label} must be between 0 and {top:g} (redshift {_Z_MAX:g}), got {values.min():g} to "
+            f"{values.max():g}."
+        )
+    return values
 
 
 @lru_cache(maxsize=8)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from himap.errors import InputError
-from himap.instrument.beams import RIPPLES, beam_model
+from himap.instrument.beams import RIPPLES, Beam, beam_model
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.sky.emission import emission_maps
@@ -26,8 +26,10 @@ __all__ = [
     "Spectra",
     "cleaned",
     "components",
+    "components_of_sky",
     "foregrounds",
     "hi",
+    "hi_of_sky",
     "observation",
     "spectra",
 ]
@@ -44,14 +46,14 @@ class Case:
     galaxy
         `Galaxy`.
     beam
-        "degraded", "evolving" or "oscillating".
+        "degraded", "evolving", "oscillating", or a `Beam` of your own (`beam_from_array`).
     ripple
         Reading of the oscillating beam's ripple, one of `himap.instrument.beams.RIPPLES`.
     """
 
     survey: Survey = field(default_factory=Survey)
     galaxy: Galaxy = field(default_factory=Galaxy)
-    beam: str = "degraded"
+    beam: str | Beam = "degraded"
     ripple: str = "bracket"
 
     def __post_init__(self):
@@ -59,9 +61,13 @@ class Case:
             raise InputError("a Case takes a Survey and a Galaxy, such as Galaxy(source='synthetic').")
         if not isinstance(self.ripple, str) or self.ripple not in RIPPLES:
             raise InputError(f"unknown ripple {self.ripple!r}; there are {', '.join(RIPPLES)}.")
-        beam_model(
-            self.beam, self.survey, ripple=self.ripple
-        )  # refuses now what would fail after the sky is made
+        self.beam_of_survey()  # fails now, not after the sky is made
+
+    def beam_of_survey(self):
+        """The `Beam` of this case."""
+        if isinstance(self.beam, Beam):
+            return self.beam
+        return beam_model(self.beam, self.survey, ripple=self.ripple)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,15 +88,25 @@ class Spectra:
     frequency: FrequencyPower
 
 
-@product
 def hi(survey):
     """HI maps before the beam, mK, (n_channels, n_pix)."""
+    return hi_of_sky(survey.sky)
+
+
+@product
+def hi_of_sky(survey):
+    """`hi`, kept for the sky alone: surveys that differ in their instrument share it."""
     return hi_maps(survey, survey.rng("hi"))
 
 
-@product
 def components(survey, galaxy):
     """The foregrounds as a list of `PowerLaw`."""
+    return components_of_sky(survey.sky, galaxy)
+
+
+@product
+def components_of_sky(survey, galaxy):
+    """`components`, kept for the sky alone."""
     return foreground_components(survey, galaxy)
 
 
@@ -108,7 +124,7 @@ def observation(case):
         hi(survey),
         bright,
         noise_maps(survey, survey.rng("noise")),
-        beam_model(case.beam, survey, ripple=case.ripple),
+        case.beam_of_survey(),
         survey,
         provenance={"survey": asdict(survey), "galaxy": asdict(case.galaxy), "ripple": case.ripple},
     )

@@ -47,7 +47,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
 
     With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
     2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
-    the pseudo-C_l are divided by the kept fraction of the sky instead.
+    the pseudo-C_l are divided by the kept fraction of the sky, the mean of the squared weights, instead.
 
     Parameters
     ----------
@@ -77,31 +77,32 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
         bin_width = min(int(np.ceil(1 / f_sky)), lmax)
     bin_width = whole_number("bin_width", bin_width, 1, lmax)
     kept = weights > 0
-    cl = np.empty((len(maps), lmax + 1))
+    full = lmax if mask is None else 3 * nside - 1  # a mask mixes in power from beyond lmax
+    cl = np.empty((len(maps), full + 1))
     for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
         mean = np.average(channel[kept], weights=weights[kept])
         centred = weights * np.where(kept, channel - mean, 0)
-        out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), lmax))
-    bins = _bin_matrix(lmax, bin_width)
-    degrees = bins @ np.arange(lmax + 1)
-    if mask is None:
-        return AngularPower(degrees=degrees, cl=cl @ bins.T)
-    return AngularPower(degrees=degrees, cl=_decoupled(cl, weights, bins, lmax, f_sky))
+        out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), full))
+    bins = _bin_matrix(full, bin_width)
+    degrees = bins @ np.arange(full + 1)
+    cl = cl @ bins.T if mask is None else _decoupled(cl, weights, bins)
+    inside = degrees <= lmax
+    return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
 
 
-def _decoupled(pseudo, weights, bins, lmax, f_sky):
+def _decoupled(pseudo, weights, bins):
     """Binned C_l from pseudo-C_l, or their ratio to the kept sky where that cannot be had."""
     mask_cl = sphere.cross_spectrum(sphere.analyse(weights))
-    coupling = sphere.coupling_matrix(mask_cl, lmax)
-    binned = bins @ coupling @ (bins > 0).T
+    binned = bins @ sphere.coupling_matrix(mask_cl, bins.shape[1] - 1) @ (bins > 0).T
     condition = np.linalg.cond(binned)
     if condition > _MAX_CONDITION:
+        f_sky = np.mean(weights**2)
         warnings.warn(
             f"the mask keeps {f_sky:.1%} of the sky and its coupling matrix has condition number "
             f"{condition:.1e}: C_l are divided by that fraction instead of decoupled; use wider bins.",
             stacklevel=3,
         )
-        return pseudo @ bins.T / np.mean(weights**2)
+        return pseudo @ bins.T / f_sky
     return np.linalg.solve(binned, bins @ pseudo.T).T
 
 

@@ -111,6 +111,12 @@ class Survey:
         """Largest multipole of the transforms, 3 nside - 1."""
         return 3 * self.nside - 1
 
+    @property
+    def sky(self):
+        """This survey with the default instrument: all that a simulated sky depends on."""
+        instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky")
+        return replace(self, **{name: getattr(Survey, name) for name in instrument})
+
     def rng(self, component):
         """The random stream of one named component.
 

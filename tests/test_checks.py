@@ -114,7 +114,7 @@ def test_beam_of_another_survey(maps):
 
 
 def test_beams_that_amplify(maps):
-    with pytest.raises(InputError, match="at most 1 at every l, got 50"):
+    with pytest.raises(InputError, match="at most 1 at every l, and above 0 at l = 0; got 50"):
         beams.beam_from_array(np.full((6, 12), 50.0), SURVEY)
 
 

@@ -101,6 +101,56 @@ def test_lognormal_box_is_positive_with_mean_one(rng):
     assert displacement.std() == pytest.approx(3, abs=1)  # f D psi of linear theory, Mpc/h
 
 
+def test_growth_and_bias_along_the_light_cone():
+    """The logarithm of the density is b(z) D(z) times one Gaussian field, shell by shell."""
+    n, size = 64, 3000.0
+    model = HIModel()
+    density, _ = hi.lognormal_box(n, size, np.random.default_rng(5), rsd=False)
+    modes = box.gaussian_modes(model.cosmology.linear_power, n, size, np.random.default_rng(5))
+    gaussian = box.real_field(modes)
+    x = box.cell_centres(n, size)
+    r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    for near, far in ((300, 400), (1300, 1400)):
+        shell = (r > near) & (r < far)
+        slope = np.polyfit(gaussian[shell], np.log(density[shell]), 1)[0]
+        z = model.cosmology.redshift_at(r[shell])
+        assert slope == pytest.approx((model.bias(z) * model.cosmology.growth(z)).mean(), rel=1e-2)
+
+
+def test_channels_are_in_the_order_of_frequency():
+    """The lower half of a band is the same whether observed alone or with the rest."""
+    half = replace(NARROW, n_channels=2, freq_max=950)
+    assert hi.hi_maps(half, half.rng("hi")) == pytest.approx(band_maps()[:2], rel=0.1, abs=0.01)
+    correlation = np.corrcoef(hi.hi_maps(half, half.rng("hi"))[0], band_maps()[0])[0, 1]
+    assert correlation > 0.999
+
+
+def test_rays_see_the_cells_they_pass():
+    """A density that rises along x, seen along x: the observer is at the centre, not half a cell off."""
+    n, size = 32, 3200.0
+    x = box.cell_centres(n, size).astype(np.float32)
+    ramp = np.broadcast_to((x[:, None, None] + 2000) / 1000, (n, n, n)).astype(np.float32).copy()
+    edges = np.array([500.0, 510, 1000, 1010])
+    maps = light_cone.trace(ramp, None, edges, 8, size, light_cone.plan_rays(8, 100.0, 500, 1010))
+    direction = np.empty((768, 3))
+    direction[sphere.nest_to_ring(8)] = sphere.pixel_vectors(8)
+    for channel, distance in ((0, 505), (2, 1005)):
+        expected = (distance * direction[:, 0] + 2000) / 1000
+        # Half a cell would be 0.05; the centre of gravity of a pixel's rays is not quite its centre.
+        assert maps[channel] == pytest.approx(expected, abs=0.02)
+
+
+def test_the_box_is_periodic():
+    """A ray that leaves the box through a face sees the cell at the opposite one."""
+    n, size = 16, 1600.0
+    field = np.zeros((n, n, n), dtype=np.float32)
+    field[0] = 1
+    rays = light_cone.plan_rays(8, 100.0, 845, 855)
+    maps = light_cone.trace(field, None, np.array([845.0, 855]), 8, size, rays)
+    along_x = sphere.pixel_at(8, 0.0, 0.0)
+    assert maps[0, along_x] > 0.8
+
+
 def test_trace_conserves_a_uniform_medium():
     ones = np.ones((16, 16, 16), dtype=np.float32)
     edges = np.linspace(400, 900, 8)

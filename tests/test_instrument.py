@@ -87,6 +87,32 @@ def test_noise_of_the_paper():
     assert system_temperature(300.0, 25.0) == pytest.approx(91.0)
 
 
+@pytest.mark.parametrize(
+    ("change", "factor"),
+    [
+        ({"f_sky": 0.25}, 0.5),
+        ({"t_obs": 80_000.0}, 0.5),
+        ({"n_dishes": 4 * 197}, 0.5),
+        ({"dish_diameter": 27.0}, 2.0),
+        ({"t_instr": 25.0 + system_temperature(902.0, 25.0)}, 2.0),
+    ],
+)
+def test_noise_scales_as_the_radiometer_equation_says(change, factor):
+    before, after = noise_sigma(Survey())[0], noise_sigma(Survey(**change))[0]
+    assert after / before == pytest.approx(factor, rel=1e-6)
+
+
+def test_beam_model_follows_the_dish_and_the_ripple():
+    """The width read back from b_l is that of the formula, for another dish and every reading."""
+    survey = replace(SURVEY, dish_diameter=15.0)
+    degree = 20
+    for ripple in beams.RIPPLES:
+        transfer = beams.beam_model("oscillating", survey, ripple=ripple).native[:, degree]
+        sigma = np.sqrt(-2 * np.log(transfer) / (degree * (degree + 1)))
+        expected = beams.oscillating_fwhm(survey.freqs, 15.0, ripple)
+        assert sigma * np.sqrt(8 * np.log(2)) == pytest.approx(expected, rel=1e-9)
+
+
 def test_noise_maps(rng):
     maps = noise_maps(SURVEY, rng)
     assert maps.dtype == np.float32
@@ -131,10 +157,11 @@ def test_bad_beams():
         beams.oscillating_fwhm([1000.0, 1500.0], 13.5)
     with pytest.raises(InputError, match=r"\(4, 48\).*got \(4, 10\)"):
         beams.beam_from_array(np.ones((4, 10)), SURVEY)
-    zero = np.ones((4, 48))
-    zero[2, 7] = 0
-    with pytest.raises(InputError, match="channel 2, l = 7"):
-        beams.beam_from_array(zero, SURVEY)
+    for value, degree in ((np.nan, 7), (50.0, 7), (0.0, 0)):
+        bad = np.ones((4, 48))
+        bad[2, degree] = value
+        with pytest.raises(InputError, match=f"got {value} at channel 2, l = {degree}"):
+            beams.beam_from_array(bad, SURVEY)
 
 
 def test_cubes_of_the_wrong_shape(cubes):

@@ -7,9 +7,12 @@ import pytest
 
 from himap import diagnostics, pipeline, sphere
 from himap.errors import InputError
+from himap.instrument.beams import beam_from_array, beam_model
+from himap.instrument.noise import noise_maps
 from himap.removal import PCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
+from himap.sky.point_sources import point_sources
 from himap.survey import Survey
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
@@ -18,7 +21,7 @@ CASE = pipeline.Case(survey=SMALL)
 
 def test_products_are_kept_and_mapped():
     first = pipeline.hi(SMALL)
-    assert pipeline.hi.is_cached(SMALL)
+    assert pipeline.hi_of_sky.is_cached(SMALL)
     again = pipeline.hi(SMALL)
     assert isinstance(again, np.memmap)
     assert np.array_equal(first, again)
@@ -52,6 +55,37 @@ def test_a_change_of_one_stream_leaves_the_others():
     assert np.abs(large[0] - large[1]).max() < 1e-3 * np.abs(large[1]).max()
 
 
+def test_every_component_draws_from_its_own_stream():
+    seen = pipeline.observation(replace(CASE, beam="evolving"))
+    signal = sphere.convolve(pipeline.hi(SMALL), seen.beams)
+    assert seen.truth - signal == pytest.approx(noise_maps(SMALL, SMALL.rng("noise")), abs=1e-6)
+    sources = pipeline.components(SMALL, Galaxy())[2].amplitude
+    assert np.array_equal(sources, point_sources(SMALL.nside, SMALL.rng("point sources")).amplitude)
+
+
+def test_surveys_that_differ_in_the_dish_share_their_sky():
+    pipeline.hi(SMALL)
+    other = replace(SMALL, t_obs=5.0, dish_diameter=20.0)
+    assert pipeline.hi_of_sky.is_cached(other.sky)
+    assert not pipeline.hi_of_sky.is_cached(replace(other, seed=1).sky)
+
+
+def test_the_reading_of_the_ripple_reaches_the_maps():
+    first, second = (
+        pipeline.observation(replace(CASE, beam="oscillating", ripple=ripple))
+        for ripple in ("bracket", "additive")
+    )
+    assert not np.allclose(first.beams, second.beams, rtol=1e-3)
+    assert not np.array_equal(first.maps, second.maps)
+
+
+def test_a_beam_of_the_users():
+    transfer = beam_model("evolving", SMALL).native
+    own = pipeline.observation(replace(CASE, beam=beam_from_array(transfer, SMALL, name="mine")))
+    assert np.array_equal(own.maps, pipeline.observation(replace(CASE, beam="evolving")).maps)
+    assert own.provenance["beam"] == "mine"
+
+
 def test_cleaning_recovers_the_signal():
     residual = pipeline.cleaned(CASE, PCA(n_sources=3))
     truth = pipeline.observation(CASE).truth
@@ -68,6 +102,7 @@ def test_spectra_of_truth_and_residual():
     ratio = diagnostics.ratio(pca.angular.mean[inside], true.angular.mean[inside])
     assert 0.7 < ratio.mean() < 1.1
     assert pca.frequency.k == pytest.approx(true.frequency.k)
+    assert true.frequency.k[1] == pytest.approx(2 * np.pi / 500)  # of the band, MHz
 
 
 @pytest.mark.parametrize(

@@ -72,8 +72,13 @@ def test_component(rng):
     assert np.log(ratio) / np.log(1000 / 1400) == pytest.approx(component.index)
 
 
-def test_streams_are_independent(rng):
-    """The injected sources do not move when the faint field draws more numbers (a finer map)."""
+def test_faint_and_bright_sources_have_streams_of_their_own():
+    faint, bright, _ = np.random.default_rng(1).spawn(3)
+    expected = ps._faint_field(8, faint) + ps._injected(768, bright)
+    assert np.array_equal(ps.point_sources(8, np.random.default_rng(1)).amplitude, expected)
+
+
+def test_same_seed_same_sources():
     first = ps.point_sources(8, np.random.default_rng(1))
     again = ps.point_sources(8, np.random.default_rng(1))
     assert np.array_equal(first.amplitude, again.amplitude)

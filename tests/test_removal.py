@@ -65,9 +65,9 @@ class TestContract:
         assert shuffled == pytest.approx(clean(name, sky).residual[:, order], abs=2e-3)
 
     def test_separating_on_other_maps(self, name, sky, toy):
-        """The foreground found in one cube is subtracted from another."""
-        cleaned = clean(name, sky, separate_on=toy)
-        assert cleaned.residual == pytest.approx(sky - toy, abs=6e-7 * float(sky.max()))
+        """The foreground found in one cube, its means included, is subtracted from another."""
+        cleaned = clean(name, sky + np.float32(50), separate_on=toy)
+        assert cleaned.residual == pytest.approx(sky + 50 - toy, abs=6e-7 * float(sky.max()))
 
     def test_memory_mapped_input(self, name, sky, tmp_path):
         np.save(tmp_path / "sky.npy", sky)
@@ -137,6 +137,12 @@ def test_pca_equals_scikit_learn(sky):
     assert cleaned.foreground == pytest.approx(foreground, abs=3e-7 * float(sky.max()))
     axes = np.abs(cleaned.separation.mixing.T @ reference.components_.T)
     assert axes == pytest.approx(np.eye(3), abs=1e-5)
+
+
+def test_pca_in_blocks_is_pca_at_once(sky, monkeypatch):
+    whole = removal.PCA(n_sources=3).clean(sky, freqs=FREQS).residual
+    monkeypatch.setattr("himap.removal.pca._BLOCK", 100)
+    assert removal.PCA(n_sources=3).clean(sky, freqs=FREQS).residual == pytest.approx(whole, abs=2e-3)
 
 
 def test_pca_keeps_a_faint_signal_under_a_bright_sky(rng):

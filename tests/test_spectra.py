@@ -57,6 +57,49 @@ def test_mask_is_decoupled_without_bias(red_cl, rng, width):
     assert naive[10] < 0.95 * full[10]  # the mask does something to be undone
 
 
+def apodised(width):
+    """Weights that rise from 0 at |b| = width to 1 at twice that."""
+    latitude = np.abs(hp.pix2ang(NSIDE, np.arange(N_PIX), lonlat=True)[1])
+    return np.clip(latitude / width - 1, 0, 1)
+
+
+@pytest.mark.parametrize("weights", [cut(20).astype(float), apodised(15)], ids=["sharp", "apodised"])
+def test_decoupling_inverts_the_coupling_exactly(weights):
+    """Pseudo-spectra made by the coupling matrix itself, of a steep spectrum: no sample variance."""
+    bins = spectra._bin_matrix(LMAX, 2)
+    steep = 1 / (1 + np.arange(len(bins))) ** 3.0
+    coupling = sphere.coupling_matrix(sphere.cross_spectrum(sphere.analyse(weights)), LMAX)
+    decoupled = spectra._decoupled((coupling @ (bins > 0).T @ steep)[None], weights, bins)[0]
+    assert decoupled == pytest.approx(steep, rel=1e-6)
+
+
+def test_lmax_cuts_after_decoupling(red_cl, rng):
+    """Power beyond lmax leaks into the last bins if it is cut before."""
+    white = np.ones(LMAX + 1)
+    maps = realisations(white, 2, rng)
+    full = spectra.angular_power(maps, mask=cut(20))
+    short = spectra.angular_power(maps, mask=cut(20), lmax=40)
+    assert short.degrees[-1] <= 40
+    assert short.cl == pytest.approx(full.cl[:, : short.cl.shape[1]])
+
+
+def test_what_is_masked_does_not_move_the_mean(rng):
+    """A bright masked region must not leave a step behind when the mean is removed."""
+    maps = rng.standard_normal((1, N_PIX))
+    bright = np.where(cut(20), maps, 1e6)
+    expected = spectra.angular_power(maps, mask=cut(20)).cl
+    assert spectra.angular_power(bright, mask=cut(20)).cl == pytest.approx(expected)
+
+
+def test_weights_count_once_in_the_frequency_spectrum(rng):
+    maps = rng.standard_normal((8, N_PIX))
+    weights = apodised(15)
+    centred = maps - np.average(maps, axis=1, weights=weights)[:, None]
+    lines = np.abs(np.fft.rfft(centred, axis=0)) ** 2 / 8
+    expected = np.average(lines, axis=1, weights=weights)
+    assert spectra.frequency_power(maps, 1.0, mask=weights).power == pytest.approx(expected)
+
+
 def test_unmasked_mask_changes_nothing(red_cl, rng):
     maps = realisations(red_cl, 2, rng)
     masked = spectra.angular_power(maps, mask=np.ones(N_PIX, dtype=bool))

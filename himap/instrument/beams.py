@@ -149,7 +149,7 @@ def beam_from_array(transfer, survey, *, name="custom"):
     Raises
     ------
     InputError
-        Wrong shape, or values that are not finite and positive.
+        Wrong shape, values that are not finite or above 1, or a b_0 that is not positive.
     """
     transfer = np.array(real_array("beams", transfer), dtype=float)
     n_channels, n_degrees = survey.n_channels, survey.lmax + 1
@@ -159,11 +159,12 @@ def beam_from_array(transfer, survey, *, name="custom"):
             f"or longer in l, got {transfer.shape}."
         )
     transfer = transfer[:, :n_degrees]
-    bad = ~((transfer > 0) & (transfer < _LARGEST_TRANSFER))
+    bad = ~(np.abs(transfer) < _LARGEST_TRANSFER)
+    bad[:, 0] |= ~(transfer[:, 0] > 0)
     if bad.any():
         channel, degree = np.argwhere(bad)[0]
         raise InputError(
-            f"beams must be above 0 and at most 1 at every l, got {transfer[channel, degree]} at channel "
-            f"{channel}, l = {degree}. Where a beam vanishes no sky is observed: lower nside, or floor it."
+            "beams must be finite and at most 1 at every l, and above 0 at l = 0; got "
+            f"{transfer[channel, degree]} at channel {channel}, l = {degree}. Divide each b_l by its b_0."
         )
     return Beam(name=name, native=transfer)

@@ -130,9 +130,9 @@ def _inverse_gradient(modes, out, axis, k_unit):
     """out = i k_axis modes / k^2; zero at k = 0 and where k_axis is the Nyquist frequency."""
     n = modes.shape[0]
     for i in prange(n):
-        ki = i if i < n // 2 else i - n
+        ki = i if i < n / 2 else i - n
         for j in range(n):
-            kj = j if j < n // 2 else j - n
+            kj = j if j < n / 2 else j - n
             for k in range(modes.shape[2]):
                 component = ki if axis == 0 else kj if axis == 1 else k
                 square = ki * ki + kj * kj + k * k
