@@ -260,7 +260,7 @@ show(numbers)
 # ## What to take away
 #
 # - With one resolution for all channels (the degraded beam) three components are enough, and both spectra
-#   are recovered to better than 10 % over a wide range. The power below $k_\nu \approx 0.03$ MHz$^{-1}$ is lost with the
+#   are recovered to better than 10 % over a wide range. Much of the power below $k_\nu \approx 0.03$ MHz$^{-1}$ is lost with the
 #   foregrounds: there HI is as smooth as they are, and no blind method can tell them apart.
 # - A beam that changes with frequency mixes angular structure into the spectra. The eigenvalues fall more slowly,
 #   more components are needed, and what is left shows at low $\ell$ and low $k_\nu$.
