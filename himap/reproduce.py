@@ -171,6 +171,10 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None):
         label = values.get("preset", defaults.get("preset"))
         output = Path("results") / f"{notebook.name}{f'_{label}' if label else ''}.ipynb"
     output = check_output(Path(output))
+    if output.resolve() in {other.executed.resolve() for other in notebooks(folder)}:
+        raise InputError(
+            f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
+        )
     write_notebook(_execute(notebook, values, Path.cwd()), output)
     return output
 

@@ -172,7 +172,7 @@ stamped(
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra. Above l of 100 the synthetic sky continues as the real one does at higher resolution."}}
+# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -236,7 +236,7 @@ beside
 # %% [markdown]
 # ### Radio galaxies
 #
-# The counts of radio sources per flux $S$ and solid angle are a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are too many to
+# The logarithm of the counts of radio sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are too many to
 # draw one by one; they make a field {cite:p}`olivari2016` with the mean and the spectrum
 #
 # ```{math}
@@ -288,7 +288,7 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## Everything together
 #
-# Two lines of sight tell the story of this book. The foregrounds are four to five orders of magnitude brighter than HI, and smooth; HI is faint, and jagged.
+# Two lines of sight tell the story of this book. The foregrounds are four orders of magnitude brighter than HI away from the plane and nearly six in it, and smooth; HI is faint, and jagged.
 
 # %% mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
 styles = {

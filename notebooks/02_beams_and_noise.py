@@ -194,7 +194,7 @@ stamped(plotting.lines(panels))
 # smooth one, a polynomial of third order in log-log. What is left is what the beam has put there. Through the
 # degraded beam a foreground stays as smooth as the sky made it. Through the evolving beam the sharper beam of a higher
 # frequency sees less of the bright plane next to it: a slow trend. Through the oscillating beam there is a ripple
-# of 20 MHz on top, far brighter than the HI fluctuations.
+# of 20 MHz, far brighter than the HI fluctuations, and a slower wave just as large.
 
 # %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed."}}
 seen = {

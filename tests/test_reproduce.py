@@ -239,6 +239,12 @@ def test_edits_made_in_jupyter_are_not_lost(folder):
     assert reproduce.stale(folder) == {}
 
 
+def test_the_books_own_copy_is_not_overwritten(folder):
+    with pytest.raises(InputError, match="the book's own copy"):
+        reproduce.run("01", output=folder / "01_toy.ipynb", folder=folder)
+    assert not (folder / "01_toy.ipynb").exists()
+
+
 def test_pictures_are_packed_and_stay_what_they_were():
     """256 colours do for a figure: a photograph-like gradient moves by a few of its 255 levels, once."""
     rng = np.random.default_rng(1)
