@@ -1,12 +1,13 @@
-"""Checks of arrays that users pass in; each raises `InputError` with what came and the way out."""
+"""Checks of what users pass in; each raises `InputError` with what came and the way out."""
 
 import numbers
+from dataclasses import field
 
 import numpy as np
 
 from himap.errors import InputError
 
-__all__ = ["checked_cube", "real_array", "whole_number"]
+__all__ = ["checked_cube", "checked_field", "parameter", "real_array", "whole_number"]
 
 _LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
 
@@ -54,3 +55,31 @@ def whole_number(label, value, low, high):
     if not whole or not low <= value <= high:
         raise InputError(f"{label} must be a whole number between {low} and {high}, got {value!r}.")
     return int(value)
+
+
+def parameter(default, help, *, minimum=None, maximum=None, above=False):
+    """A dataclass field with a help text and limits, both inclusive; `above`: the lower one is not."""
+    limits = {"minimum": minimum, "maximum": maximum, "above": above}
+    return field(default=default, metadata={"help": help, **limits})
+
+
+def checked_field(item, value):
+    """`value` as the type of the dataclass field `item`, a `parameter`, within its limits.
+
+    Fields of other types than int and float are for their class to check.
+    """
+    if item.type not in (int, float):
+        return value
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not number or not abs(value) < np.inf or (item.type is int and value != int(value)):
+        kind = {int: "a whole number", float: "a number"}[item.type]
+        raise InputError(f"{item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
+    low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))
+    too_low = low is not None and (value < low or (above and value == low))
+    if too_low or (high is not None and value > high):
+        bounds = [f"{'above' if above else 'at least'} {low}"] * (low is not None)
+        bounds += [f"at most {high}"] * (high is not None)
+        raise InputError(
+            f"{item.name} ({item.metadata['help']}) must be {' and '.join(bounds)}, got {value}."
+        )
+    return item.type(value)

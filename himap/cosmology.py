@@ -14,14 +14,15 @@ from scipy.interpolate import CubicSpline
 
 from himap.errors import InputError
 
-__all__ = ["FREQ_21CM", "Cosmology", "HIModel", "redshift"]
+__all__ = ["FREQ_21CM", "Z_MAX", "Cosmology", "HIModel", "redshift"]
 
 FREQ_21CM = 1420.405751768
 """Rest frequency of the 21 cm line, MHz."""
 
 _EINSTEIN_A10 = 2.86888e-15 / u.s  # Gould 1994, ApJ 423, 522
 _HUBBLE_DISTANCE = const.c.to_value(u.km / u.s) / 100  # c / H0 in Mpc/h
-_Z_MAX = 5.0
+Z_MAX = 5.0
+"""Redshift where the tables of a `Cosmology` end."""
 
 
 def redshift(freqs):
@@ -56,21 +57,21 @@ class Cosmology:
 
     @cached_property
     def _distance_spline(self):
-        z = np.linspace(0, _Z_MAX, 5001)
+        z = np.linspace(0, Z_MAX, 5001)
         return CubicSpline(z, _HUBBLE_DISTANCE * cumulative_simpson(1 / self.expansion(z), x=z, initial=0))
 
     def comoving_distance(self, z):
         """Comoving distance in Mpc/h to redshift `z` (0 to 5; beyond, InputError)."""
-        return self._distance_spline(_inside("redshift", z, _Z_MAX))
+        return self._distance_spline(_inside("redshift", z, Z_MAX))
 
     @cached_property
     def _redshift_spline(self):
-        z = np.linspace(0, _Z_MAX, 5001)
+        z = np.linspace(0, Z_MAX, 5001)
         return CubicSpline(self._distance_spline(z), z)
 
     def redshift_at(self, distance):
         """Redshift at a comoving distance in Mpc/h, the inverse of `comoving_distance`."""
-        return self._redshift_spline(_inside("distance", distance, self._distance_spline(_Z_MAX)))
+        return self._redshift_spline(_inside("distance", distance, self._distance_spline(Z_MAX)))
 
     @cached_property
     def _growth_spline(self):
@@ -78,7 +79,7 @@ class Cosmology:
         def integrand(a):
             return (a / (self.omega_m + (1 - self.omega_m) * a**3)) ** 1.5
 
-        z = np.linspace(0, _Z_MAX, 501)
+        z = np.linspace(0, Z_MAX, 501)
         integral = np.array([quad(integrand, 0, 1 / (1 + zi))[0] for zi in z])
         growth = self.expansion(z) * integral
         return CubicSpline(z, growth / growth[0])
@@ -112,7 +113,7 @@ def _inside(label, values, top):
     values = np.asarray(values, dtype=float)
     if values.size and not (values.min() >= 0 and values.max() <= top):
         raise InputError(
-            f"{label} must be between 0 and {top:g} (redshift {_Z_MAX:g}), got {values.min():g} to "
+            f"{label} must be between 0 and {top:g} (redshift {Z_MAX:g}), got {values.min():g} to "
             f"{values.max():g}."
         )
     return values

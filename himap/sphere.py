@@ -46,21 +46,20 @@ def nside_of(maps):
         The number of pixels is not 12 nside^2 with nside a power of two.
     """
     n_pix = np.shape(maps)[-1]
-    nside = round((n_pix / 12) ** 0.5)
-    if 12 * nside**2 != n_pix or nside & (nside - 1):
+    if not hp.isnpixok(n_pix) or not hp.isnsideok(hp.npix2nside(n_pix), nest=True):
         raise InputError(f"a HEALPix map has 12 nside^2 pixels, nside a power of two; got {n_pix} pixels.")
-    return nside
+    return hp.npix2nside(n_pix)
 
 
 def alm_size(lmax):
     """Number of coefficients (m >= 0) up to `lmax`."""
-    return (lmax + 1) * (lmax + 2) // 2
+    return hp.Alm.getsize(lmax)
 
 
 def lmax_of_size(n_alm):
     """The lmax of `n_alm` coefficients; the inverse of `alm_size`."""
-    lmax = round((np.sqrt(8 * n_alm + 1) - 3) / 2)
-    if alm_size(lmax) != n_alm:
+    lmax = hp.Alm.getlmax(n_alm)
+    if lmax < 0:
         raise InputError(f"{n_alm} is not the number of coefficients of any lmax.")
     return lmax
 
@@ -68,7 +67,7 @@ def lmax_of_size(n_alm):
 @lru_cache(maxsize=8)
 def alm_degree(lmax):
     """The degree l of every coefficient, shape (n_alm,), read-only."""
-    degree = np.concatenate([np.arange(m, lmax + 1) for m in range(lmax + 1)])
+    degree = hp.Alm.getlm(lmax)[0]
     degree.flags.writeable = False
     return degree
 
@@ -139,7 +138,7 @@ def multiply_beam(alm, beam):
     return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
 
 
-def convolve(maps, beams, *, n_iter=N_ITER, label="maps"):
+def convolve(maps, beams, *, label="maps"):
     """Cube convolved channel by channel with `beams` (n_channels, lmax + 1), float32.
 
     Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
@@ -147,7 +146,7 @@ def convolve(maps, beams, *, n_iter=N_ITER, label="maps"):
     nside = nside_of(maps)
     out = np.empty(np.shape(maps), dtype=np.float32)
     for channel, beam, smooth in zip(progress(maps, f"beam on {label}"), beams, out, strict=True):
-        alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1, n_iter=n_iter)
+        alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1)
         smooth[:] = synthesise(multiply_beam(alm, beam), nside)
     return out
 
@@ -156,13 +155,9 @@ def cross_spectrum(alm, other=None):
     """C_l of coefficients, (..., n_alm) to (..., lmax + 1); with `other`, the cross spectrum."""
     alm = np.asarray(alm)
     other = alm if other is None else np.asarray(other)
-    lmax = lmax_of_size(alm.shape[-1])
-    degree = alm_degree(lmax)
-    twice = np.where(np.arange(len(degree)) <= lmax, 1.0, 2.0)  # m > 0 stands for -m too
-    product = (alm * other.conj()).real * twice / (2 * degree + 1)
-    flat = product.reshape(-1, len(degree))
-    cl = np.array([np.bincount(degree, weights=row, minlength=lmax + 1) for row in flat])
-    return cl.reshape(*alm.shape[:-1], lmax + 1)
+    pairs = zip(alm.reshape(-1, alm.shape[-1]), other.reshape(-1, alm.shape[-1]), strict=True)
+    cl = np.array([hp.alm2cl(one.astype(complex), two.astype(complex)) for one, two in pairs])
+    return cl.reshape(*alm.shape[:-1], -1)
 
 
 def gaussian_alm(cl, rng):
@@ -198,9 +193,9 @@ def coupling_matrix(mask_cl, lmax):
     return matrix
 
 
-def pixel_vectors(nside):
-    """Unit vectors of the pixel centres in NESTED order, (n_pix, 3)."""
-    return np.stack(hp.pix2vec(nside, np.arange(12 * nside**2), nest=True), axis=-1)
+def pixel_vectors(nside, *, nest=False):
+    """Unit vectors of the pixel centres, RING or NESTED, (n_pix, 3)."""
+    return np.stack(hp.pix2vec(nside, np.arange(12 * nside**2), nest=nest), axis=-1)
 
 
 def nest_to_ring(nside):

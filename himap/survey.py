@@ -6,18 +6,14 @@ companion; every field of a preset can be overridden.
 """
 
 import zlib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from himap.checks import checked_field, parameter
 from himap.errors import InputError
 
 __all__ = ["PRESETS", "Survey"]
-
-
-def _field(default, help, *, minimum=None, maximum=None, exclusive=False):
-    limits = {"minimum": minimum, "maximum": maximum, "exclusive": exclusive}
-    return field(default=default, metadata={"help": help, **limits})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,22 +29,22 @@ class Survey:
         A field of the wrong type or outside its range, or an `nside` that is no power of two.
     """
 
-    nside: int = _field(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)
-    n_channels: int = _field(125, "number of frequency channels", minimum=2, maximum=100_000)
-    freq_min: float = _field(900.0, "lower edge of the band, MHz", minimum=240)
-    freq_max: float = _field(1400.0, "upper edge of the band, MHz", maximum=1420.0)
-    box_cells: int = _field(256, "cells along one side of the HI box, even", minimum=8, maximum=4096)
-    box_size: float = _field(3000.0, "side of the HI box, Mpc/h", minimum=100, maximum=20_000)
-    dish_diameter: float = _field(13.5, "dish diameter, m", minimum=0, exclusive=True)
-    n_dishes: int = _field(197, "number of dishes", minimum=1)
-    t_obs: float = _field(20_000.0, "total observing time, h", minimum=0, exclusive=True)
-    t_instr: float = _field(25.0, "instrumental temperature, K", minimum=0)
-    f_sky: float = _field(1.0, "observed fraction of the sky", minimum=0, maximum=1, exclusive=True)
-    seed: int = _field(2025, "seed of every random stream", minimum=0, maximum=2**63)
+    nside: int = parameter(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)
+    n_channels: int = parameter(125, "number of frequency channels", minimum=2, maximum=100_000)
+    freq_min: float = parameter(900.0, "lower edge of the band, MHz", minimum=240)
+    freq_max: float = parameter(1400.0, "upper edge of the band, MHz", maximum=1420.0)
+    box_cells: int = parameter(256, "cells along one side of the HI box, even", minimum=8, maximum=4096)
+    box_size: float = parameter(3000.0, "side of the HI box, Mpc/h", minimum=100, maximum=20_000)
+    dish_diameter: float = parameter(13.5, "dish diameter, m", minimum=0, above=True)
+    n_dishes: int = parameter(197, "number of dishes", minimum=1)
+    t_obs: float = parameter(20_000.0, "total observing time, h", minimum=0, above=True)
+    t_instr: float = parameter(25.0, "instrumental temperature, K", minimum=0)
+    f_sky: float = parameter(1.0, "observed fraction of the sky", minimum=0, maximum=1, above=True)
+    seed: int = parameter(2025, "seed of every random stream", minimum=0, maximum=2**63)
 
     def __post_init__(self):
         for item in fields(self):
-            value = _checked(item, getattr(self, item.name))
+            value = checked_field(item, getattr(self, item.name))
             object.__setattr__(self, item.name, value)
         if self.nside & (self.nside - 1):
             below = 2 ** (self.nside.bit_length() - 1)
@@ -124,23 +120,6 @@ class Survey:
         """
         key = zlib.crc32(component.encode())
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(key,)))
-
-
-def _checked(item, value):
-    """`value` as the type of the dataclass field `item`, within its limits."""
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not number or not abs(value) < np.inf or (item.type is int and value != int(value)):
-        kind = {int: "a whole number", float: "a number"}[item.type]
-        raise InputError(f"{item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
-    low, high = item.metadata["minimum"], item.metadata["maximum"]
-    too_low = low is not None and (value < low or (item.metadata["exclusive"] and value == low))
-    if too_low or (high is not None and value > high):
-        bounds = [f"{'above' if item.metadata['exclusive'] else 'at least'} {low}"] * (low is not None)
-        bounds += [f"at most {high}"] * (high is not None)
-        raise InputError(
-            f"{item.name} ({item.metadata['help']}) must be {' and '.join(bounds)}, got {value}."
-        )
-    return item.type(value)
 
 
 PRESETS = {

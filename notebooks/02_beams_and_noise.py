@@ -210,9 +210,11 @@ def unsmoothness(spectrum):
     return np.exp(y - np.polynomial.Polynomial.fit(x, y, 3)(x)) - 1
 
 
-foreground = {name: (view.maps - view.truth)[:, pixel].astype(float) for name, view in seen.items()}
+foreground = {name: view.maps[:, pixel].astype(float) - view.truth[:, pixel] for name, view in seen.items()}
 deviation = {name: unsmoothness(spectrum) for name, spectrum in foreground.items()}
-signal = seen["evolving"].truth.std(axis=1, dtype=float).mean() / foreground["evolving"].mean()
+signal = (
+    np.mean([channel.std(dtype=float) for channel in seen["evolving"].truth]) / foreground["evolving"].mean()
+)
 edge = np.full_like(freqs, 1e6 * signal)
 grey = {"color": "0.6", "linestyle": "--", "linewidth": 1}
 curves = [(freqs, 1e6 * deviation[name], plotting.BEAM_STYLES[name]) for name in seen]

@@ -18,7 +18,7 @@
 # # Principal component analysis
 #
 # The sky at 21 cm is almost all foreground: Galactic synchrotron and free-free emission and radio
-# galaxies outshine the HI signal by four to five orders of magnitude. What saves us is that they
+# galaxies outshine the HI signal by four to six orders of magnitude. What saves us is that they
 # are *smooth in frequency*: along a line of sight a foreground is close to a power law, while HI
 # changes from channel to channel, because each channel is another slice of the Universe.
 #
@@ -64,7 +64,6 @@ for remover in removers.values():
     remover.check(case.survey.n_channels)  # now, not after the simulation
 
 observed = pipeline.observation(case)
-mean_free = observed.maps - observed.maps.mean(axis=1, dtype=float)[:, None]
 l_top = 2 * case.survey.nside
 
 
@@ -122,8 +121,7 @@ rank = np.arange(1, min(15, case.survey.n_channels) + 1)
 
 def eigenvalues(maps):
     """The largest eigenvalues of the channel covariance, mK^2, descending."""
-    centred = maps - maps.mean(axis=1, dtype=float)[:, None]
-    return np.linalg.eigvalsh(channel_covariance(centred))[::-1][: len(rank)]
+    return np.linalg.eigvalsh(channel_covariance(maps))[::-1][: len(rank)]
 
 
 curves = [
@@ -172,9 +170,10 @@ stamped(plotting.sky_maps(sources, limits=(2, 98)), beam=beam, n_sources=n_sourc
 channel = case.survey.n_channels // 2
 truth = observed.truth[channel] - observed.truth[channel].mean()
 left = result.maps[channel] - result.maps[channel].mean()
+seen = observed.maps[channel] - observed.maps[channel].mean(dtype=float)
 freq = f"{observed.freqs[channel]:.0f} MHz"
 maps = {
-    f"observed, {freq}": mean_free[channel],
+    f"observed, {freq}": seen,
     "cleaned": left,
     "truth": truth,
     "cleaned minus truth": left - truth,

@@ -133,7 +133,7 @@ def test_rays_see_the_cells_they_pass():
     edges = np.array([500.0, 510, 1000, 1010])
     maps = light_cone.trace(ramp, None, edges, 8, size, light_cone.plan_rays(8, 100.0, 500, 1010))
     direction = np.empty((768, 3))
-    direction[sphere.nest_to_ring(8)] = sphere.pixel_vectors(8)
+    direction[sphere.nest_to_ring(8)] = sphere.pixel_vectors(8, nest=True)
     for channel, distance in ((0, 505), (2, 1005)):
         expected = (distance * direction[:, 0] + 2000) / 1000
         # Half a cell would be 0.05; the centre of gravity of a pixel's rays is not quite its centre.

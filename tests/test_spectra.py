@@ -73,6 +73,15 @@ def test_decoupling_inverts_the_coupling_exactly(weights):
     assert decoupled == pytest.approx(steep, rel=1e-6)
 
 
+def test_fallback_divides_by_the_mean_square_of_the_weights(rng, monkeypatch):
+    """White noise under fractional weights: their mean square is what the pseudo-spectrum loses."""
+    monkeypatch.setattr(spectra, "_MAX_CONDITION", 0)
+    with pytest.warns(UserWarning, match="divided by that fraction"):
+        power = spectra.angular_power(rng.standard_normal((4, N_PIX)), mask=apodised(15))
+    inside = (power.degrees > 20) & (power.degrees < 64)
+    assert power.mean[inside].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.03)
+
+
 def test_lmax_cuts_after_decoupling(red_cl, rng):
     """Power beyond lmax leaks into the last bins if it is cut before."""
     white = np.ones(LMAX + 1)

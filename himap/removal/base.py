@@ -7,12 +7,12 @@ one class and import it in `himap/removal/__init__.py`; the contract test runs o
 import difflib
 import warnings
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_cube, real_array
+from himap.checks import checked_cube, checked_field, parameter, real_array
 from himap.errors import InputError
 
 __all__ = ["Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
@@ -71,11 +71,6 @@ class Cleaned:
         return self.separation.foreground
 
 
-def parameter(default, help, *, minimum=None, maximum=None):
-    """A dataclass field with a help text and limits, both inclusive."""
-    return field(default=default, metadata={"help": help, "minimum": minimum, "maximum": maximum})
-
-
 @dataclass(kw_only=True)
 class ForegroundRemover(ABC):
     """A method of foreground removal; its fields are its parameters."""
@@ -88,7 +83,7 @@ class ForegroundRemover(ABC):
 
     def __post_init__(self):
         for item in fields(self):
-            _check_parameter(self.name, item, getattr(self, item.name))
+            setattr(self, item.name, checked_field(item, getattr(self, item.name)))
 
     @staticmethod
     def available():
@@ -156,9 +151,10 @@ class ForegroundRemover(ABC):
                 SeparationWarning,
                 stacklevel=2,
             )
-        for channel, value in zip(separation.foreground, mean, strict=True):
-            channel += value
-        residual = (maps - separation.foreground).astype(np.float32, copy=False)
+        residual = np.empty(maps.shape, dtype=np.float32)
+        for seen, found, value, left in zip(maps, separation.foreground, mean, residual, strict=True):
+            found += value
+            left[:] = seen - found
         return Cleaned(residual=residual, separation=separation)
 
     def check(self, n_channels):
@@ -197,15 +193,3 @@ def _checked_freqs(freqs, n_channels):
     if not 10 < freqs[0] < freqs[-1] < 1e5:
         raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
     return freqs
-
-
-def _check_parameter(name, item, value):
-    whole = item.type is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    real = item.type is float and isinstance(value, (int, float)) and not isinstance(value, bool)
-    if item.type in (int, float) and not (whole or real):
-        kind = "a whole number" if item.type is int else "a number"
-        raise InputError(f"{name}: {item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
-    low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
-    if (low is not None and value < low) or (high is not None and value > high):
-        limits = f"at least {low}" if high is None else f"between {low} and {high}"
-        raise InputError(f"{name}: {item.name} ({item.metadata['help']}) must be {limits}, got {value}.")

@@ -35,15 +35,16 @@ class PCA(ForegroundRemover):
 
 
 def channel_covariance(maps):
-    """X X^T / n_pix of centred maps, (n_channels, n_channels) float64.
+    """X X^T / n_pix of maps less their channel means, (n_channels, n_channels) float64.
 
     Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
     drown HI in rounding, so products are taken in float64, block by block.
     """
     n_channels, n_pix = maps.shape
+    mean = maps.mean(axis=1, dtype=np.float64)[:, None]
     total = np.zeros((n_channels, n_channels))
     for block in _blocks(n_pix):
-        lines = maps[:, block].astype(np.float64)
+        lines = maps[:, block] - mean
         total += lines @ lines.T
     return total / n_pix
 

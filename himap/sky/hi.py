@@ -8,7 +8,7 @@ space by the linear velocity of the same box, and averaged over channels and pix
 import numpy as np
 from numba import njit, prange
 
-from himap.cosmology import HIModel, redshift
+from himap.cosmology import Z_MAX, HIModel, redshift
 from himap.errors import InputError
 from himap.sky import box, light_cone
 
@@ -79,7 +79,7 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True):
     del modes
     # Growth and bias against distance, out to the corner of the box.
     radius = np.linspace(0, np.sqrt(3) * box_size / 2, 4096)
-    z = model.cosmology.redshift_at(np.minimum(radius, model.cosmology.comoving_distance(5.0)))
+    z = model.cosmology.redshift_at(np.minimum(radius, model.cosmology.comoving_distance(Z_MAX)))
     growth = model.cosmology.growth(z)
     x = box.cell_centres(n_cells, box_size)
     variance = float(np.mean([np.mean(plane**2, dtype=np.float64) for plane in density]))  # mean is 0

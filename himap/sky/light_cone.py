@@ -35,7 +35,6 @@ class Rays:
 def plan_rays(nside, cell, distance_min, distance_max, *, oversample=2.0):
     """Rays no further apart than `cell` / `oversample`, with steps half as long, across a band.
 
-
     `cell`, `distance_min` and `distance_max` in Mpc/h; a margin for matter displaced into the band is added.
     """
     start, stop = max(distance_min - _MARGIN, 0.0), distance_max + _MARGIN
@@ -73,7 +72,9 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
         n_steps = int(np.ceil((stop - start) / rays.step))
         if n_steps == 0:
             continue
-        vectors = sphere.pixel_vectors(nside * 2**level).astype(np.float32).reshape(len(ring), -1, 3)
+        vectors = (
+            sphere.pixel_vectors(nside * 2**level, nest=True).astype(np.float32).reshape(len(ring), -1, 3)
+        )
         blocks = np.array_split(np.arange(len(ring)), _BLOCKS)
         for pixels in progress(blocks, f"HI light cone, {start:.0f} to {stop:.0f} Mpc/h"):
             _trace_shell(

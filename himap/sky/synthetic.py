@@ -67,7 +67,7 @@ def synthetic_galaxy(nside, rng):
     fine = max(nside, NSIDE_CALIBRATED)
     shared, synchrotron, free_free = rng.spawn(3)
     plane = _Field.draw(_free_free_spectrum, fine, shared)
-    vectors = _vectors(fine)
+    vectors = sphere.pixel_vectors(fine)
     amplitude, index = _synchrotron(vectors, plane, fine, synchrotron)
     components = (
         ("synchrotron", amplitude, _FREQ_SYNCHROTRON, sphere.change_resolution(index, nside)),
@@ -102,13 +102,6 @@ def _free_free(vectors, plane, nside, rng):
     cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
     width = 1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2))
     return _disc_brightness(vectors, _IONISED_DISC) * cavity * mix.lognormal(width)
-
-
-def _vectors(nside):
-    """Unit vectors of the pixels in RING order, (n_pix, 3)."""
-    vectors = np.empty((12 * nside**2, 3))
-    vectors[sphere.nest_to_ring(nside)] = sphere.pixel_vectors(nside)
-    return vectors
 
 
 def _disc_brightness(vectors, disc):
