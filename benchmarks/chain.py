@@ -17,7 +17,7 @@ from himap import spectra, sphere
 from himap.instrument.beams import beam_model
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
-from himap.removal import PCA
+from himap.removal.pca import PCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps

@@ -7,7 +7,15 @@ import numpy as np
 
 from himap.errors import InputError
 
-__all__ = ["checked_cube", "checked_field", "parameter", "real_array", "whole_number"]
+__all__ = [
+    "checked_beams",
+    "checked_cube",
+    "checked_field",
+    "checked_freqs",
+    "parameter",
+    "real_array",
+    "whole_number",
+]
 
 _LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
 
@@ -47,6 +55,33 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
 
 def _count_bad(pixels):
     return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST)))
+
+
+def checked_freqs(freqs, n_channels):
+    """Channel centres in MHz, (n_channels,) float64, positive and ascending; takes astropy quantities."""
+    freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
+    if freqs.shape != (n_channels,):
+        raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
+    if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
+        raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
+    if not 10 < freqs[0] <= freqs[-1] < 1e5:
+        raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
+    return freqs
+
+
+def checked_beams(label, beams, n_channels):
+    """b_l of every channel, (n_channels, lmax + 1) float64, finite and above zero."""
+    beams = real_array(label, beams).astype(float)
+    if beams.ndim != 2 or len(beams) != n_channels:
+        raise InputError(f"{label} must be b_l of shape ({n_channels}, lmax + 1), got {beams.shape}.")
+    bad = np.argwhere(~((beams > 0) & np.isfinite(beams)))
+    if len(bad):
+        channel, degree = bad[0]
+        raise InputError(
+            f"{label} must be finite and above zero, got {beams[channel, degree]} in channel {channel} at "
+            f"l = {degree} and {len(bad) - 1} more like it; end the b_l below that l."
+        )
+    return beams
 
 
 def whole_number(label, value, low, high):

@@ -11,7 +11,7 @@ from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.observe import observe
-from himap.removal import PCA
+from himap.removal.pca import PCA
 from himap.survey import Survey
 
 SURVEY = Survey(nside=4, n_channels=6, box_cells=16)

@@ -9,7 +9,7 @@ from himap import diagnostics, pipeline, sphere
 from himap.errors import InputError
 from himap.instrument.beams import beam_from_array, beam_model
 from himap.instrument.noise import noise_maps
-from himap.removal import PCA
+from himap.removal.pca import PCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
 from himap.sky.point_sources import point_sources

@@ -144,3 +144,32 @@ def test_bad_alm_size():
 def test_short_beam(alm):
     with pytest.raises(InputError, match=f"reach l = {LMAX}, got 9"):
         sphere.multiply_beam(alm, np.ones(10))
+
+
+def test_closely_analysed_maps_come_back(rng):
+    """Near l = 3 nside the quadrature of `analyse` leaves percents, least squares next to nothing."""
+    alm = sphere.gaussian_alm(1 / (1.0 + np.arange(LMAX + 1)) ** 2, rng)
+    pixels = sphere.synthesise(alm, NSIDE)
+    left = [
+        (pixels - sphere.synthesise(analysed, NSIDE)).std() / pixels.std()
+        for analysed in (sphere.analyse_closely(pixels, LMAX), sphere.analyse(pixels))
+    ]
+    assert left[0] < 3e-3
+    assert left[0] < 0.1 * left[1]
+
+
+class TestGrid:
+    @pytest.mark.parametrize("lmax", [2, 31, 200])
+    def test_exact(self, lmax, rng):
+        alm = sphere.gaussian_alm(np.ones(lmax + 1), rng)
+        assert sphere.analyse_grid(sphere.synthesise_grid(alm), lmax) == pytest.approx(alm, abs=1e-10)
+
+    def test_same_field_as_on_healpix(self, rng):
+        """The mean square of a field, by quadrature on the grid and from its spectrum."""
+        alm = sphere.gaussian_alm(np.ones(LMAX + 1), rng)
+        square = sphere.analyse_grid(sphere.synthesise_grid(alm) ** 2, LMAX)[0].real / np.sqrt(4 * np.pi)
+        degree = np.arange(LMAX + 1)
+        assert square == pytest.approx((2 * degree + 1) @ sphere.cross_spectrum(alm) / (4 * np.pi), rel=0.02)
+
+    def test_smaller_than_a_plain_grid(self):
+        assert sphere.synthesise_grid(np.zeros(sphere.alm_size(200))).size < 0.85 * 201 * 402

@@ -14,8 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = [
     "errors", "checks", "numbers", "progress", "survey",  # no physics
     "syntax", "fingerprint", "provenance", "store",
-    "cosmology", "sphere", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "pipeline", "claims", "plotting",
+    "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
+    "pipeline", "claims", "plotting", "study",
     "parameters", "notebook_files", "reproduce", "cli", "__main__",
 ]
 # fmt: on

@@ -1,10 +1,9 @@
 """What every method of foreground removal has in common: checks, centring, subtraction, the register.
 
 A method is a dataclass of its parameters with one hook, `_separate`. To add one, write one file with
-one class and import it in `himap/removal/__init__.py`; the contract test runs on it by itself.
+one class in `himap/removal/`; it registers by its name, and the contract test runs on it by itself.
 """
 
-import difflib
 import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
@@ -12,12 +11,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_cube, checked_field, parameter, real_array
+from himap.checks import checked_beams, checked_cube, checked_field, checked_freqs, parameter
 from himap.errors import InputError
 
-__all__ = ["Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
+__all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
-_REGISTRY = {}
+REGISTRY = {}
 
 
 class SeparationWarning(UserWarning):
@@ -31,7 +30,7 @@ class Separation:
     Attributes
     ----------
     foreground
-        (n_channels, n_pix) float32, mK, a new array. `_separate` gives that of the centred maps; the
+        (n_channels, n_pix) float32, mK, a new array. `_separate` gives that of the maps it is given; the
         base class adds the channel means in place, for a second cube of that size is not small.
     mixing
         (n_channels, n_sources).
@@ -41,6 +40,10 @@ class Separation:
         False if the method stopped at its limit.
     n_iterations
         0 for a direct method.
+    flagged
+        (n_pix,) bool, the lines of sight whose own fit cannot be trusted; None where there is no such fit.
+    remark
+        What the user should know of the result, for a warning; empty if there is nothing.
     """
 
     foreground: np.ndarray
@@ -48,6 +51,8 @@ class Separation:
     sources: np.ndarray
     converged: bool = True
     n_iterations: int = 0
+    flagged: np.ndarray | None = None
+    remark: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,42 +78,30 @@ class Cleaned:
 
 @dataclass(kw_only=True)
 class ForegroundRemover(ABC):
-    """A method of foreground removal; its fields are its parameters."""
+    """A method of foreground removal; its fields are its parameters.
+
+    Attributes
+    ----------
+    name
+        What it is called in `removal.create`, in file names and in figures.
+    centred
+        Whether `_separate` gets maps less their channel means. A method that is not linear in the maps, such
+        as a fit of power laws, sets it to False and gives the whole foreground.
+    needs_beams
+        Whether the method uses the beams; the others get None for them.
+    """
 
     name: ClassVar[str]
+    centred: ClassVar[bool] = True
+    needs_beams: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
-        _REGISTRY[cls.name] = cls
+        REGISTRY[cls.name] = cls
 
     def __post_init__(self):
         for item in fields(self):
             setattr(self, item.name, checked_field(item, getattr(self, item.name)))
-
-    @staticmethod
-    def available():
-        """Names of the methods, sorted."""
-        return sorted(_REGISTRY)
-
-    @staticmethod
-    def create(name, **parameters):
-        """The method called `name`.
-
-        Raises
-        ------
-        InputError
-            An unknown name or parameter (the message lists what exists), or a bad value.
-        """
-        if not isinstance(name, str) or name not in _REGISTRY:
-            raise InputError(f"unknown method {name!r}; there are {', '.join(sorted(_REGISTRY))}.")
-        method = _REGISTRY[name]
-        known = {item.name: item.metadata["help"] for item in fields(method)}
-        for key in sorted(set(parameters) - set(known)):
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
-            listing = "; ".join(f"{item}: {help}" for item, help in known.items())
-            raise InputError(f"{name} has no parameter {key!r}{hint}; its parameters are {listing}.")
-        return method(**parameters)
 
     def clean(self, maps, *, freqs, beams=None, rng=None, separate_on=None):
         """Find the foreground and subtract it.
@@ -120,7 +113,7 @@ class ForegroundRemover(ABC):
         freqs
             Channel centres, MHz, ascending, (n_channels,).
         beams
-            b_l, (n_channels, lmax + 1), for methods that use them.
+            b_l, (n_channels, lmax + 1), for methods that use them: positive and finite.
         rng
             numpy Generator, for methods that draw numbers.
         separate_on
@@ -134,28 +127,48 @@ class ForegroundRemover(ABC):
         Raises
         ------
         InputError
-            Maps that are not finite, of one channel or of different shapes; frequencies that do not
-            fit them; more sources than channels.
+            Maps that are not finite, of one channel or of different shapes; frequencies or beams that do
+            not fit them; more sources than channels.
         """
         maps = checked_cube("maps", maps, min_channels=2)
         basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
         if basis.shape != maps.shape:
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
-        freqs = _checked_freqs(freqs, len(maps))
+        freqs = checked_freqs(freqs, len(maps))
+        beams = self._own_beams(beams, len(maps))
         self.check(len(maps))
-        mean = basis.mean(axis=1, dtype=np.float64)
+        mean = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
         separation = self._separate(_centred(basis, mean), freqs=freqs, beams=beams, rng=rng)
-        if not separation.converged:
-            warnings.warn(
-                f"{self.name} stopped after {separation.n_iterations} iterations without converging.",
-                SeparationWarning,
-                stacklevel=2,
-            )
+        self._check_result(separation, maps.shape)
         residual = np.empty(maps.shape, dtype=np.float32)
         for seen, found, value, left in zip(maps, separation.foreground, mean, residual, strict=True):
             found += value
             left[:] = seen - found
         return Cleaned(residual=residual, separation=separation)
+
+    def _own_beams(self, beams, n_channels):
+        if not self.needs_beams:
+            return None
+        if beams is None:
+            raise InputError(
+                f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
+                "himap.instrument.beams makes those of the paper."
+            )
+        return checked_beams("beams", beams, n_channels)
+
+    def _check_result(self, separation, shape):
+        """Hold a method to what it promises, and pass on what it says of its result."""
+        foreground = separation.foreground
+        if foreground.shape != shape or foreground.dtype != np.float32:
+            raise TypeError(
+                f"{type(self).__name__}._separate must return a new float32 foreground of shape {shape}, "
+                f"got {foreground.dtype} of {foreground.shape}."
+            )
+        remarks = [separation.remark] if separation.remark else []
+        if not separation.converged:
+            remarks.insert(0, f"stopped after {separation.n_iterations} iterations without converging")
+        for remark in remarks:
+            warnings.warn(f"{self.name}: {remark}.", SeparationWarning, stacklevel=3)
 
     def check(self, n_channels):
         """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.
@@ -173,7 +186,7 @@ class ForegroundRemover(ABC):
 
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
-        """The `Separation` of centred float32 `maps`; must not change them."""
+        """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
 
 
 def _centred(maps, mean):
@@ -182,14 +195,3 @@ def _centred(maps, mean):
     for channel, value, row in zip(maps, mean, out, strict=True):
         row[:] = channel - np.float64(value)
     return out
-
-
-def _checked_freqs(freqs, n_channels):
-    freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
-    if freqs.shape != (n_channels,):
-        raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
-    if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
-        raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
-    if not 10 < freqs[0] < freqs[-1] < 1e5:
-        raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
-    return freqs

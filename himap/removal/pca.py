@@ -7,10 +7,9 @@ import numpy as np
 from scipy import linalg
 
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.blocked import blocks, mixture, projection
 
 __all__ = ["PCA", "channel_covariance", "principal_axes"]
-
-_BLOCK = 16384  # pixels at a time: the float64 copy of a block stays small
 
 
 @dataclass(kw_only=True)
@@ -26,12 +25,8 @@ class PCA(ForegroundRemover):
 
     def _separate(self, maps, *, freqs, beams, rng):
         mixing = principal_axes(channel_covariance(maps), self.n_sources)
-        sources = np.empty((self.n_sources, maps.shape[1]))
-        foreground = np.empty_like(maps)
-        for block in _blocks(maps.shape[1]):
-            sources[:, block] = mixing.T @ maps[:, block].astype(np.float64)
-            foreground[:, block] = mixing @ sources[:, block]
-        return Separation(foreground=foreground, mixing=mixing, sources=sources)
+        sources = projection(mixing.T, maps)
+        return Separation(foreground=mixture(mixing, sources), mixing=mixing, sources=sources)
 
 
 def channel_covariance(maps):
@@ -43,7 +38,7 @@ def channel_covariance(maps):
     n_channels, n_pix = maps.shape
     mean = maps.mean(axis=1, dtype=np.float64)[:, None]
     total = np.zeros((n_channels, n_channels))
-    for block in _blocks(n_pix):
+    for block in blocks(n_pix):
         lines = maps[:, block] - mean
         total += lines @ lines.T
     return total / n_pix
@@ -56,7 +51,3 @@ def principal_axes(covariance, n_axes):
     vectors = vectors[:, ::-1]
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(n_axes)]
     return vectors * np.sign(largest)
-
-
-def _blocks(n_pix):
-    return [slice(start, start + _BLOCK) for start in range(0, n_pix, _BLOCK)]
