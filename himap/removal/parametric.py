@@ -1,0 +1,193 @@
+"""Parametric fit along each line of sight: free-free emission plus a power law (paper, Sect. 3.2.2)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.special import exprel
+
+from himap.errors import InputError
+from himap.removal.base import ForegroundRemover, Separation, parameter
+
+__all__ = ["FREE_FREE_INDEX", "Parametric"]
+
+FREE_FREE_INDEX = -2.13
+"""Spectral index of the first term (Bennett et al. 1992)."""
+
+_BLOCK = 4096  # pixels at a time: the float64 copies of a block stay small
+_DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band and indices the fields allow
+_N_GRID = 65  # starting values of beta
+_MAX_STEPS = 60  # bisection alone needs 45
+_TOLERANCE = 1e-11  # in units of half the range of beta
+
+
+@dataclass(kw_only=True)
+class Parametric(ForegroundRemover):
+    """Two power laws in frequency, fitted to each line of sight on its own.
+
+    T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), least squares in mK, all channels with the same
+    weight: the paper names no weights. The amplitudes are linear and of either sign, so for a given beta they
+    follow at once, and what is left to search is the best beta alone (variable projection, Golub & Pereyra
+    1973). beta is bounded, because the two terms are one at beta = -2.13, where the amplitudes diverge. The
+    default range holds every synchrotron index that is plausible: electrons of energy index p = 2 to 3 give
+    -2.5 to -3, energy losses and the steepest sources up to one more, and -2.2 is flatter than any mixture of
+    them.
+
+    A line of sight whose best beta is a bound, or that used up its steps, is in `Separation.flagged`. Only
+    the second is a failure of the search, and makes the result not converged; the first says that the sky is
+    not the model, and the fit is still the best within the bounds. The sources are a1 and a2 in mK, and beta;
+    the mixing matrix has the derivatives of the model with respect to them, at the sky's median parameters.
+    """
+
+    name: ClassVar[str] = "parametric"
+    centred: ClassVar[bool] = False  # power laws need the total brightness
+    beta_min: float = parameter(-4.0, "steepest spectral index of the second term", minimum=-6)
+    beta_max: float = parameter(-2.2, "flattest spectral index of the second term", maximum=-2.14)
+    nu0: float = parameter(1150.0, "frequency of the amplitudes, MHz", minimum=0, above=True)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.beta_min >= self.beta_max:
+            raise InputError(
+                f"beta_min must be below beta_max, got {self.beta_min} and {self.beta_max}; "
+                "plausible are -4 and -2.2."
+            )
+
+    def check(self, n_channels):
+        """Refuse fewer channels than parameters."""
+        super().check(n_channels)
+        if n_channels < 3:
+            raise InputError(f"{self.name} fits 3 parameters and needs as many channels, got {n_channels}.")
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        _check_total(maps)
+        model = _TwoPowerLaws(freqs / self.nu0, self.beta_min, self.beta_max)
+        foreground = np.empty_like(maps)
+        sources = np.empty((3, maps.shape[1]))
+        flagged = np.empty(maps.shape[1], dtype=bool)
+        n_steps, n_lost = 0, 0
+        for start in range(0, maps.shape[1], _BLOCK):
+            block = slice(start, start + _BLOCK)
+            flat, series = model.project(maps[:, block].astype(np.float64))
+            best = _highest(series)
+            foreground[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
+            flagged[block] = best.at_bound | ~best.found
+            n_steps, n_lost = max(n_steps, best.n_steps), n_lost + np.count_nonzero(~best.found)
+        return Separation(
+            foreground=foreground,
+            mixing=model.derivatives(*np.median(sources, axis=1)),
+            sources=sources,
+            converged=n_lost == 0,
+            n_iterations=n_steps,
+            flagged=flagged,
+        )
+
+
+def _check_total(maps):
+    """Refuse maps whose mean along some line of sight is not positive."""
+    bad = np.count_nonzero(maps.mean(axis=0, dtype=np.float64) <= 0)
+    if bad:
+        raise InputError(
+            "parametric fits power laws to the total brightness, which is positive, but the mean along "
+            f"{bad} of {maps.shape[1]} lines of sight is not; give maps from which no mean was removed."
+        )
+
+
+class _TwoPowerLaws:
+    """The model over the channels, in an orthonormal basis that holds for every beta.
+
+    At a given beta the model spans two directions: q1, the unit vector along x^-2.13, and q2(beta), the unit
+    vector along what x^beta adds to it. It is taken from (x^beta - x^-2.13) / (beta + 2.13), written with
+    exprel, which loses no digits where the power laws meet. q2 is smooth in beta: a short Chebyshev series,
+    in t from -1 to 1 over the range of beta, holds it to rounding.
+    """
+
+    def __init__(self, x, beta_min, beta_max):
+        self.logx = np.log(x)
+        self.middle, self.half = 0.5 * (beta_max + beta_min), 0.5 * (beta_max - beta_min)
+        first = np.exp(FREE_FREE_INDEX * self.logx)
+        self.norm = np.linalg.norm(first)
+        self.q1 = first / self.norm
+        table = chebyshev.chebinterpolate(np.vectorize(self._table, signature="()->(n)"), _DEGREE)
+        self.q2, self.overlap, self.inverse_norm = table[:, :-2], table[:, -2], table[:, -1]
+
+    def _table(self, t):
+        """q2, and the product with q1 and the inverse norm of the vector it comes from, in one row."""
+        delta = self.middle + self.half * t - FREE_FREE_INDEX
+        second = np.exp(FREE_FREE_INDEX * self.logx) * self.logx * exprel(delta * self.logx)
+        overlap = self.q1 @ second
+        second -= overlap * self.q1
+        norm = np.linalg.norm(second)
+        return np.concatenate([second / norm, [overlap / norm, 1 / norm]])
+
+    def project(self, lines):
+        """Coefficient of q1, (n_pix,), and the Chebyshev series of that of q2(beta), (degree + 1, n_pix).
+
+        The residual sum of squares is |T|^2 less the squares of both: the best beta has the largest |second|.
+        """
+        return self.q1 @ lines, self.q2 @ (lines - np.outer(self.q1, self.q1 @ lines))
+
+    def evaluate(self, flat, series, t):
+        """The fit, (n_channels, n_pix), and a1, a2, beta, (3, n_pix), at the given t, (n_pix,)."""
+        powers = chebyshev.chebvander(t, _DEGREE).T
+        height = np.einsum("ij,ij->j", powers, series)
+        fit = np.outer(self.q1, flat) + (self.q2.T @ powers) * height
+        beta = self.middle + self.half * t
+        slope = height * (self.inverse_norm @ powers)
+        second = slope / (beta - FREE_FREE_INDEX)
+        first = (flat - height * (self.overlap @ powers)) / self.norm - second
+        return fit, np.stack([first, second, beta])
+
+    def derivatives(self, first, second, beta):
+        """Derivatives of the model with respect to a1, a2 and beta, (n_channels, 3)."""
+        power = np.exp(beta * self.logx)
+        return np.stack([np.exp(FREE_FREE_INDEX * self.logx), power, second * power * self.logx], axis=1)
+
+
+@dataclass(frozen=True)
+class _Best:
+    """Where |series| is highest: `t`, whether that is a bound, whether the search ended, and its steps."""
+
+    t: np.ndarray
+    at_bound: np.ndarray
+    found: np.ndarray
+    n_steps: int
+
+
+def _highest(series):
+    """Place of the largest |value| in [-1, 1] of Chebyshev series, (degree + 1, n_pix).
+
+    A grid finds the highest peak; Newton steps on the derivative, replaced by bisection wherever they leave
+    the bracket, polish it.
+    """
+    grid = np.linspace(-1, 1, _N_GRID)
+    values = chebyshev.chebvander(grid, _DEGREE) @ series
+    top = np.abs(values).argmax(axis=0)
+    series = series * np.sign(values[top, np.arange(len(top))])
+    slope, curvature = chebyshev.chebder(series), chebyshev.chebder(series, 2)
+    t = grid[top]
+    outward = np.sign(t) * _value(slope, t)
+    at_bound = (np.abs(t) == 1) & (outward >= 0)
+    low, high = grid[np.maximum(top - 1, 0)], grid[np.minimum(top + 1, _N_GRID - 1)]
+    left = np.flatnonzero(~at_bound)
+    n_steps = 0
+    while len(left) and n_steps < _MAX_STEPS:
+        n_steps += 1
+        gradient, bend = _value(slope[:, left], t[left]), _value(curvature[:, left], t[left])
+        low[left] = np.where(gradient > 0, t[left], low[left])
+        high[left] = np.where(gradient > 0, high[left], t[left])
+        step = -gradient / np.where(bend < 0, bend, -np.inf)
+        inside = (bend < 0) & (t[left] + step >= low[left]) & (t[left] + step <= high[left])
+        new = np.where(inside, t[left] + step, 0.5 * (low[left] + high[left]))
+        moved = np.abs(new - t[left])
+        t[left] = new
+        left = left[moved > _TOLERANCE]
+    found = np.ones(len(t), dtype=bool)
+    found[left] = False
+    return _Best(t=t, at_bound=at_bound, found=found, n_steps=n_steps)
+
+
+def _value(series, t):
+    """Chebyshev series at one point each, (degree + 1, n) and (n,) to (n,)."""
+    return chebyshev.chebval(t, series, tensor=False)

@@ -1,0 +1,175 @@
+"""Peaks masked before any method runs: a smooth baseline, outliers clipped, the baseline again.
+
+A bright HI source pulls a smooth fit towards itself. The baseline of every line of sight is therefore
+fitted twice, the second time without the channels that stand out from the first (paper, Sects. 3.2.1
+and 4.1, App. B). The masked maps serve to find the foreground; it is subtracted from the original ones.
+"""
+
+import numbers
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap.checks import checked_cube, checked_freqs, whole_number
+from himap.errors import InputError
+
+__all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]
+
+_BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baselines:
+    """Two polynomials along each line of sight, as coefficients of an orthonormal basis.
+
+    Attributes
+    ----------
+    basis
+        Polynomials in frequency, orthonormal over the channels, (n_channels, order + 1).
+    first, second
+        Coefficients of the fit to all channels, and of the fit without the flagged ones,
+        (order + 1, n_pix), mK.
+    flagged
+        Channels that stand out from the first fit, (n_channels, n_pix) bool.
+    """
+
+    basis: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    flagged: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeakMasked:
+    """A cube without its peaks.
+
+    Attributes
+    ----------
+    maps
+        The maps, with the second baseline in place of what is flagged, (n_channels, n_pix) float32, mK.
+    flagged
+        What was replaced, (n_channels, n_pix) bool.
+    """
+
+    maps: np.ndarray
+    flagged: np.ndarray
+
+
+def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0):
+    """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
+
+    Parameters
+    ----------
+    maps, freqs, order, n_sigma
+        As in `smooth_baselines`; `maps` is left as it is.
+
+    Returns
+    -------
+    PeakMasked
+
+    Raises
+    ------
+    InputError
+        As `smooth_baselines`.
+    """
+    found = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma)
+    smooth = np.array(maps, dtype=np.float32)
+    for row, replaced, polynomials in zip(smooth, found.flagged, found.basis, strict=True):
+        row[replaced] = polynomials @ found.second[:, replaced]
+    return PeakMasked(maps=smooth, flagged=found.flagged)
+
+
+def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
+    """Fit a polynomial in frequency to each line of sight, clip, and fit again what was clipped (Eq. 18).
+
+    A channel is flagged where it is further than `n_sigma` standard deviations, above or below, from the
+    first fit. The deviation is that of this line of sight over all its channels, peaks included, once the fit
+    is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that up to n_sigma^2
+    channels (25 by default) never show a peak. Lines of sight without a flag keep the first fit.
+
+    Parameters
+    ----------
+    maps
+        Lines of sight, (n_channels, n_pix), mK.
+    freqs
+        Channel centres, MHz, ascending, (n_channels,).
+    order
+        Order of the polynomial.
+    n_sigma
+        Threshold in standard deviations.
+
+    Returns
+    -------
+    Baselines
+
+    Raises
+    ------
+    InputError
+        Maps that are not finite or do not fit the frequencies; an order that leaves no channel to spare; a
+        threshold so low that a line of sight could keep too few channels.
+    """
+    maps = checked_cube("maps", maps, min_channels=2)
+    freqs = checked_freqs(freqs, len(maps))
+    check_clipping(len(maps), order, n_sigma)
+    basis = _polynomials(freqs, order)
+    first = np.empty((order + 1, maps.shape[1]))
+    second = np.empty_like(first)
+    flagged = np.empty(maps.shape, dtype=bool)
+    for start in range(0, maps.shape[1], _BLOCK):
+        block = slice(start, start + _BLOCK)
+        lines = maps[:, block].astype(np.float64)
+        first[:, block] = basis.T @ lines
+        lines -= basis @ first[:, block]
+        deviation = np.sqrt(np.einsum("ij,ij->j", lines, lines) / len(lines))  # the fit leaves no mean
+        np.greater(np.abs(lines), n_sigma * deviation, out=flagged[:, block])
+        second[:, block] = first[:, block]
+        again = flagged[:, block].any(axis=0)
+        second[:, block][:, again] += _correction(basis, lines[:, again], flagged[:, block][:, again])
+    return Baselines(basis=basis, first=first, second=second, flagged=flagged)
+
+
+def check_clipping(n_channels, order, n_sigma):
+    """Refuse an order or a threshold that could leave a line of sight with too few channels to fit.
+
+    Raises
+    ------
+    InputError
+        The order is no whole number from 1 to n_channels - 2, the threshold no positive number, or so low
+        that order + 1 channels or fewer could stay.
+    """
+    whole_number("order", order, 1, n_channels - 2)
+    real = isinstance(n_sigma, numbers.Real) and not isinstance(n_sigma, bool)
+    if not real or not 0 < n_sigma < np.inf:
+        raise InputError(f"n_sigma must be a positive number of standard deviations, got {n_sigma!r}.")
+    most = int(np.ceil(n_channels / n_sigma**2)) - 1  # m outliers alone have a variance above m n_sigma^2 / n
+    if n_channels - most < order + 2:
+        raise InputError(
+            f"n_sigma = {n_sigma:g} could flag {most} of {n_channels} channels, too many to fit "
+            f"order {order} to the rest; use a higher n_sigma or a lower order."
+        )
+
+
+def _polynomials(freqs, order):
+    """Polynomials up to `order`, orthonormal over the channels, (n_channels, order + 1).
+
+    The Legendre polynomials of the band mapped to [-1, 1] are nearly orthogonal already, so QR keeps
+    every digit; powers of a frequency in MHz would have a condition number of 1e36. All rise
+    at the upper end.
+    """
+    u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
+    basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
+    return basis * np.sign(np.diag(triangle))
+
+
+def _correction(basis, left, flagged):
+    """What to add to the coefficients of a fit to leave out the flagged channels, (order + 1, n).
+
+    With the flagged rows F of the basis Q (Q^T Q = 1) and the residual r of the first fit, the normal
+    equations of the other channels are (1 - F^T F) delta = -F^T r. They hold residuals alone, so the bright
+    baseline costs no digits.
+    """
+    n_coefficients = basis.shape[1]
+    products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
+    normal = np.eye(n_coefficients) - (flagged.T @ products).reshape(-1, n_coefficients, n_coefficients)
+    pull = np.where(flagged, left, 0).T @ basis
+    return -np.linalg.solve(normal, pull[:, :, None])[:, :, 0].T

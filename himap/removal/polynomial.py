@@ -1,0 +1,41 @@
+"""Polynomial fit along each line of sight (paper, Sect. 3.2.1)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.peaks import check_clipping, smooth_baselines
+
+__all__ = ["Polynomial"]
+
+_BLOCK = 16384  # pixels at a time: the float64 foreground of a block stays small
+
+
+@dataclass(kw_only=True)
+class Polynomial(ForegroundRemover):
+    """A polynomial in frequency, fitted to each line of sight on its own.
+
+    T(nu, p) = sum_n a_n(p) nu^n, n = 0..order (Eq. 18), fitted again without the channels that the first fit
+    leaves more than `n_sigma` standard deviations away. The mixing matrix A holds polynomials that are
+    orthonormal over the channels instead of powers of nu, the sources S their coefficients: the same fit.
+    """
+
+    name: ClassVar[str] = "polynomial"
+    centred: ClassVar[bool] = False  # the paper fits the total temperature, and clips what stands out from it
+    order: int = parameter(6, "order of the polynomial", minimum=1)
+    n_sigma: float = parameter(5.0, "channels further from the first fit are left out", minimum=0, above=True)
+
+    def check(self, n_channels):
+        """Refuse an order or threshold that leaves too few channels (`peaks.check_clipping`)."""
+        super().check(n_channels)
+        check_clipping(n_channels, self.order, self.n_sigma)
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        found = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
+        foreground = np.empty_like(maps)
+        for start in range(0, maps.shape[1], _BLOCK):
+            block = slice(start, start + _BLOCK)
+            foreground[:, block] = found.basis @ found.second[:, block]
+        return Separation(foreground=foreground, mixing=found.basis, sources=found.second)

@@ -1,0 +1,197 @@
+"""The parametric fit: exact on its own model, and nowhere worse than scipy's least squares."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from scipy.optimize import least_squares
+
+from himap import removal
+from himap.errors import InputError
+from himap.removal import parametric
+from himap.removal.base import SeparationWarning
+from himap.removal.parametric import Parametric
+
+FREQS = np.linspace(902.5, 1397.5, 100)
+X = FREQS / 1150
+
+
+def model(first, second, beta):
+    return first * X[:, None] ** -2.13 + second * X[:, None] ** np.asarray(beta)
+
+
+@pytest.fixture
+def truth(rng):
+    """a1, a2 and beta of 200 lines of sight, as of a sky."""
+    first, second = np.exp(rng.normal([[4.0], [7.0]], 1.0, (2, 200)))
+    return np.stack([first, second, rng.uniform(-3.3, -2.5, 200)])
+
+
+def clean(maps, **options):
+    return Parametric(**options).clean(maps, freqs=FREQS)
+
+
+def test_a_sky_of_two_power_laws_is_recovered(truth):
+    cleaned = clean(model(*truth))
+    first, second, beta = cleaned.separation.sources
+    assert np.abs(cleaned.residual).max() < 1e-7 * model(*truth).max()
+    # The maps are float32: their rounding, 3e-8, comes back a thousandfold in parameters that are nearly
+    # degenerate, which is a property of the model and not of the fit.
+    assert beta == pytest.approx(truth[2], abs=1e-3)
+    assert first + second == pytest.approx(truth[0] + truth[1], rel=1e-6)
+    assert second == pytest.approx(truth[1], rel=5e-3)
+    assert not cleaned.separation.flagged.any()
+
+
+def test_amplitudes_and_index_to_rounding(truth):
+    """The same in float64, inside the class."""
+    laws = parametric._TwoPowerLaws(X, -4.0, -2.2)
+    flat, series = laws.project(model(*truth))
+    found = parametric._highest(series)
+    fit, parameters = laws.evaluate(flat, series, found.t)
+    assert parameters == pytest.approx(truth, rel=1e-7)
+    assert fit == pytest.approx(model(*truth), rel=1e-12)
+
+
+def twin(line, bounds):
+    """The best of scipy's bounded fits from several starting points: its parameters and sum of squares."""
+
+    def left(p):
+        return p[0] * X**-2.13 + p[1] * X ** p[2] - line
+
+    def jacobian(p):
+        return np.stack([X**-2.13, X ** p[2], p[1] * X ** p[2] * np.log(X)], axis=1)
+
+    inf = np.inf
+    limits = ([-inf, -inf, bounds[0]], [inf, inf, bounds[1]])
+    tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "x_scale": "jac", "max_nfev": 2000}
+    fits = []
+    for beta in np.linspace(*bounds, 7)[1:-1]:
+        start = np.linalg.lstsq(np.stack([X**-2.13, X**beta], axis=1), line, rcond=None)[0]
+        fits.append(least_squares(left, [*start, beta], jac=jacobian, bounds=limits, **tight))
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, 2 * best.cost
+
+
+@pytest.mark.parametrize("bounds", [(-4.0, -2.2), (-3.0, -2.6)])
+def test_the_minimum_is_that_of_scipy(truth, rng, bounds):
+    """Noise of 1 % moves some lines of sight to the bounds; no sum of squares is above scipy's."""
+    first, second, beta = truth[:, :24]
+    noise = rng.standard_normal((len(FREQS), 24)) * np.geomspace(1e-4, 1e-2, 24) * (first + second)
+    maps = (model(first, second, beta) + noise).astype(np.float32)
+    separation = clean(maps, beta_min=bounds[0], beta_max=bounds[1]).separation
+    fit = model(*separation.sources)  # in float64: the foreground itself is rounded to float32
+    assert separation.foreground == pytest.approx(fit, rel=1e-6)
+    squares = ((maps.astype(float) - fit) ** 2).sum(axis=0)
+    others = [twin(line.astype(float), bounds) for line in maps.T]
+    assert squares == pytest.approx([other[1] for other in others], rel=1e-6)
+    inside = ~separation.flagged
+    assert separation.sources[2][inside] == pytest.approx(
+        [x[2] for (x, _), kept in zip(others, inside, strict=True) if kept], abs=1e-4
+    )
+    assert 0 < np.count_nonzero(inside) < 24
+
+
+def test_the_highest_peak_is_found_in_pure_noise(rng):
+    """The projections of noise have several peaks; the answer is above all values of a fine grid."""
+    x = np.geomspace(0.2, 3, len(FREQS))  # a band so wide that there are many
+    _, series = parametric._TwoPowerLaws(x, -6.0, -2.14).project(rng.standard_normal((len(FREQS), 500)))
+    found = parametric._highest(series)
+    values = np.abs(chebyshev.chebval(np.linspace(-1, 1, 5001), series))
+    heights = np.abs(parametric._value(series, found.t))
+    assert (heights >= (1 - 1e-12) * values.max(axis=1)).all()
+    assert np.array_equal(found.at_bound, np.abs(found.t) == 1)
+    assert found.found.all() and found.at_bound.any() and not found.at_bound.all()
+
+
+def test_the_basis_is_exact_for_extreme_bands_and_indices():
+    """The Chebyshev series of the second direction against the direction itself."""
+    x = np.geomspace(0.2, 3, 60)
+    laws = parametric._TwoPowerLaws(x, -6.0, -2.14)
+    for t in np.linspace(-1, 1, 41):
+        beta = laws.middle + laws.half * t
+        both = np.stack([x**-2.13, x**beta], axis=1)
+        q2 = chebyshev.chebval(t, laws.q2)
+        assert [q2 @ q2, laws.q1 @ q2] == pytest.approx([1, 0], abs=1e-11)
+        rest = q2 - both @ np.linalg.lstsq(both, q2, rcond=None)[0]
+        assert np.abs(rest).max() < 1e-10
+
+
+def test_the_higher_of_two_peaks_is_found():
+    series = chebyshev.chebinterpolate(
+        lambda t: 0.9 * np.exp(-16 * t**2) - np.exp(-16 * (t - 0.55) ** 2), parametric._DEGREE
+    )
+    assert parametric._highest(series[:, None]).t == pytest.approx(0.55, abs=0.01)
+
+
+def test_a_line_of_sight_at_the_bound_is_flagged(truth):
+    """Steeper than any power law within the bounds: the best beta is the bound, which is no warning."""
+    truth[2, 5] = -4.6
+    separation = clean(model(*truth)).separation
+    assert np.flatnonzero(separation.flagged).tolist() == [5]
+    assert separation.sources[2, 5] == -4
+    assert separation.converged
+
+
+def test_steps_used_up_are_a_warning_and_flags(truth, rng, monkeypatch):
+    monkeypatch.setattr(parametric, "_MAX_STEPS", 1)
+    maps = model(*truth) * (1 + 1e-4 * rng.standard_normal((len(FREQS), 200)))
+    with pytest.warns(SeparationWarning, match="parametric: stopped after 1 iterations"):
+        separation = clean(maps).separation
+    assert separation.flagged.mean() > 0.9
+
+
+def test_no_second_power_law(truth):
+    """Free-free emission alone says nothing about beta, and is removed all the same."""
+    maps = model(truth[0], 0, -3.0)
+    cleaned = clean(maps)
+    assert np.abs(cleaned.residual).max() < 1e-6 * maps.max()
+
+
+def test_the_reference_frequency_changes_amplitudes_alone(truth):
+    maps = model(*truth)
+    at_1150, at_1000 = clean(maps), clean(maps, nu0=1000.0)
+    assert at_1000.residual == pytest.approx(at_1150.residual, abs=1e-6 * maps.max())
+    ratio = at_1000.separation.sources[1] / at_1150.separation.sources[1]
+    assert ratio == pytest.approx((1000 / 1150) ** at_1000.separation.sources[2], rel=1e-4)
+
+
+def test_mixing_is_the_derivative_at_the_median(truth):
+    separation = clean(model(*truth)).separation
+    middle = np.median(separation.sources, axis=1)
+    for n, step in enumerate([1e-2, 1e-2, 1e-5]):
+        up, down = middle.copy(), middle.copy()
+        up[n] += step
+        down[n] -= step
+        slope = (model(*up[:, None]) - model(*down[:, None]))[:, 0] / (2 * step)
+        assert separation.mixing[:, n] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+def test_blocks_do_not_show(truth, monkeypatch):
+    whole = clean(model(*truth)).residual
+    monkeypatch.setattr(parametric, "_BLOCK", 7)
+    assert clean(model(*truth)).residual == pytest.approx(whole, abs=1e-6 * model(*truth).max())
+
+
+def test_maps_without_their_mean_are_refused(truth):
+    maps = model(*truth)
+    with pytest.raises(InputError, match="total brightness.*give maps from which no mean was removed"):
+        clean(maps - maps.mean(axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"beta_min": -7}, "beta_min .* must be at least -6"),
+        ({"beta_max": -2.13}, "beta_max .* must be at most -2.14"),
+        ({"beta_min": -2.5, "beta_max": -2.5}, "beta_min must be below beta_max"),
+        ({"nu0": 0}, "nu0 .* must be above 0"),
+    ],
+)
+def test_bad_parameters(options, message):
+    with pytest.raises(InputError, match=message):
+        removal.create("parametric", **options)
+
+
+def test_too_few_channels(truth):
+    with pytest.raises(InputError, match="fits 3 parameters"):
+        Parametric().clean(model(*truth)[:2], freqs=FREQS[:2])

@@ -1,0 +1,163 @@
+"""Peak masking: the two fits against numpy's, and what becomes of a peak."""
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.removal import peaks
+from himap.removal.peaks import mask_peaks, smooth_baselines
+
+FREQS = np.linspace(902.5, 1397.5, 100)
+U = (FREQS - 1150) / 247.5
+N_PIX = 60
+
+
+@pytest.fixture
+def smooth():
+    """Power laws of many indices, 1e4 mK, as polynomials of order 6: what these cannot follow is 0.1 mK."""
+    laws = 1e4 * (FREQS[:, None] / 1150) ** np.linspace(-3.2, -2.1, N_PIX)
+    return np.polynomial.chebyshev.chebval(U, np.polynomial.chebyshev.chebfit(U, laws, 6)).T
+
+
+@pytest.fixture
+def peaked(smooth, rng):
+    """Noise of 0.05 mK; up to three peaks on two of three lines of sight, also at the ends of the band."""
+    lines = smooth + 0.05 * rng.standard_normal(smooth.shape)
+    where = np.zeros(lines.shape, dtype=bool)
+    for pixel in np.flatnonzero(np.arange(N_PIX) % 3):
+        where[rng.choice(len(FREQS), 1 + pixel % 3, replace=False), pixel] = True
+    where[0, 1] = where[-1, 2] = True
+    return lines + np.where(where, rng.choice([2, -2], where.shape), 0), where
+
+
+def twin(line, kept):
+    """The plain fit of numpy, to the channels that are kept."""
+    return np.polynomial.Polynomial.fit(FREQS[kept], line[kept], 6)(FREQS)
+
+
+def test_both_fits_are_those_of_numpy(peaked):
+    lines, where = peaked
+    found = smooth_baselines(lines, FREQS)
+    for pixel, line in enumerate(lines.T):
+        first = twin(line, np.full(len(FREQS), True))
+        assert found.basis @ found.first[:, pixel] == pytest.approx(first, abs=1e-9)
+        outliers = np.abs(line - first) > 5 * np.std(line - first)
+        assert np.array_equal(found.flagged[:, pixel], outliers)
+        assert found.basis @ found.second[:, pixel] == pytest.approx(twin(line, ~outliers), abs=1e-9)
+    assert found.flagged.sum() > 30 and (found.flagged <= where).all()
+
+
+def test_many_channels_left_out_at_one_end():
+    """The worst case for the normal equations: 15 of 100 channels at the end of the band are flagged."""
+    line = np.where(np.arange(100) < 15, 50.0, 0.0) + 1e4 * (FREQS / 1150) ** -2.7
+    found = smooth_baselines(line[:, None], FREQS, order=2, n_sigma=1.5)
+    kept = ~found.flagged[:, 0]
+    assert np.count_nonzero(~kept) >= 3 and not kept[0]
+    expected = np.polynomial.Polynomial.fit(FREQS[kept], line[kept], 2)(FREQS)
+    assert found.basis @ found.second[:, 0] == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_peak_is_replaced_by_the_smooth_sky(smooth, rng):
+    lines = smooth + 1e-4 * rng.standard_normal(smooth.shape)
+    lines[40, 7] += 20
+    masked = mask_peaks(lines, FREQS)
+    assert np.argwhere(masked.flagged).tolist() == [[40, 7]]
+    assert masked.maps == pytest.approx(smooth, abs=2e-3)  # float32 of 1e4 mK
+    assert masked.maps.dtype == np.float32
+
+
+def test_what_is_not_flagged_stays(peaked):
+    lines = peaked[0].astype(np.float32)
+    before = lines.copy()
+    masked = mask_peaks(lines, FREQS)
+    assert np.array_equal(lines, before)
+    assert np.array_equal(masked.maps == before, ~masked.flagged)
+
+
+def test_the_second_fit_forgets_the_peak(smooth):
+    """Without noise the fit to the other channels is that of the smooth sky; the first one is pulled."""
+    lines = smooth.copy()
+    lines[40] += 20
+    found = smooth_baselines(lines, FREQS)
+    assert found.basis @ found.second == pytest.approx(smooth, abs=1e-8)
+    pulled = found.basis @ found.first - smooth
+    assert (pulled[40] > 0.5).all()
+
+
+def test_dips_count_as_peaks(smooth, rng):
+    lines = smooth + 1e-4 * rng.standard_normal(smooth.shape)
+    lines[40, 7] -= 20
+    assert np.argwhere(mask_peaks(lines, FREQS).flagged).tolist() == [[40, 7]]
+
+
+def test_pure_noise_is_flagged_as_a_normal_distribution_says(rng):
+    """At 3 sigma 0.270 % of normal values are outliers; the fit makes it a little less."""
+    noise = rng.standard_normal((500, 2000))
+    flagged = smooth_baselines(noise, np.linspace(900.5, 1399.5, 500), n_sigma=3).flagged
+    assert flagged.mean() == pytest.approx(0.0027, rel=0.05)
+
+
+def test_blocks_do_not_show(peaked, monkeypatch):
+    whole = mask_peaks(peaked[0], FREQS)
+    monkeypatch.setattr(peaks, "_BLOCK", 7)
+    parts = mask_peaks(peaked[0], FREQS)
+    assert np.array_equal(parts.flagged, whole.flagged)
+    assert parts.maps == pytest.approx(whole.maps, rel=1e-7)
+
+
+def test_unevenly_spaced_channels(rng):
+    freqs = np.sort(rng.uniform(900, 1400, 80))
+    line = 1e4 * (freqs / 1150) ** -2.7 + 0.05 * rng.standard_normal(80)
+    found = smooth_baselines(line[:, None], freqs)
+    expected = np.polynomial.Polynomial.fit(freqs, line, 6)(freqs)
+    assert found.basis @ found.first[:, 0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_high_orders_keep_their_digits(rng):
+    """Polynomials of order 60: powers of the frequency would be noise there."""
+    series = rng.standard_normal((61, 3))
+    lines = np.polynomial.chebyshev.chebval(U, series).T
+    found = smooth_baselines(lines, FREQS, order=60, n_sigma=50)
+    assert found.basis.T @ found.basis == pytest.approx(np.eye(61), abs=1e-13)
+    assert found.basis @ found.first == pytest.approx(lines, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"order": 0}, "order must be a whole number between 1 and 98, got 0"),
+        ({"order": 99}, "between 1 and 98, got 99"),
+        ({"order": 2.0}, "between 1 and 98, got 2.0"),
+        ({"n_sigma": 0}, "n_sigma must be a positive number of standard deviations, got 0"),
+        ({"n_sigma": np.nan}, "got nan"),
+        ({"n_sigma": "5"}, "got '5'"),
+        ({"n_sigma": True}, "got True"),
+        ({"n_sigma": 1.0}, "could flag 99 of 100 channels, too many to fit order 6"),
+    ],
+)
+def test_bad_options(smooth, options, message):
+    with pytest.raises(InputError, match=message):
+        mask_peaks(smooth, FREQS, **options)
+
+
+def test_the_lowest_threshold_that_is_allowed_leaves_enough_channels(rng):
+    """Nine channels, order 1: what can be flagged at the lowest threshold is at most six of them."""
+    noise = rng.standard_t(1, (9, 5000))
+    freqs = np.linspace(900, 1400, 9)
+    with pytest.raises(InputError, match="could flag 7 of 9"):
+        smooth_baselines(noise, freqs, order=1, n_sigma=1.1)
+    found = smooth_baselines(noise, freqs, order=1, n_sigma=1.14)
+    assert found.flagged.sum(axis=0).max() <= 6
+    assert np.isfinite(found.second).all()
+
+
+def test_bad_cubes(smooth):
+    with pytest.raises(InputError, match="2 or more channels"):
+        mask_peaks(smooth[:1], FREQS[:1])
+    with pytest.raises(InputError, match="one MHz value per channel"):
+        mask_peaks(smooth[:-1], FREQS)
+    with pytest.raises(InputError, match="ascending"):
+        mask_peaks(smooth, FREQS[::-1])
+    smooth[3, 5] = np.nan
+    with pytest.raises(InputError, match="got 1 NaN"):
+        mask_peaks(smooth, FREQS)

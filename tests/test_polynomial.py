@@ -1,0 +1,70 @@
+"""The polynomial fit: exact on polynomials, blind to peaks, and the numbers of numpy."""
+
+import numpy as np
+import pytest
+
+from himap import removal
+from himap.errors import InputError
+from himap.removal.polynomial import Polynomial
+
+FREQS = np.linspace(902.5, 1397.5, 100)
+U = (FREQS - 1150) / 247.5
+
+
+@pytest.fixture
+def sextic(rng):
+    """Any polynomial of order 6 along each line of sight, around 1e3 mK."""
+    return U[:, None] ** np.arange(7) @ (1e3 * rng.standard_normal((7, 48)))
+
+
+def clean(maps, **options):
+    return Polynomial(**options).clean(maps, freqs=FREQS)
+
+
+def test_a_polynomial_sky_is_removed_exactly(sextic):
+    assert np.abs(clean(sextic).residual).max() < 1e-7 * np.abs(sextic).max()
+    assert np.abs(clean(sextic, order=5).residual).max() > 1
+
+
+def test_the_fit_is_that_of_numpy(sextic, rng):
+    maps = sextic + rng.standard_normal(sextic.shape)
+    expected = np.polynomial.polynomial.polyval(U, np.polynomial.polynomial.polyfit(U, maps, 4)).T
+    residual = clean(maps, order=4).residual
+    assert residual == pytest.approx(maps - expected, abs=2e-3)
+
+
+def test_peaks_stay_in_the_residual(sextic, rng):
+    """Without the clip the fit takes a part of the peak; with it all of the peak is left."""
+    signal = 0.01 * rng.standard_normal(sextic.shape)
+    signal[40] += 5
+    peak = clean(sextic + signal).residual[40]
+    pulled = clean(sextic + signal, n_sigma=50).residual[40]
+    assert peak == pytest.approx(signal[40], abs=0.03)
+    assert (pulled < 0.98 * peak).all()
+
+
+def test_sources_are_coefficients_of_the_mixing(sextic):
+    separation = clean(sextic).separation
+    assert separation.mixing.shape == (100, 7)
+    assert separation.mixing.T @ separation.mixing == pytest.approx(np.eye(7), abs=1e-13)
+    model = separation.mixing @ separation.sources
+    assert separation.foreground == pytest.approx(model, rel=1e-7)
+
+
+def test_blocks_do_not_show(sextic, monkeypatch):
+    whole = clean(sextic).residual
+    monkeypatch.setattr("himap.removal.polynomial._BLOCK", 7)
+    assert clean(sextic).residual == pytest.approx(whole, abs=1e-3)
+
+
+def test_too_few_channels_for_the_order(sextic):
+    with pytest.raises(InputError, match="order must be a whole number between 1 and 5, got 6"):
+        Polynomial().clean(sextic[:7], freqs=FREQS[:7])
+    with pytest.raises(InputError, match="could flag"):
+        Polynomial(n_sigma=0.5).check(100)
+
+
+@pytest.mark.parametrize(("name", "value"), [("order", 0), ("order", 2.5), ("n_sigma", 0), ("n_sigma", "x")])
+def test_bad_parameters(name, value):
+    with pytest.raises(InputError, match=f"{name} \\(.*got"):
+        removal.create("polynomial", **{name: value})
