@@ -1,0 +1,100 @@
+"""Fast independent component analysis (paper, Sect. 3.1.2)."""
+
+import warnings
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from sklearn.decomposition import fastica
+from sklearn.exceptions import ConvergenceWarning
+
+from himap.errors import InputError
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.pca import PCA
+
+__all__ = ["FastICA", "ordered"]
+
+_CONTRASTS = ("logcosh", "exp", "cube")
+
+
+@dataclass(kw_only=True)
+class FastICA(ForegroundRemover):
+    """Independent components: the rotation of the principal components that is least Gaussian.
+
+    The `n_sources` principal components U^T X, each divided by its standard deviation D^1/2, are
+    *white*: Z = D^-1/2 U^T X. Every rotation W of them is white too; FastICA (Hyvarinen 1999, with all rows
+    of W at once) takes the one whose sources S = W Z have the largest contrast E[G(S)], a measure of
+    non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
+
+    W drops out of A S = U U^T X: **the foreground is that of PCA**, to the last bit. Only the sources differ.
+
+    Mixing columns are scaled to unit length, so the sources are in mK; they come in the order of
+    their variance, the largest entry of each column positive. If the maps have fewer independent
+    directions than `n_sources`, the sources beyond are zero.
+    """
+
+    name: ClassVar[str] = "fastica"
+    n_sources: int = parameter(3, "number of components to remove", minimum=1)
+    contrast: str = parameter("logcosh", "contrast function: logcosh, exp or cube")
+    max_iterations: int = parameter(500, "largest number of iterations", minimum=1)
+    tolerance: float = parameter(1e-6, "rotation between iterations at which to stop", minimum=0, above=True)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.contrast not in _CONTRASTS:
+            raise InputError(f"contrast must be one of {', '.join(_CONTRASTS)}, got {self.contrast!r}.")
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        if rng is None:
+            raise InputError("fastica starts from a random rotation: pass rng=np.random.default_rng(seed).")
+        axes = PCA(n_sources=self.n_sources)._separate(maps, freqs=freqs, beams=beams, rng=rng)
+        scale = np.sqrt(np.mean(axes.sources**2, axis=1))
+        rank = np.count_nonzero(scale > _rounding(scale[0], len(maps)))
+        mixing, sources = np.zeros_like(axes.mixing), np.zeros_like(axes.sources)
+        n_iterations = 0
+        if rank:
+            white = axes.sources[:rank] / scale[:rank, None]
+            rotation, n_iterations = self._rotation(white, rng.standard_normal((rank, rank)))
+            mixing[:, :rank], sources[:rank] = ordered(
+                axes.mixing[:, :rank] * scale[:rank] @ rotation.T, rotation @ white
+            )
+        return Separation(
+            foreground=axes.foreground,
+            mixing=mixing,
+            sources=sources,
+            converged=n_iterations < self.max_iterations,
+            n_iterations=n_iterations,
+        )
+
+    def _rotation(self, white, start):
+        """W and the number of iterations, which is the largest one where scikit-learn did not converge."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # the base class warns, in our words
+            _, rotation, _, n_iterations = fastica(
+                white.T,
+                whiten=False,
+                fun=self.contrast,
+                max_iter=self.max_iterations,
+                tol=self.tolerance,
+                w_init=start,
+                compute_sources=False,
+                return_n_iter=True,
+            )
+        return rotation, n_iterations
+
+
+def ordered(mixing, sources):
+    """A and S with columns of unit length, by variance of the sources, largest entry positive.
+
+    The product A S stays as it is; scale, order and sign of sources are a matter of convention.
+    """
+    length = np.linalg.norm(mixing, axis=0)
+    largest = mixing[np.abs(mixing).argmax(axis=0), np.arange(len(length))]
+    factor = np.copysign(length, largest)
+    order = np.argsort(-(length**2) * np.mean(sources**2, axis=1), kind="stable")
+    return (mixing / factor)[:, order], (sources * factor[:, None])[order]
+
+
+def _rounding(scale, n_channels):
+    """Standard deviation of a component that is the rounding of float32 maps alone, spread over channels."""
+    return scale * np.finfo(np.float32).eps / np.sqrt(n_channels)

@@ -1,0 +1,196 @@
+"""Generalised morphological component analysis (paper, Sect. 3.1.3)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from himap import sphere
+from himap.errors import InputError
+from himap.progress import progress
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.blocked import correlation, mixture, projection
+from himap.removal.fastica import ordered
+from himap.removal.harmonic import safe_inverse
+from himap.removal.pca import channel_covariance, principal_axes
+from himap.removal.sparsity import NORMAL, share_threshold
+from himap.starlets import starlet_filters
+
+__all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
+
+_RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
+
+
+@dataclass(kw_only=True)
+class GMCA(ForegroundRemover):
+    """Sources that are sparse in starlets (Bobin et al. 2007; Carucci et al. 2020).
+
+    Minimises sum_i lambda_i |S_i^wt|_1 + |X^wt - A S^wt|^2 (Eq. 17), wt being the starlet detail scales,
+    in turns: S = A^+ X with its coefficients below the thresholds lambda dropped, then
+    A = X^wt S^T (S S^T)^-1 with columns of unit length. A starts from PCA. The thresholds fall while the
+    sources take shape: the share of coefficients kept, among those above `n_sigma` times the noise, grows
+    evenly to all of them in `n_falling` iterations. The noise of a source in a scale is 1.48 times its
+    median absolute coefficient. It stops when the foreground moves, from one iteration to the next, by less
+    than `tolerance` times the rms of what is left. (A itself drifts on: its columns become nearly parallel.)
+
+    At the end S = A^+ X with no threshold, so that the foreground A S depends on the space that the
+    columns of A span and on nothing else. The smooth scale has no part in A: its few large structures are
+    not sparse and too few to tell sources apart. There is no randomness; `rng` is not used.
+
+    The cube is never transformed. X^wt = X Phi^T with Phi linear, so A^+ X^wt = Phi(A^+ X), and
+    X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
+
+    Pixels must be a whole HEALPix sphere. Sources are in mK (columns of A of unit length), by variance.
+    """
+
+    name: ClassVar[str] = "gmca"
+    n_sources: int = parameter(3, "number of components to remove", minimum=1)
+    n_scales: int = parameter(4, "number of starlet detail scales", minimum=1, maximum=12)
+    penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)")
+    n_sigma: float = parameter(3.0, "last threshold, in units of the noise of each scale", minimum=0)
+    n_falling: int = parameter(50, "iterations in which the thresholds fall", minimum=1)
+    max_iterations: int = parameter(200, "largest number of iterations", minimum=1)
+    tolerance: float = parameter(
+        1e-3, "change of the foreground to stop at, in units of what is left", minimum=0, above=True
+    )
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.penalty not in ("l0", "l1"):
+            raise InputError(f"penalty must be l0 or l1, got {self.penalty!r}.")
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        for step in progress(self.iterate(maps), "gmca", total=self.max_iterations):
+            last = step
+        mixing, sources = ordered(last.mixing, _project(last.mixing, maps))
+        return Separation(
+            foreground=mixture(mixing, sources),
+            mixing=mixing,
+            sources=sources,
+            converged=last.converged,
+            n_iterations=last.n_iterations,
+        )
+
+    def iterate(self, maps):
+        """The iterations one by one: a `Step` after each, on maps less their channel means."""
+        covariance = channel_covariance(maps)
+        mixing = principal_axes(covariance, self.n_sources)
+        for n_iterations in range(1, self.max_iterations + 1):
+            share = min(1, n_iterations / self.n_falling)
+            sources = details(_project(mixing, maps), self.n_scales)
+            limits = thresholds(sources, share, self.n_sigma)
+            _drop(sources, limits, soft=self.penalty == "l1")
+            updated = _updated(mixing, maps, sources)
+            converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
+            mixing = updated
+            yield Step(n_iterations=n_iterations, mixing=mixing, thresholds=limits, converged=converged)
+            if converged:
+                return
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """Where GMCA is after `n_iterations`: its A, (n_channels, n_sources), and the thresholds that led there.
+
+    `thresholds` are (n_scales, n_sources), in the unit of the sources, mK; `converged` on the last one only.
+    """
+
+    n_iterations: int
+    mixing: np.ndarray
+    thresholds: np.ndarray
+    converged: bool
+
+
+def _updated(mixing, maps, sources):
+    """X^wt S^T (S S^T)^-1 for sparse coefficients S (n_scales, n_sources, n_pix), columns of unit length."""
+    gram = np.einsum("jmp,jnp->mn", sources, sources)
+    length = np.sqrt(np.diag(gram))
+    alive = length > 0  # a source without coefficients keeps its column
+    length = length[alive]
+    cross = correlation(maps, details_adjoint(sources)[alive]) / length
+    gram = gram[np.ix_(alive, alive)] / np.outer(length, length)
+    columns = cross @ np.linalg.pinv(gram, rcond=_RANK, hermitian=True) / length
+    updated = mixing.copy()
+    updated[:, alive] = columns / np.linalg.norm(columns, axis=0)
+    return updated
+
+
+def _settled(before, after, covariance, tolerance):
+    """Whether the foregrounds of two A differ by less than `tolerance` times what is left, or than rounding.
+
+    Both are rms values over the maps, tr(D C D)^(1/2): C is their covariance, D a difference of projections.
+    """
+    one, two = (axes @ axes.T for axes in (np.linalg.qr(mixing)[0] for mixing in (before, after)))
+    change, left = (np.sum(side @ covariance * side) for side in (two - one, np.eye(len(two)) - two))
+    rounding = np.finfo(np.float32).eps ** 2 * np.trace(covariance)
+    return bool(change <= max(tolerance**2 * left, rounding))
+
+
+def thresholds(coefficients, share, n_sigma):
+    """Threshold of each source in each scale, (n_scales, n_sources), in the unit of the coefficients.
+
+    Of the coefficients (n_scales, n_sources, n_pix) above `n_sigma` times the noise, the largest `share`
+    stay.
+    """
+    limits = np.empty(coefficients.shape[:-1])
+    for index in np.ndindex(limits.shape):
+        size = np.abs(coefficients[index])
+        limits[index] = share_threshold(size, n_sigma * NORMAL * np.median(size), share)
+    return limits
+
+
+def _drop(coefficients, limits, *, soft):
+    """Set coefficients up to their limit to zero, in place; `soft` takes the limit off the others."""
+    for index in np.ndindex(limits.shape):
+        row, limit = coefficients[index], limits[index]
+        if soft:
+            row -= np.clip(row, -limit, limit)
+        else:
+            row[np.abs(row) <= limit] = 0
+
+
+def details(maps, n_scales):
+    """Starlet detail scales of maps (n_maps, n_pix), fine to coarse: (n_scales, n_maps, n_pix) float64.
+
+    Phi of the class above. Those of `sphere.starlets`, but with plain quadrature, which is less exact (by
+    1 % of white noise on HEALPix) and easy to transpose; being linear it leaves the mixture X = A S as it is.
+    """
+    nside = sphere.nside_of(maps)
+    scales = np.empty((n_scales, *maps.shape))
+    alms = sphere.analyse(maps, n_iter=0)
+    scales[0] = maps
+    for scale, (keep, band) in enumerate(_bands(n_scales, 3 * nside - 1), start=1):
+        rest = sphere.synthesise(alms[:, keep] * band, nside)
+        scales[0] -= rest
+        if scale < n_scales:
+            scales[scale] = rest
+    return scales
+
+
+def details_adjoint(scales):
+    """Phi^T: the transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""
+    nside = sphere.nside_of(scales)
+    alms = np.zeros((scales.shape[1], sphere.alm_size(3 * nside - 1)), dtype=complex)
+    for scale, (keep, band) in enumerate(_bands(len(scales), 3 * nside - 1), start=1):
+        rest = scales[scale] - scales[0] if scale < len(scales) else -scales[0]
+        lmax = sphere.lmax_of_size(len(band))
+        alms[:, keep] += sphere.analyse(rest, lmax, n_iter=0) * band
+    return scales[0] + sphere.synthesise(alms, nside)
+
+
+def _bands(n_scales, lmax):
+    """For every scale but the finest: which coefficients to `lmax` it keeps, and its filter on those.
+
+    Coarse scales end at small l, where transforms are cheap.
+    """
+    degree = sphere.alm_degree(lmax)
+    bands = []
+    for values in starlet_filters(n_scales, lmax)[1:]:
+        keep = degree <= np.flatnonzero(values).max(initial=1)
+        bands.append((keep, values[degree[keep]]))
+    return bands
+
+
+def _project(mixing, maps):
+    """A^+ X, (n_sources, n_pix) float64."""
+    return projection(safe_inverse(mixing[None])[0], maps)

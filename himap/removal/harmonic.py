@@ -1,0 +1,115 @@
+"""Channel maps seen through beams, multipole by multipole: X_l = diag(H_l) A S_l.
+
+A field on the sphere is held as its real modes, (..., (lmax + 1)^2): for each l its 2 l + 1 numbers
+side by side, m = 0 first, then sqrt(2) times the real and the imaginary parts. The modes of one l are
+a slice, sums over m are plain dot products, and what depends on l alone is done once per l.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from himap import sphere
+from himap.progress import progress
+
+__all__ = [
+    "blocks",
+    "cross_products",
+    "degrees",
+    "from_modes",
+    "modes_of_maps",
+    "project",
+    "safe_inverse",
+    "to_modes",
+]
+
+_RANK = 1e-13  # singular values below this share of the largest are rounding
+
+
+@lru_cache(maxsize=4)
+def _order(lmax):
+    """For every mode the index of its real number in the coefficients, and its factor; read-only."""
+    n_alm = sphere.alm_size(lmax)
+    index = np.empty((lmax + 1) ** 2, dtype=np.int64)
+    for degree in range(lmax + 1):
+        m = np.arange(degree + 1)
+        alm = m * (2 * lmax + 1 - m) // 2 + degree
+        start = degree**2
+        index[start : start + degree + 1] = alm
+        index[start + degree + 1 : start + 2 * degree + 1] = alm[1:] + n_alm
+    factor = np.full(len(index), np.sqrt(2))
+    factor[np.arange(lmax + 1) ** 2] = 1
+    index.flags.writeable = factor.flags.writeable = False
+    return index, factor
+
+
+def degrees(lmax):
+    """The degree l of every mode, ((lmax + 1)^2,)."""
+    return np.repeat(np.arange(lmax + 1), 2 * np.arange(lmax + 1) + 1)
+
+
+def to_modes(alms):
+    """Real modes of healpy's coefficients, (..., n_alm) to (..., (lmax + 1)^2) float64."""
+    alms = np.asarray(alms)
+    index, factor = _order(sphere.lmax_of_size(alms.shape[-1]))
+    return np.concatenate([alms.real, alms.imag], axis=-1, dtype=np.float64)[..., index] * factor
+
+
+def from_modes(modes):
+    """healpy's coefficients of real modes, the inverse of `to_modes`; complex128."""
+    lmax = round(np.sqrt(modes.shape[-1])) - 1
+    index, factor = _order(lmax)
+    parts = np.zeros((*modes.shape[:-1], 2 * sphere.alm_size(lmax)))
+    parts[..., index] = modes / factor
+    real, imag = np.split(parts, 2, axis=-1)
+    return real + 1j * imag
+
+
+def modes_of_maps(maps, lmax, *, label):
+    """Real modes of HEALPix maps, (n_maps, n_pix) to (n_maps, (lmax + 1)^2), in float64."""
+    modes = np.empty((len(maps), (lmax + 1) ** 2))
+    for channel, out in zip(progress(maps, label), modes, strict=True):
+        out[:] = to_modes(sphere.analyse(np.asarray(channel, dtype=np.float64), lmax))
+    return modes
+
+
+def blocks(modes):
+    """The modes of each l in turn, views (..., 2 l + 1)."""
+    lmax = round(np.sqrt(modes.shape[-1])) - 1
+    return [modes[..., degree**2 : (degree + 1) ** 2] for degree in range(lmax + 1)]
+
+
+def safe_inverse(matrices, ridge=None):
+    """Least-squares inverses of tall matrices, through QR and never through the normal equations.
+
+    Parameters
+    ----------
+    matrices
+        W_l = diag(H_l) A, (n_l, n_channels, n_sources).
+    ridge
+        epsilon, (n_l, n_sources): the inverse is (W^T W + diag(epsilon))^-1 W^T; None for none.
+
+    Returns
+    -------
+    inverses
+        (n_l, n_sources, n_channels). Directions below rounding are left out, so nothing is singular.
+    """
+    n_channels, n_sources = matrices.shape[-2:]
+    if ridge is not None:
+        rows = np.sqrt(ridge)[..., None] * np.eye(n_sources)
+        matrices = np.concatenate([matrices, rows], axis=-2)
+    q, r = np.linalg.qr(matrices)
+    return np.linalg.pinv(r, rcond=_RANK) @ np.swapaxes(q[..., :n_channels, :], -1, -2)
+
+
+def project(inverses, modes):
+    """Sources of data modes, P_l X_l for every l: (n_channels, n_modes) to (n_sources, n_modes)."""
+    sources = np.empty((inverses.shape[-2], modes.shape[-1]))
+    for inverse, seen, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
+        np.matmul(inverse, seen, out=out)
+    return sources
+
+
+def cross_products(modes, sources):
+    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources)."""
+    return np.stack([one @ two.T for one, two in zip(blocks(modes), blocks(sources), strict=True)])

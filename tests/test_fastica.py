@@ -1,0 +1,132 @@
+"""FastICA: against scikit-learn, against PCA, and on sources that are known."""
+
+import numpy as np
+import pytest
+from sklearn.decomposition import FastICA as SklearnFastICA
+from sklearn.decomposition import fastica
+from threadpoolctl import threadpool_limits
+
+from himap.errors import InputError
+from himap.removal.base import SeparationWarning
+from himap.removal.fastica import FastICA
+from himap.removal.pca import PCA
+
+FREQS = np.linspace(902.5, 1397.5, 24)
+N_PIX = 12 * 16**2
+
+
+@pytest.fixture
+def sources(rng):
+    """Three independent sources far from Gaussian: two with long tails and one with none; mK."""
+    shapes = [rng.laplace(size=N_PIX), rng.uniform(-1, 1, N_PIX), rng.exponential(size=N_PIX)]
+    return np.array([[3e3], [1e3], [5e2]]) * np.array(shapes)
+
+
+@pytest.fixture
+def mixing():
+    return (FREQS / 1000)[:, None] ** np.array([-2.8, -2.1, 1.0])
+
+
+@pytest.fixture
+def sky(mixing, sources, rng):
+    return (mixing @ sources + 0.05 * rng.standard_normal((len(FREQS), N_PIX))).astype(np.float32)
+
+
+def clean(maps, seed=1, **parameters):
+    return FastICA(**parameters).clean(maps, freqs=FREQS, rng=np.random.default_rng(seed))
+
+
+def similarity(one, two):
+    """Largest absolute correlation of every row of `one` with a row of `two`."""
+    return np.abs(np.corrcoef(one, two)[: len(one), len(one) :]).max(axis=1)
+
+
+@pytest.mark.parametrize("contrast", ["logcosh", "exp", "cube"])
+def test_equals_scikit_learn_on_the_same_white_data(sky, contrast):
+    centred = sky - sky.mean(axis=1, dtype=float)[:, None]
+    values, axes = np.linalg.eigh(centred @ centred.T / N_PIX)
+    values, axes = values[:-4:-1], axes[:, :-4:-1]
+    axes *= np.sign(axes[np.abs(axes).argmax(axis=0), range(3)])
+    white = (axes / np.sqrt(values)).T @ centred
+    start = np.random.default_rng(1).standard_normal((3, 3))
+    options = {"whiten": False, "fun": contrast, "tol": 1e-6, "max_iter": 500}
+    _, rotation, theirs, n_iterations = fastica(white.T, w_init=start, return_n_iter=True, **options)
+    ours = clean(sky, contrast=contrast).separation
+    assert ours.n_iterations == n_iterations
+    assert similarity(theirs.T, ours.sources) == pytest.approx(1, abs=1e-9)
+    columns = axes * np.sqrt(values) @ rotation.T
+    assert similarity(columns.T, ours.mixing.T) == pytest.approx(1, abs=1e-9)
+
+
+def test_equals_scikit_learn_on_the_cube(sky):
+    theirs = SklearnFastICA(n_components=3, whiten="unit-variance", random_state=0, tol=1e-8, max_iter=500)
+    sources = theirs.fit_transform(sky.T.astype(float))
+    ours = clean(sky, tolerance=1e-8)
+    assert similarity(sources.T, ours.separation.sources) == pytest.approx(1, abs=1e-6)
+    foreground = theirs.inverse_transform(sources).T
+    assert ours.foreground == pytest.approx(foreground, abs=3e-7 * float(np.abs(sky).max()))
+
+
+def test_foreground_is_that_of_pca_bit_for_bit(sky):
+    ours = clean(sky)
+    assert np.array_equal(ours.residual, PCA(n_sources=3).clean(sky, freqs=FREQS).residual)
+    found = ours.separation
+    centred = ours.foreground - sky.mean(axis=1, dtype=float)[:, None]
+    assert found.mixing @ found.sources == pytest.approx(centred, abs=3e-7 * float(np.abs(sky).max()))
+
+
+def test_recovers_independent_sources_where_pca_does_not(sky, sources):
+    assert similarity(sources, clean(sky).separation.sources).min() > 0.999
+    assert similarity(sources, PCA(n_sources=3).clean(sky, freqs=FREQS).separation.sources).min() < 0.99
+
+
+def test_order_scale_and_sign_are_definite(sky):
+    found = clean(sky).separation
+    assert np.linalg.norm(found.mixing, axis=0) == pytest.approx(1)
+    assert (found.mixing.max(axis=0) == np.abs(found.mixing).max(axis=0)).all()
+    assert (np.diff(found.sources.var(axis=1)) < 0).all()
+    other = clean(sky, seed=2, tolerance=1e-9).separation
+    assert other.sources == pytest.approx(found.sources, abs=1e-2 * float(found.sources.std()))
+
+
+def test_same_generator_same_bits_on_one_thread_and_two(sky):
+    both = clean(sky).separation
+    with threadpool_limits(1):
+        one = clean(sky).separation
+    assert np.array_equal(one.sources, both.sources)
+    assert np.array_equal(one.mixing, both.mixing)
+
+
+def test_fewer_directions_than_sources(mixing, sources):
+    """Noise-free maps of two sources: the third and the fourth found are zero."""
+    maps = (mixing[:, :2] @ sources[:2]).astype(np.float32)
+    cleaned = clean(maps, n_sources=4)
+    found = cleaned.separation
+    assert np.array_equal(found.sources[2:], np.zeros((2, N_PIX)))
+    assert similarity(sources[:2], found.sources[:2]).min() > 0.999
+    assert np.abs(cleaned.residual).max() < 3e-7 * np.abs(maps).max()
+
+
+def test_maps_without_any_structure():
+    maps = np.full((len(FREQS), N_PIX), 3, dtype=np.float32)
+    cleaned = clean(maps)
+    assert not cleaned.residual.any()
+    assert not cleaned.separation.sources.any()
+
+
+def test_not_converging_is_our_warning(sky):
+    with pytest.warns(SeparationWarning, match="stopped after 2 iterations") as caught:
+        cleaned = clean(sky, max_iterations=2)
+    assert len(caught) == 1
+    assert not cleaned.separation.converged
+
+
+def test_bad_input(sky):
+    with pytest.raises(InputError, match="contrast must be one of logcosh, exp, cube, got 'tanh'"):
+        FastICA(contrast="tanh")
+    with pytest.raises(InputError, match="max_iterations .* at least 1, got 0"):
+        FastICA(max_iterations=0)
+    with pytest.raises(InputError, match="tolerance .* above 0"):
+        FastICA(tolerance=0)
+    with pytest.raises(InputError, match="random rotation: pass rng="):
+        FastICA().clean(sky, freqs=FREQS)

@@ -1,0 +1,197 @@
+"""GMCA: a plain twin with the whole cube in starlets, known sparse sources, and what it must survive."""
+
+import healpy as hp
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from himap import sphere
+from himap.errors import InputError
+from himap.removal import gmca
+from himap.removal.base import SeparationWarning
+from himap.removal.gmca import GMCA
+from himap.removal.pca import PCA
+from himap.starlets import starlet_filters, starlets
+
+N_CHANNELS = 8
+FREQS = np.linspace(905, 1395, N_CHANNELS)
+NSIDE = 16
+N_PIX = 12 * NSIDE**2
+
+
+@pytest.fixture
+def sources(rng):
+    """Three maps of a few round blobs each, of one width per source: sparse in starlets; mK."""
+    maps = []
+    for width, n_blobs in ((8, 60), (12, 40), (16, 30)):
+        spikes = np.zeros(N_PIX)
+        spikes[rng.choice(N_PIX, n_blobs, replace=False)] = rng.standard_normal(n_blobs)
+        beam = sphere.gaussian_beam(np.deg2rad(width), 3 * NSIDE - 1)
+        blobs = sphere.synthesise(sphere.multiply_beam(sphere.analyse(spikes), beam), NSIDE)
+        maps.append(1e3 * blobs / blobs.std())
+    return np.array(maps)
+
+
+@pytest.fixture
+def mixing():
+    columns = (FREQS / 1000)[:, None] ** np.array([-2.8, -1.0, 1.5])
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+@pytest.fixture
+def sky(mixing, sources, rng):
+    return (mixing @ sources + 0.1 * rng.standard_normal((N_CHANNELS, N_PIX))).astype(np.float32)
+
+
+def clean(maps, **parameters):
+    return GMCA(**parameters).clean(maps, freqs=FREQS[: len(maps)])
+
+
+def similarity(one, two):
+    """Largest absolute correlation of every row of `one` with a row of `two`."""
+    return np.abs(np.corrcoef(one, two)[: len(one), len(one) :]).max(axis=1)
+
+
+def mixing_error(found, true):
+    """Mean absolute entry of A^+ A_true less the permutation with signs that fits best (C21, Eq. 33)."""
+    product = np.linalg.pinv(found) @ true
+    best = np.abs(product).argmax(axis=0)
+    assert sorted(best) == list(range(len(product)))  # each source found once
+    product = product[best] * np.sign(product[best].diagonal())[:, None]
+    return np.abs(product - np.eye(len(product))).mean()
+
+
+@pytest.mark.parametrize("penalty", ["l1", "l0"])
+def test_recovers_sparse_sources(sky, mixing, sources, penalty):
+    found = clean(sky, penalty=penalty).separation
+    assert found.converged
+    assert mixing_error(found.mixing, mixing) < 0.03
+    assert similarity(sources, found.sources).min() > 0.99
+    assert similarity(sources, PCA(n_sources=3).clean(sky, freqs=FREQS).separation.sources).min() < 0.9
+
+
+def phi(n_scales, nside):
+    """The detail scales as dense matrices made with healpy, (n_scales, n_pix, n_pix)."""
+    n_pix, lmax = 12 * nside**2, 3 * nside - 1
+    filters = starlet_filters(n_scales, lmax)[1:]
+    rest = np.empty((n_scales, n_pix, n_pix))
+    for pixel, row in enumerate(np.eye(n_pix)):
+        alm = hp.map2alm(row, lmax, iter=0)
+        for scale, band in enumerate(filters):
+            rest[scale, :, pixel] = hp.alm2map(hp.almxfl(alm, band), nside)
+    return np.concatenate([np.eye(n_pix)[None] - rest.sum(axis=0), rest[:-1]])
+
+
+def plain_gmca(maps, n_sources, matrices, n_iterations, n_falling, soft):
+    """GMCA as in its definition: the starlets of the whole cube, pseudo-inverses, sorted coefficients."""
+    starlets = np.concatenate([maps @ matrix.T for matrix in matrices], axis=1)
+    mixing = np.linalg.svd(maps, full_matrices=False)[0][:, :n_sources]
+    for iteration in range(n_iterations):
+        coefficients = np.linalg.pinv(mixing) @ starlets
+        for row in coefficients:
+            for scale in np.split(row, len(matrices)):
+                last = 3 * 1.4826 * np.median(np.abs(scale))
+                size = np.sort(np.abs(scale)[np.abs(scale) > last])
+                n_kept = int(np.ceil(min(1, (iteration + 1) / n_falling) * len(size)))
+                limit = last if n_kept == len(size) else size[-n_kept - 1]
+                kept = np.abs(scale) > limit
+                scale[:] = np.where(kept, scale - limit * np.sign(scale) * soft, 0)
+        mixing = starlets @ np.linalg.pinv(coefficients)
+        mixing /= np.linalg.norm(mixing, axis=0)
+    return mixing
+
+
+@pytest.mark.parametrize("penalty", ["l1", "l0"])
+def test_equals_its_plain_twin(penalty, rng):
+    nside = 4
+    amplitudes = rng.laplace(size=(2, 12 * nside**2)) * [[100], [20]]
+    maps = (FREQS / 1000)[:, None] ** np.array([-2.8, 1.0]) @ amplitudes
+    maps = (maps + rng.standard_normal(maps.shape)).astype(np.float32)
+    centred = (maps - maps.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
+    twin = plain_gmca(centred.astype(float), 2, phi(2, nside), 6, 8, penalty == "l1")
+    with pytest.warns(SeparationWarning):
+        cleaned = clean(maps, n_sources=2, n_scales=2, penalty=penalty, n_falling=8, max_iterations=6)
+    ours = cleaned.separation.mixing
+    assert np.abs(twin.T @ ours).max(axis=0) == pytest.approx(1, abs=1e-12)
+    assert np.abs(ours @ np.linalg.pinv(ours) - twin @ np.linalg.pinv(twin)).max() < 1e-9
+
+
+def test_foreground_is_the_projection_on_the_span_of_the_mixing(sky):
+    cleaned = clean(sky)
+    centred = (sky - sky.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
+    axes = np.linalg.qr(cleaned.separation.mixing)[0]
+    expected = centred - axes @ (axes.T @ centred)
+    assert cleaned.residual == pytest.approx(expected, abs=1e-6 * float(np.abs(sky).max()))
+
+
+@pytest.mark.parametrize("penalty", ["l1", "l0"])
+def test_exact_without_noise(mixing, sources, penalty):
+    maps = (mixing @ sources).astype(np.float32)
+    assert np.abs(clean(maps, penalty=penalty).residual).max() < 3e-7 * np.abs(maps).max()
+
+
+@pytest.mark.parametrize("n_true", [1, 2])
+def test_fewer_directions_than_sources(mixing, sources, n_true):
+    maps = (mixing[:, :n_true] @ sources[:n_true]).astype(np.float32)
+    cleaned = clean(maps, n_sources=4)
+    assert np.isfinite(cleaned.separation.sources).all()
+    assert np.abs(cleaned.residual).max() < 3e-7 * np.abs(maps).max()
+
+
+def test_maps_without_any_structure():
+    cleaned = clean(np.full((N_CHANNELS, N_PIX), 3, dtype=np.float32))
+    assert not cleaned.residual.any()
+    assert np.isfinite(cleaned.separation.mixing).all()
+
+
+def test_as_many_sources_as_channels(sky):
+    assert np.abs(clean(sky[:3], n_sources=3).residual).max() < 3e-7 * np.abs(sky).max()
+
+
+def test_details_against_starlets_and_their_transpose(rng):
+    smooth = np.where(np.arange(3 * NSIDE) < NSIDE, 1.0, 0.0)
+    maps = sphere.synthesise(sphere.gaussian_alm(smooth, rng), NSIDE)[None]
+    ours, theirs = gmca.details(maps, 3), starlets(maps, 3)[:-1]
+    assert ours == pytest.approx(theirs, abs=5e-3 * float(maps.std()))
+    scales = rng.standard_normal(ours.shape)
+    backward = np.sum(maps * gmca.details_adjoint(scales))
+    assert np.sum(ours * scales) == pytest.approx(backward, abs=1e-9)
+
+
+def test_thresholds(rng):
+    coefficients = rng.standard_normal((1, 1, 200_000)) * 7
+    assert gmca.thresholds(coefficients, 1, 3) == pytest.approx(21, rel=0.02)
+    limit = gmca.thresholds(coefficients, 0.25, 1).item()
+    above = np.count_nonzero(np.abs(coefficients) > 7)
+    assert np.count_nonzero(np.abs(coefficients) > limit) == pytest.approx(above / 4, rel=0.02)
+
+
+def test_same_bits_on_one_thread_and_two(sky):
+    both = clean(sky)
+    assert np.array_equal(both.residual, clean(sky).residual)
+    with threadpool_limits(1):
+        one = clean(sky)
+    assert np.array_equal(one.residual, both.residual)
+
+
+def test_in_blocks_is_at_once(sky, monkeypatch):
+    whole = clean(sky).residual
+    monkeypatch.setattr("himap.removal.blocked._BLOCK", 1000)
+    assert clean(sky).residual == pytest.approx(whole, abs=2e-3)
+
+
+def test_not_converging_is_a_warning(sky):
+    with pytest.warns(SeparationWarning, match="stopped after 5 iterations"):
+        cleaned = clean(sky, max_iterations=5)
+    assert not cleaned.separation.converged
+
+
+def test_bad_input(sky):
+    with pytest.raises(InputError, match="penalty must be l0 or l1, got 'l2'"):
+        GMCA(penalty="l2")
+    with pytest.raises(InputError, match="n_scales .* at most 12, got 13"):
+        GMCA(n_scales=13)
+    with pytest.raises(InputError, match="n_sigma .* at least 0"):
+        GMCA(n_sigma=-1)
+    with pytest.raises(InputError, match="nside a power of two"):
+        clean(sky[:, :-12])
