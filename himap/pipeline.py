@@ -12,6 +12,7 @@ from himap.errors import InputError
 from himap.instrument.beams import RIPPLES, Beam, beam_model
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
+from himap.removal import peaks
 from himap.sky.emission import emission_maps
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
@@ -31,6 +32,7 @@ __all__ = [
     "hi",
     "hi_of_sky",
     "observation",
+    "peak_masked",
     "spectra",
 ]
 
@@ -72,12 +74,14 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Residual:
-    """What a method leaves, `maps` (n_channels, n_pix) in mK, and the mixing and sources it found."""
+    """What a method leaves, `maps` (n_channels, n_pix) in mK, and the rest of its `Separation`."""
 
     maps: np.ndarray
     mixing: np.ndarray
     sources: np.ndarray
     converged: bool
+    n_iterations: int
+    flagged: np.ndarray | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,24 +135,41 @@ def observation(case):
 
 
 @product
-def cleaned(case, remover):
+def peak_masked(case):
+    """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1)."""
+    seen = observation(case)
+    return peaks.mask_peaks(seen.maps, seen.freqs)
+
+
+@product
+def cleaned(case, remover, mask_peaks=True):
     """The `Residual` of a case cleaned by `remover`, a `ForegroundRemover` such as PCA(n_sources=3).
 
+    With `mask_peaks` the foreground is found in the peak-masked maps, and subtracted from those observed.
     The method comes as an object, not by name, so that its result depends on the code of that method alone.
     """
     remover.check(case.survey.n_channels)
     seen = observation(case)
     result = remover.clean(
-        seen.maps, freqs=seen.freqs, beams=seen.beams, rng=case.survey.rng(f"removal {remover.name}")
+        seen.maps,
+        freqs=seen.freqs,
+        beams=seen.beams,
+        rng=case.survey.rng(f"removal {remover.name}"),
+        separate_on=peak_masked(case).maps if mask_peaks else None,
     )
     found = result.separation
     return Residual(
-        maps=result.residual, mixing=found.mixing, sources=found.sources, converged=found.converged
+        maps=result.residual,
+        mixing=found.mixing,
+        sources=found.sources,
+        converged=found.converged,
+        n_iterations=found.n_iterations,
+        flagged=found.flagged,
     )
 
 
 @product
-def spectra(case, remover=None):
-    """The `Spectra` of a case: of the truth, or of what `remover` leaves."""
-    maps = observation(case).truth if remover is None else cleaned(case, remover).maps
+def spectra(case, remover=None, mask_peaks=True):
+    """The `Spectra` of a case: of the truth, or of what `remover` leaves, found as in `cleaned`."""
+    maps = observation(case).truth if remover is None else cleaned(case, remover, mask_peaks).maps
     return Spectra(angular=angular_power(maps), frequency=frequency_power(maps, case.survey.channel_width))

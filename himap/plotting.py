@@ -23,9 +23,14 @@ __all__ = [
 ]
 
 METHOD_STYLES = {
-    "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "-"},
+    "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "--"},
+    "fastica": {"label": "FastICA", "color": "#E69F00", "linestyle": (0, (1, 1.2))},
+    "gmca": {"label": "GMCA", "color": "#009E73", "linestyle": "-."},
+    "sdecgmca": {"label": "SDecGMCA", "color": "#D55E00", "linestyle": "-", "linewidth": 2},
+    "polynomial": {"label": "polynomial", "color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+    "parametric": {"label": "parametric", "color": "#56B4E9", "linestyle": (0, (8, 3))},
 }
-"""Line style of every method, the same throughout the book."""
+"""Line style of every method, the same throughout the book; the order is that of the legends."""
 
 BEAM_STYLES = {
     "degraded": {"label": "degraded", "color": "#0072B2", "linestyle": "-"},
