@@ -10,7 +10,7 @@ import re
 
 from himap.errors import InputError
 
-__all__ = ["Numbers", "agree", "show"]
+__all__ = ["Numbers", "Table", "agree", "show", "show_table"]
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _WITH_TOLERANCE = re.compile(rf"({_NUMBER}) ± ({_NUMBER})")
@@ -36,6 +36,50 @@ def show(numbers):
     channels: 125
     """
     return Numbers(numbers)
+
+
+def show_table(rows):
+    """A table with a column for each quantity, to end a notebook cell with.
+
+    Parameters
+    ----------
+    rows
+        {name: {column: entry}}, entries as in `show`. A row may lack columns.
+
+    Raises
+    ------
+    InputError
+        As `show`.
+    """
+    return Table(rows)
+
+
+class Table:
+    """What `show_table` returns: a table in a notebook, lines of aligned columns elsewhere."""
+
+    def __init__(self, rows):
+        self.columns = list(dict.fromkeys(column for cells in rows.values() for column in cells))
+        self.rows = {name: self._cells(name, cells) for name, cells in rows.items()}
+
+    def _cells(self, name, cells):
+        numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in cells.items()}
+        return [" ".join(numbers.get(column, ("", ""))).strip() for column in self.columns]
+
+    def __repr__(self):
+        lines = [["", *self.columns], *([name, *cells] for name, cells in self.rows.items())]
+        widths = [max(len(line[n]) for line in lines) for n in range(len(lines[0]))]
+        padded = ([cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
+        return "\n".join("  ".join(line).rstrip() for line in padded)
+
+    def _repr_html_(self):
+        head = "".join(f"<th>{html.escape(column)}</th>" for column in self.columns)
+        rows = "".join(
+            f'<tr><td style="text-align:left">{html.escape(name)}</td>'
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + "</tr>"
+            for name, cells in self.rows.items()
+        )
+        return f"<table><tr><th></th>{head}</tr>{rows}</table>"
 
 
 class Numbers:

@@ -171,6 +171,11 @@ class Study:
         _add(numbers, "P/P0, highest near k = 0.31", k, frequency, *PEAK, np.max)
         return numbers
 
+    @staticmethod
+    def label(remover):
+        """What a method is called in figures."""
+        return _style(remover)["label"]
+
     def band_numbers(self, removers, *, tolerance=0.02, **options):
         """`bands` of all methods, for `numbers.show`; `tolerance` is relative, and absolute below 1."""
         return {
