@@ -6,9 +6,9 @@ from pathlib import Path
 import nbformat
 
 ROOT = Path(__file__).resolve().parents[1]
-NOTEBOOK = ROOT / "notebooks" / "04_pca.ipynb"
-FIGURE = "fig-pca-angular"
-TARGET = ROOT / "book" / "_static" / "pca_quick.png"
+NOTEBOOK = ROOT / "notebooks" / "10_results.ipynb"
+FIGURE = "fig-results-angular"
+TARGET = ROOT / "book" / "_static" / "results_quick.png"
 
 
 def figure(notebook, name):

@@ -7,6 +7,7 @@ style too, so they stay apart in grey. Maps use cividis, which is monotonic in l
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import MaxNLocator
 
 from himap import sphere
 
@@ -80,7 +81,9 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
     axes.set_axis_off()
     axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
-    axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
+    bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
+    if not log:
+        bar.locator = MaxNLocator(4)  # five-digit numbers would run into each other
     return shown
 
 
@@ -109,7 +112,8 @@ def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), ba
     Parameters
     ----------
     panels
-        {title: (x, true, [(style, recovered), ...])}; styles as in `METHOD_STYLES`, spectra (n,).
+        {title: (x, true, [(style, recovered), ...])}; styles as in `METHOD_STYLES`, spectra (n,). The
+        methods are the same in all panels: where they are many, one legend stands above them.
     ratio_limits
         Range of the ratio panels; curves that leave it are cut off at its edge.
     band
@@ -136,9 +140,13 @@ def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), ba
                 top.plot(x[shown], recovered[shown], **style)
                 bottom.plot(x[shown], (recovered / true)[shown], **style)
             top.set_title(title)
-            top.legend()
+            if len(curves) <= 2:
+                top.legend()
             bottom.set(ylim=ratio_limits, xlabel=xlabel, xscale="log")
             _plain_ticks(bottom.xaxis, x[shown])
+        if len(curves) > 2:  # many curves leave no room inside the panels
+            handles = grid[0, -1].get_legend_handles_labels()[0]
+            figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
         grid[0, 0].set_ylabel(ylabel)
         grid[1, 0].set_ylabel(ratio_label)
     return _finished(figure)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from sklearn.decomposition import FastICA as SklearnFastICA
 from sklearn.decomposition import fastica
-from threadpoolctl import threadpool_limits
 
 from himap.errors import InputError
 from himap.removal.base import SeparationWarning
@@ -87,14 +86,6 @@ def test_order_scale_and_sign_are_definite(sky):
     assert (np.diff(found.sources.var(axis=1)) < 0).all()
     other = clean(sky, seed=2, tolerance=1e-9).separation
     assert other.sources == pytest.approx(found.sources, abs=1e-2 * float(found.sources.std()))
-
-
-def test_same_generator_same_bits_on_one_thread_and_two(sky):
-    both = clean(sky).separation
-    with threadpool_limits(1):
-        one = clean(sky).separation
-    assert np.array_equal(one.sources, both.sources)
-    assert np.array_equal(one.mixing, both.mixing)
 
 
 def test_fewer_directions_than_sources(mixing, sources):

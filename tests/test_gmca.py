@@ -3,7 +3,6 @@
 import healpy as hp
 import numpy as np
 import pytest
-from threadpoolctl import threadpool_limits
 
 from himap import sphere
 from himap.errors import InputError
@@ -164,14 +163,6 @@ def test_thresholds(rng):
     limit = gmca.thresholds(coefficients, 0.25, 1).item()
     above = np.count_nonzero(np.abs(coefficients) > 7)
     assert np.count_nonzero(np.abs(coefficients) > limit) == pytest.approx(above / 4, rel=0.02)
-
-
-def test_same_bits_on_one_thread_and_two(sky):
-    both = clean(sky)
-    assert np.array_equal(both.residual, clean(sky).residual)
-    with threadpool_limits(1):
-        one = clean(sky)
-    assert np.array_equal(one.residual, both.residual)
 
 
 def test_in_blocks_is_at_once(sky, monkeypatch):

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from himap.errors import InputError
-from himap.numbers import agree, show
+from himap.numbers import agree, show, show_table
 
 
 @pytest.mark.parametrize(
@@ -61,3 +61,15 @@ def test_texts_agree_within_the_stated_tolerance(text, reference, same):
 def test_what_is_shown_agrees_with_what_is_shown_elsewhere():
     mine, theirs, off = (repr(show({"ratio": (value, 3e-4)})) for value in (0.99971, 0.99999, 1.00061))
     assert agree(mine, theirs) and not agree(mine, off)
+
+
+def test_a_table_has_a_column_for_each_quantity():
+    table = show_table({"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}})
+    lines = repr(table).splitlines()
+    assert lines[0].split() == ["C", "n", "P"]
+    assert lines[1].split("  ")[0] == "PCA" and "0.987 ± 0.010" in lines[1]
+    assert lines[2].endswith("1.50 ± 0.10 mK") and len(lines) == 3
+    html = table._repr_html_()
+    assert "<td>0.987 ± 0.010</td><td>3</td><td></td>" in html and "&lt;b&gt;" in html
+    with pytest.raises(InputError, match="PCA, C: the tolerance"):
+        show_table({"PCA": {"C": (1, 0)}})

@@ -16,6 +16,7 @@ import yaml
 from himap import __version__, reproduce
 from himap.cli import main
 from himap.parameters import check_parameters, parse_texts
+from himap.removal.base import REGISTRY
 from himap.survey import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -188,17 +189,19 @@ def test_requirements_have_both_bounds():
 
 
 def test_readme_example_runs(tmp_path, monkeypatch, rng):
-    (example,) = blocks((ROOT / "README.md").read_text(), "python")
+    example = "\n".join(blocks((ROOT / "README.md").read_text(), "python"))
     freqs = np.linspace(900, 1400, 20)
     foreground = np.outer((freqs / 900) ** -2.7, rng.lognormal(size=192))
     hi = 1e-3 * rng.standard_normal((20, 192))
     np.save(tmp_path / "maps.npy", foreground + hi)
     np.save(tmp_path / "freqs.npy", freqs)
     monkeypatch.chdir(tmp_path)
-    exec(compile(example, "README.md", "exec"), {})
+    names = {}
+    exec(compile(example, "README.md", "exec"), names)
     residual = np.load(tmp_path / "residual.npy")
     assert residual.shape == hi.shape
     assert np.corrcoef(residual.ravel(), hi.ravel())[0, 1] > 0.8
+    assert names["cleaned"].residual.shape == hi.shape  # that of the second example
 
 
 def test_readme_figure_is_the_notebooks():
@@ -211,3 +214,20 @@ def test_readme_links_exist():
     text = (ROOT / "README.md").read_text()
     for target in re.findall(r"\]\(([^)#]+)\)", text):
         assert (ROOT / target).exists(), target
+
+
+def test_the_method_shown_to_contributors_works(rng):
+    """The example of contributing.md, run as it is: one bright spectrum over the sky is removed."""
+    text = (ROOT / "book" / "contributing.md").read_text()
+    source = next(
+        block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "MeanSpectrum" in block
+    )
+    names = {"__name__": "himap.removal.base"}
+    try:
+        exec(source, names)
+        maps = np.outer(np.linspace(3, 1, 8), 1e3 * rng.random(48)) + rng.standard_normal((8, 48))
+        cleaned = names["MeanSpectrum"](power=0.5).clean(maps, freqs=np.linspace(900, 1400, 8))
+        assert cleaned.residual.std() < 2
+        assert "mean_spectrum" in REGISTRY
+    finally:
+        REGISTRY.pop("mean_spectrum", None)

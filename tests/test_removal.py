@@ -1,5 +1,9 @@
 """The contract that every method of foreground removal fulfils, and the closed forms of each."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from sklearn.decomposition import PCA as SklearnPCA
@@ -135,6 +139,42 @@ class TestContract:
         ):
             with pytest.raises(InputError, match=message):
                 method.clean(sky, freqs=FREQS, beams=beams)
+
+
+DIGESTS = """
+import hashlib, warnings
+import numpy as np
+from himap import removal
+from himap.sphere import gaussian_beam
+warnings.simplefilter("ignore")
+rng = np.random.default_rng(3)
+freqs, beams = np.linspace(900, 1400, 40), gaussian_beam(np.deg2rad(np.linspace(12, 5, 40)), 47)
+sky = (freqs[:, None] / 1000) ** np.array([-2.1, -2.8]) @ np.exp(8 + rng.standard_normal((2, 3072)))
+sky += rng.standard_normal(sky.shape)
+runs = [(name, {}) for name in removal.available()]
+runs.append(("sdecgmca", {"iteration": "published", "n_warmup": 8, "n_refinement": 2}))
+for name, options in runs:
+    method = removal.create(name, **options)
+    cleaned = method.clean(sky, freqs=freqs, beams=beams, rng=np.random.default_rng(1))
+    print(name, hashlib.sha256(cleaned.residual.tobytes()).hexdigest())
+"""
+
+
+def test_same_bits_whatever_the_number_of_threads():
+    """Every method, in processes of one and of two threads."""
+    variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "DUCC0_NUM_THREADS")
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", DIGESTS],
+            env=os.environ | dict.fromkeys(variables, threads),
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2")
+    ]
+    assert outputs[0] == outputs[1]
+    assert all(name in outputs[0] for name in METHODS)
 
 
 def test_unknown_method_and_parameter():

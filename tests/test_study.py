@@ -1,0 +1,76 @@
+"""What the notebooks share, on a tiny sky."""
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+from himap.study import BEAMS, N_SOURCES, Study, each_beam
+
+TINY = {"nside": 8, "box_cells": 16}
+
+
+@pytest.fixture
+def study():
+    return Study(preset="ci", survey=TINY)
+
+
+def test_each_beam():
+    removers = each_beam(lambda n: PCA(n_sources=n), oscillating=6)
+    assert {beam: methods[0].n_sources for beam, methods in removers.items()} == N_SOURCES | {
+        "oscillating": 6
+    }
+    assert tuple(removers) == BEAMS
+
+
+def test_bands_are_means_of_the_ratios(study):
+    remover = PCA(n_sources=3)
+    degrees, angular, k, frequency = study.ratios("degraded", remover)
+    bands = study.bands("degraded", remover)
+    assert bands["C/C0, 1 < l < 10"] == pytest.approx(angular[(degrees > 1) & (degrees < 10)].mean())
+    assert bands["C/C0, 10 < l < 16"] == pytest.approx(angular[(degrees > 10) & (degrees < 16)].mean())
+    assert bands["P/P0, k > 0.1"] == pytest.approx(frequency[k > 0.1].mean())
+    near = (k > 0.25) & (k < 0.38)
+    assert not near.any() or bands["P/P0, highest near k = 0.31"] == frequency[near].max()
+
+
+def test_peaks_are_masked_unless_told_otherwise():
+    study = Study(preset="ci", survey={"nside": 16, "box_cells": 64})
+    assert study.peak_masked("degraded").flagged.any()
+    with_mask = study.cleaned("degraded", PCA(n_sources=2)).maps
+    without = study.cleaned("degraded", PCA(n_sources=2), mask_peaks=False).maps
+    direct = PCA(n_sources=2).clean(
+        study.observed("degraded").maps,
+        freqs=study.made_for.freqs,
+        separate_on=study.peak_masked("degraded").maps,
+    )
+    assert np.array_equal(with_mask, direct.residual)
+    assert not np.array_equal(with_mask, without)
+
+
+def test_figures_have_a_panel_for_each_beam_and_one_legend(study):
+    removers = {beam: [PCA(n_sources=n), PCA(n_sources=n + 1), Polynomial()] for beam, n in N_SOURCES.items()}
+    for figure in (study.angular_figure(removers), study.frequency_figure(removers)):
+        panels = figure.axes
+        assert [axes.get_title() for axes in panels[:3]] == list(BEAMS)
+        assert len(figure.legends) == 1
+        assert not any(axes.get_legend() for axes in panels)
+    one = study.angular_figure({"degraded": [PCA(n_sources=3)]})
+    assert one.axes[0].get_title() == "degraded, 3 components"
+    assert one.axes[0].get_legend() is not None
+
+
+def test_what_does_not_fit_is_refused_before_any_work(study):
+    with pytest.raises(InputError, match="at most the number of channels, 100"):
+        study.check({"degraded": [PCA(n_sources=101)]})
+    with pytest.raises(InputError, match="unknown beam"):
+        study.check({"round": [PCA(n_sources=3)]})
+    with pytest.raises(InputError, match="nothing to clean"):
+        study.check({})
+
+
+def test_numbers_carry_a_tolerance(study):
+    numbers = study.band_numbers({"degraded": [PCA(n_sources=3)]}, tolerance=0.05)
+    value, tolerance = numbers["degraded, PCA: P/P0, k > 0.1"]
+    assert tolerance == 0.05 * max(1, value)
