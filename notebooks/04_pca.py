@@ -39,39 +39,28 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 n_sources: int = 3  # components to remove, for the beam shown in detail
 
 # %%
-from dataclasses import replace
-
 import numpy as np
 
-from himap import diagnostics, pipeline, plotting
+from himap import plotting
 from himap.numbers import show
-from himap.provenance import Provenance
 from himap.removal.pca import PCA, channel_covariance
-from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
+from himap.study import BEAMS, Study, each_beam
 
-case = pipeline.Case(
-    survey=Survey.preset(preset, **survey),
-    galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-    beam=beam,
+study = Study(
+    preset=preset,
+    survey=survey,
+    galaxy=galaxy,
+    template_dir=template_dir,
+    small_scales=small_scales,
     ripple=ripple,
 )
-beams = ["degraded", "evolving", "oscillating"]
-cases = {name: replace(case, beam=name) for name in beams}
-removers = {name: PCA(n_sources=n) for name, n in zip(beams, (3, 4, 5), strict=True)}  # the paper's numbers
-removers[beam] = PCA(n_sources=n_sources)
-for remover in removers.values():
-    remover.check(case.survey.n_channels)  # now, not after the simulation
+removers = each_beam(lambda n: PCA(n_sources=n), **{beam: n_sources})
+study.check(removers)
+remover = removers[beam][0]
 
-observed = pipeline.observation(case)
-l_top = 2 * case.survey.nside
-
-
-def stamped(figure, **parameters):
-    """The figure with a line that says where it comes from."""
-    where = Provenance.of(case.survey, galaxy=galaxy, preset=preset, parameters=parameters)
-    return plotting.stamp(figure, where)
-
+# %% [markdown]
+# Before any method runs, peaks along the lines of sight are masked ({doc}`03_peak_masking`): the components are found in
+# the masked maps, and removed from the maps as observed.
 
 # %% [markdown]
 # ## How it works
@@ -116,7 +105,7 @@ def stamped(figure, **parameters):
 # one foreground component is left in for the last two.
 
 # %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "Eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
-rank = np.arange(1, min(15, case.survey.n_channels) + 1)
+rank = np.arange(1, min(15, study.made_for.n_channels) + 1)
 
 
 def eigenvalues(maps):
@@ -125,13 +114,13 @@ def eigenvalues(maps):
 
 
 curves = [
-    (rank, eigenvalues(pipeline.observation(cases[name]).maps), plotting.BEAM_STYLES[name] | {"marker": "."})
-    for name in beams
+    (rank, eigenvalues(study.observed(name).maps), plotting.BEAM_STYLES[name] | {"marker": "."})
+    for name in BEAMS
 ]
-truth_values = eigenvalues(observed.truth)
-curves.append((rank, truth_values, {"color": "black", "linestyle": ":", "label": f"HI + noise ({beam})"}))
+truth = eigenvalues(study.observed(beam).truth)
+curves.append((rank, truth, {"color": "black", "linestyle": ":", "label": f"HI + noise ({beam})"}))
 labels = {"xlabel": "component", "ylabel": r"eigenvalue [mK$^2$]", "yscale": "log"}
-stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
+study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
 
 # %% [markdown]
 # ## What is removed
@@ -143,21 +132,10 @@ stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4))
 # orthogonal to the first.
 
 # %% mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
-result = pipeline.cleaned(case, removers[beam])
-colours = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"]
-styles = [
-    {"label": f"component {n + 1}", "color": colours[n % 5], "linestyle": ["-", "--", "-.", ":"][n % 4]}
-    for n in range(n_sources)
-]
-curves = [(observed.freqs, column, style) for column, style in zip(result.mixing.T, styles, strict=True)]
-labels = {"xlabel": "frequency [MHz]", "ylabel": "mixing coefficient"}
-stamped(
-    plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=beam, n_sources=n_sources
-)
+study.mixing_figure(beam, remover)
 
 # %% mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-sources = {f"component {n + 1}": source for n, source in enumerate(result.sources[:4])}
-stamped(plotting.sky_maps(sources, limits=(2, 98)), beam=beam, n_sources=n_sources)
+study.sources_figure(beam, remover)
 
 # %% [markdown]
 # ## What is left
@@ -167,18 +145,7 @@ stamped(plotting.sky_maps(sources, limits=(2, 98)), beam=beam, n_sources=n_sourc
 # are signal that was lost with the components.
 
 # %% mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
-channel = case.survey.n_channels // 2
-truth = observed.truth[channel] - observed.truth[channel].mean()
-left = result.maps[channel] - result.maps[channel].mean()
-seen = observed.maps[channel] - observed.maps[channel].mean(dtype=float)
-freq = f"{observed.freqs[channel]:.0f} MHz"
-maps = {
-    f"observed, {freq}": seen,
-    "cleaned": left,
-    "truth": truth,
-    "cleaned minus truth": left - truth,
-}
-stamped(plotting.sky_maps(maps, limits=(1, 99)), beam=beam, n_sources=n_sources)
+study.channel_figure(beam, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -189,45 +156,10 @@ stamped(plotting.sky_maps(maps, limits=(1, 99)), beam=beam, n_sources=n_sources)
 # the panel is more than twice too bright.
 
 # %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, and their ratio to the truth. (PCA's share of the paper's Fig. 1.)"}}
-true = {name: pipeline.spectra(cases[name]) for name in beams}
-pca = {name: pipeline.spectra(cases[name], removers[name]) for name in beams}
-panels = {
-    f"{name}, {removers[name].n_sources} components": (
-        true[name].angular.degrees,
-        true[name].angular.mean,
-        [(plotting.METHOD_STYLES["pca"], pca[name].angular.mean)],
-    )
-    for name in beams
-}
-stamped(
-    plotting.spectrum(
-        panels,
-        xlabel=r"multipole $\ell$",
-        ylabel=r"$C_\ell$ [mK$^2$]",
-        ratio_label=r"$C_\ell / C_\ell^\mathrm{true}$",
-        x_limits=(2, l_top),
-        ratio_limits=(0.5, 2),
-    )
-)
+study.angular_figure(removers)
 
 # %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, and its ratio to the truth. (PCA's share of the paper's Fig. 2.)"}}
-panels = {
-    f"{name}, {removers[name].n_sources} components": (
-        true[name].frequency.k,
-        true[name].frequency.power,
-        [(plotting.METHOD_STYLES["pca"], pca[name].frequency.power)],
-    )
-    for name in beams
-}
-stamped(
-    plotting.spectrum(
-        panels,
-        xlabel=r"$k_\nu$ [MHz$^{-1}$]",
-        ylabel=r"$P(k_\nu)$ [mK$^2$ MHz]",
-        ratio_label=r"$P / P^\mathrm{true}$",
-        ratio_limits=(0.5, 2),
-    )
-)
+study.frequency_figure(removers)
 
 # %% [markdown]
 # The numbers behind the figures: means of the ratios over bands, and the largest deviation of the degraded-beam
@@ -235,27 +167,7 @@ stamped(
 # reproduce it.
 
 # %%
-numbers = {}
-
-
-def add_band(name, quantity, x, ratios, low, high, tolerance):
-    """Note the mean of `ratios` where low < x < high, if the survey has any x there."""
-    if ((x > low) & (x < high)).any():
-        numbers[f"{name}: mean {quantity}"] = (diagnostics.band_mean(x, ratios, low, high), tolerance)
-
-
-for name in beams:
-    degrees, k = true[name].angular.degrees[2:], true[name].frequency.k[1:]
-    c_ratio = diagnostics.ratio(pca[name].angular.mean[2:], true[name].angular.mean[2:])
-    p_ratio = diagnostics.ratio(pca[name].frequency.power[1:], true[name].frequency.power[1:])
-    add_band(name, "C/C0, 1 < l < 10", degrees, c_ratio, 1, 10, 0.02)
-    add_band(name, f"C/C0, 10 < l < {l_top}", degrees, c_ratio, 10, l_top, 0.01)
-    add_band(name, "P/P0, k < 0.03", k, p_ratio, 0, 0.03, 0.02)
-    add_band(name, "P/P0, k > 0.1", k, p_ratio, 0.1, np.inf, 0.01)
-    if name == beam and l_top > 11:
-        worst, where = diagnostics.largest_deviation(degrees, c_ratio, 10, l_top)
-        numbers[f"{name}: largest |C/C0 - 1|, 10 < l < {l_top}"] = (worst, 0.01)
-show(numbers)
+show(study.band_numbers(removers))
 
 # %% [markdown]
 # ## What to take away
