@@ -78,7 +78,7 @@ def list_(name):
 @click.argument("names", metavar="[NAME]...", nargs=-1)
 @click.option("--preset", help="ci, quick, laptop or paper; default: the notebook's, quick.")
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter; the value may be JSON.")
-@click.option("-o", "--output", help="Where to write; default results/NAME_PRESET.ipynb.")
+@click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
 @click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
 @_debug
 def run(names, preset, pairs, output, stale):

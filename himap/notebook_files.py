@@ -12,6 +12,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import tempfile
 
 import nbformat
@@ -24,6 +25,7 @@ __all__ = [
     "STAMP",
     "check_output",
     "code_cells",
+    "copy_name",
     "has_code",
     "number_cells",
     "read_notebook",
@@ -43,6 +45,7 @@ _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 """For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
 
 _VOLATILE_METADATA = ("papermill", "execution")
+_LONGEST_NAME = 120  # a file name may have 255 bytes
 
 
 def stamped(node, source, *, fingerprint, parameters):
@@ -126,6 +129,16 @@ def text_digest(node):
 def read_notebook(path):
     """The notebook in an ``.ipynb`` file; OSError or ValueError where there is none."""
     return nbformat.read(path, as_version=4)
+
+
+def copy_name(notebook, preset, values):
+    """File name of an executed copy: notebook, preset, and the other parameters that were passed."""
+    others = {**values, **values.get("survey", {})}
+    pairs = [f"{key}={others[key]}" for key in sorted(set(others) - {"preset", "survey"})]
+    label = re.sub(r"[^\w.=+-]+", "-", "_".join([notebook, *([preset] if preset else []), *pairs]))
+    if len(label) > _LONGEST_NAME:
+        label = f"{label[: _LONGEST_NAME - 9]}_{hashlib.sha256(label.encode()).hexdigest()[:8]}"
+    return f"{label}.ipynb"
 
 
 def check_output(path):

@@ -24,6 +24,7 @@ from himap.notebook_files import (
     STAMP,
     check_output,
     code_cells,
+    copy_name,
     number_cells,
     read_notebook,
     stamped,
@@ -150,7 +151,8 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None):
     parameters
         {name: value}; fields of `Survey` may be among them.
     output
-        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder.
+        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
+        other parameters that were passed in the name too, so that another run does not replace this one.
 
     Returns
     -------
@@ -168,8 +170,8 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None):
     values = check_parameters(notebook.parameters, parameters or {}, preset)
     if output is None:
         defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
-        label = values.get("preset", defaults.get("preset"))
-        output = Path("results") / f"{notebook.name}{f'_{label}' if label else ''}.ipynb"
+        preset = values.get("preset", defaults.get("preset"))
+        output = Path("results") / copy_name(notebook.name, preset, values)
     output = check_output(Path(output))
     if output.resolve() in {other.executed.resolve() for other in notebooks(folder)}:
         raise InputError(

@@ -119,11 +119,18 @@ def test_the_folder_of_notebooks(folder, monkeypatch, tmp_path):
     assert reproduce.notebooks_folder() == folder
 
 
+def test_names_of_copies_differ_and_fit_a_file_system():
+    assert notebook_files.copy_name("01_toy", "ci", {"preset": "ci"}) == "01_toy_ci.ipynb"
+    one, two = (notebook_files.copy_name("01_toy", None, {"path": f"{n}/a folder/" * 40}) for n in (1, 2))
+    assert one != two and len(one) == len(two) < 130
+    assert not set("/ ") & set(one)
+
+
 def test_a_run_with_other_parameters(folder):
     path = reproduce.run("01", preset="ci", parameters={"scale": 2, "nside": 16}, folder=folder)
-    assert str(path) == "results/01_toy_ci.ipynb"
+    assert str(path) == "results/01_toy_ci_nside=16_scale=2.0.ipynb"
     assert outputs(path) == "16 2.0 work\n"
-    assert os.listdir("results") == ["01_toy_ci.ipynb"]
+    assert os.listdir("results") == [path.name]
     assert os.listdir(folder) == ["01_toy.py"]
     text = path.read_text()
     assert str(folder.parent) not in text and "papermill" not in text and "start_time" not in text
