@@ -115,7 +115,8 @@ def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), ba
         {title: (x, true, [(style, recovered), ...])}; styles as in `METHOD_STYLES`, spectra (n,). The
         methods are the same in all panels: where they are many, one legend stands above them.
     ratio_limits
-        Range of the ratio panels; curves that leave it are cut off at its edge.
+        Range of the ratio panels, logarithmic over more than a factor of 100; curves that leave it are cut
+        off at its edge.
     band
         Half width of the grey band around 1.
     x_limits
@@ -142,7 +143,8 @@ def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), ba
             top.set_title(title)
             if len(curves) <= 2:
                 top.legend()
-            bottom.set(ylim=ratio_limits, xlabel=xlabel, xscale="log")
+            scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] else "linear"
+            bottom.set(ylim=ratio_limits, xlabel=xlabel, xscale="log", yscale=scale)
             _plain_ticks(bottom.xaxis, x[shown])
         if len(curves) > 2:  # many curves leave no room inside the panels
             handles = grid[0, -1].get_legend_handles_labels()[0]

@@ -32,6 +32,7 @@ _CHOICES = {
     "reweighted": (True, False),
 }
 _SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
+_ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
 _MOST_STABLE = 50  # iterations for that; the misfit settles in 3 to 20
 _LARGEST_RIDGE = 1e6  # relative to columns of unit length: where a source has no power it stays zero
 _CONDITION_LIMIT = 1 / np.finfo(np.float32).eps  # of A; beyond, sources of float32 maps have no digit left
@@ -153,12 +154,13 @@ class SDecGMCA(ForegroundRemover):
     def _stable(self, channels, mixing):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
         sparse = self._sparse(channels)
+        exact = _ROUNDING * np.vdot(channels.modes, channels.modes)
         misfit = None
         for count in progress(range(_MOST_STABLE), "sdecgmca"):
             inverses = harmonic.safe_inverse(channels.matrices(mixing))
             sources = harmonic.project(inverses, channels.modes)
             last, misfit = misfit, channels.misfit(mixing, sources)
-            if last is not None and abs(last - misfit) <= _SETTLED * misfit:
+            if last is not None and abs(last - misfit) <= max(_SETTLED * misfit, exact):
                 return _uncorrelated(mixing, sources), True, count
             kept = sparse(sources, channels.noise_of(inverses), self.share)
             mixing, _ = np.linalg.qr(channels.corrected(mixing, sources, kept))

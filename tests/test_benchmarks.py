@@ -1,0 +1,94 @@
+"""The benchmarks run, and compare with code that does the same work. No test reads a clock."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from sklearn import decomposition
+
+from himap import removal, sphere
+from himap.removal import harmonic
+from himap.removal.parametric import Parametric
+from himap.removal.pca import PCA
+from himap.removal.peaks import smooth_baselines
+from himap.removal.sdecgmca import TABLE_1
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
+
+from benchmarks import alternatives, methods
+
+TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
+FREQS = np.linspace(900, 1400, 60)
+
+
+@pytest.fixture
+def maps(rng):
+    """Two power laws, noise, and here and there a peak; (60, 768) float32, mK."""
+    x = FREQS[:, None] / 1150
+    first, second = 100 * rng.random((2, 768)) + 100
+    maps = first * x**-2.13 + 10 * second * x**-2.8 + 0.1 * rng.standard_normal((60, 768))
+    maps[rng.integers(60, size=40), rng.choice(768, 40, replace=False)] += 50
+    return maps.astype(np.float32)
+
+
+def test_the_table_has_every_method(monkeypatch):
+    monkeypatch.setattr(methods, "alone", lambda function, *args: function(*args))
+    monkeypatch.setattr(alternatives, "N_LINES", 8)
+    survey = [word for pair in TINY.items() for word in ("--survey", *pair)]
+    options = ["--preset", "ci", "--beam", "evolving", *survey]
+    outcome = CliRunner().invoke(methods.main, options, catch_exceptions=False)
+    lines = outcome.output.splitlines()
+    wanted = [name for name in removal.available() if name != "sdecgmca"]
+    for name in ["peak masking", "sdecgmca, stable", "sdecgmca, published", *wanted]:
+        (here,) = [n for n, line in enumerate(lines) if line.startswith(f"{name}  ")]
+        assert " GB" in lines[here]
+        beside = [line for line in lines[here + 1 : here + 3] if " x  " in line]
+        assert beside, f"{name} has no alternative"
+    assert sum("sampled: 8 of 768 lines, scaled up" in line for line in lines) == 3
+
+
+@pytest.mark.parametrize("beam", TABLE_1)
+def test_numbers_of_components_are_those_of_the_paper(beam):
+    n_sources = {
+        getattr(one, "n_sources", TABLE_1[beam]["n_sources"]) for one in methods.methods(beam).values()
+    }
+    assert n_sources == {TABLE_1[beam]["n_sources"]}
+
+
+def test_a_method_has_a_process_of_its_own(monkeypatch):
+    monkeypatch.setattr(methods, "PRELOADED", [])  # saves time, changes nothing
+    assert len({os.getpid(), methods.alone(os.getpid), methods.alone(os.getpid)}) == 3
+
+
+def test_plain_decomposition_does_what_pca_does(maps):
+    ours = PCA(n_sources=2).clean(maps, freqs=FREQS).residual
+    plain = alternatives.plain_residual(decomposition.PCA(2), maps, maps)
+    assert np.allclose(plain, ours, atol=1e-3)  # float32 of 4000 mK
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_plain_polynomials_are_the_baselines(maps, at_once):
+    found = smooth_baselines(maps, FREQS)
+    assert found.flagged.any(axis=0).sum() >= 20
+    ours = found.basis @ found.second
+    plain = alternatives.plain_polynomials
+    assert np.allclose(plain(maps) if at_once else np.hstack([plain(line) for line in maps.T]), ours)
+
+
+def test_plain_power_laws_are_the_parametric_fit(maps):
+    lines = maps[:, :20]
+    ours = Parametric().clean(lines, freqs=FREQS)
+    x = FREQS / 1150
+    plain = [alternatives.plain_power_laws(line, x, -4, -2.2) for line in lines.T.astype(float)]
+    fits = np.stack([a1 * x**-2.13 + a2 * x**beta for a1, a2, beta in plain], axis=1)
+    assert np.allclose(fits, ours.foreground, atol=0.01)
+
+
+def test_plain_sources_are_those_of_sdecgmca(rng):
+    matrices = sphere.gaussian_beam(np.linspace(0.1, 0.2, 6), 12).T[:, :, None] * rng.random((6, 3))
+    modes = rng.standard_normal((6, 13**2))
+    ours = harmonic.project(harmonic.safe_inverse(matrices), modes)
+    assert np.allclose(alternatives.plain_sources(matrices, modes), ours)
