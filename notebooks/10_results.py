@@ -112,3 +112,26 @@ unsettled = [
     if not study.cleaned(beam, one).converged
 ]
 print("; ".join(unsettled) or "none")
+
+# %% [markdown]
+# ## What to take away
+#
+# - **Degraded beam.** One resolution everywhere: the component methods and the parametric fit recover both spectra to better than 10 % but for the
+#   largest scales, where signal is lost with the foregrounds. The polynomial of order 6 is not quite smooth enough for the Galactic plane.
+# - **Evolving beam.** The parametric fit fails by orders of magnitude. The component methods hold; those that do not know the beam
+#   leave some foreground at $k_\nu < 0.1$ MHz$^{-1}$ and at high $\ell$.
+# - **Oscillating beam.** Both fits fail. PCA, FastICA and GMCA leave an excess at low and at high $\ell$ and a peak at $k_\nu = 2\pi/20$ MHz; SDecGMCA, which knows
+#   the beam, leaves neither. What it loses at low $\ell$ it loses to sources that the sky does not have: with three instead of five
+#   the loss is that of the degraded beam ({doc}`09_sdecgmca`).
+# - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
+#
+# This is one sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and in frequency. The real Galaxy is harder, above all for the
+# methods that do not know the beam.
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 10_results -p n_oscillating=6                      # one component more for the hardest case
+# himap run 10_results -p ripple=additive_strong               # a ripple five times stronger
+# himap run 10_results --preset laptop                         # twice the resolution, half an hour
+# ```

@@ -54,7 +54,7 @@ class SDecGMCA(ForegroundRemover):
         `n_refinement` more follow with reweighted thresholds and A from the detail scales only. A is fitted
         to the data with the thresholded S (C21, Eq. 14). It separates the sources; but what a threshold takes
         from one large source the others no longer cancel, and seen through beams it differs from channel to
-        channel. A goes to fit that, and small changes of the input move the space by more than HI is bright.
+        channel. A goes to fit that, and the result moves with the noise level and other things of no account.
     "stable"
         A is corrected by what the residual of the *whole* sources holds of the thresholded ones
         (`Channels.corrected`), so that no threshold can bias it, until the misfit settles. The result hardly
