@@ -6,6 +6,7 @@ A ratio above 1 means that the alternative takes longer. Times depend on the mac
 """
 
 import resource
+import sys
 import time
 
 import click
@@ -33,6 +34,12 @@ def timed(function, *args, **kwargs):
     return result, time.perf_counter() - start
 
 
+def peak_memory():
+    """Peak memory of the process so far, GB."""
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB on Linux
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9
+
+
 def per_map(function, maps):
     """Seconds per map of `function`, over `N_SAMPLES` maps after one that does not count."""
     function(maps[0])
@@ -42,9 +49,8 @@ def per_map(function, maps):
 
 def report(step, seconds, alternative="", ratio=None):
     """One line: time, peak memory of the process so far, and the ratio."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     versus = f"{ratio:6.2f} x  {alternative}" if ratio else ""
-    click.echo(f"{step:28s} {seconds:8.3g} s  {peak:6.2f} GB  {versus}".rstrip())
+    click.echo(f"{step:28s} {seconds:8.3g} s  {peak_memory():6.2f} GB  {versus}".rstrip())
 
 
 def plain_frequency_power(maps, width):

@@ -120,11 +120,11 @@ def _adjoint(pixels, lmax, nside):
     return alm
 
 
-def analyse_closely(pixels, lmax):
-    """Coefficients that reproduce one map (n_pix,) to about 1e-5, by least squares (LSMR).
+def analyse_closely(pixels, lmax, tolerance):
+    """Coefficients that reproduce one map (n_pix,) to `tolerance` of its rms, by least squares (LSMR).
 
-    The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is poor.
-    This is for what is bright and smooth; noise gains nothing by it.
+    The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is
+    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise.
     """
     solution = ducc0.sht.pseudo_analysis(
         map=np.asarray(pixels, dtype=np.float64)[None],
@@ -132,7 +132,7 @@ def analyse_closely(pixels, lmax):
         spin=0,
         nthreads=0,
         maxiter=50,
-        epsilon=1e-5,
+        epsilon=tolerance,
         **_geometry(nside_of(pixels)),
     )
     return solution[0][0]

@@ -265,6 +265,17 @@ class TestSeparation:
         assert largest_angle(found.mixing, mixing) < 0.1
         assert largest_angle(found.mixing, mixing) < 0.5 * largest_angle(blind.mixing, mixing)
 
+    def test_rounding_does_not_end_it_early(self, problem, rng, monkeypatch):
+        """Signal a hundred thousand times fainter than the sky, as HI is, is still no rounding."""
+        seen = noisy(problem[0], 100, rng)
+        runs = []
+        for rounding in (None, 0.0):
+            if rounding is not None:
+                monkeypatch.setattr("himap.removal.sdecgmca._ROUNDING", rounding)
+            runs.append(SDecGMCA(n_sources=4).clean(seen, freqs=FREQS, beams=BEAMS).separation)
+        assert runs[0].n_iterations == runs[1].n_iterations > 1
+        assert np.array_equal(*(run.foreground for run in runs))
+
     def test_through_one_beam_it_finds_what_gmca_finds(self, problem, rng):
         """The same space of spectra as GMCA in pixels, whose noise is the only difference."""
         maps = noisy(problem[1] @ sphere.synthesise(sparse_sources(rng), NSIDE), 30, rng)

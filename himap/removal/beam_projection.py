@@ -9,7 +9,8 @@ from himap.removal.blocked import mixture, projection
 
 __all__ = ["through_beams"]
 
-_BRIGHT = 3.0  # times the median: a map that holds foreground, not HI and noise alone
+_BRIGHT = 3.0  # times the faintest: a map that holds foreground, not HI and noise alone
+_DIGITS = 1e-6  # of a map: beyond, float32 has none
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
@@ -51,13 +52,15 @@ def _principal(spectra, maps):
 
 
 def _analysed(seen, lmax):
-    """Real modes of the maps; of those that stand out from the rest, the foreground, as closely as can be."""
+    """Real modes of the maps; of those that stand out from the rest, the foreground, down to the rest."""
     size = seen.std(axis=1)
-    bright = size > _BRIGHT * np.median(size)
+    floor = size.min()
     modes = np.empty((len(seen), (lmax + 1) ** 2))
-    rows = zip(progress(seen, "sdecgmca: foreground"), bright, modes, strict=True)
-    for pixels, closely, out in rows:
-        alm = sphere.analyse_closely(pixels, lmax) if closely else sphere.analyse(pixels, lmax)
+    for pixels, height, out in zip(progress(seen, "sdecgmca: foreground"), size, modes, strict=True):
+        if height > _BRIGHT * floor:
+            alm = sphere.analyse_closely(pixels, lmax, max(floor / height, _DIGITS))
+        else:
+            alm = sphere.analyse(pixels, lmax)
         out[:] = harmonic.to_modes(alm)
     return modes
 

@@ -160,7 +160,8 @@ class SDecGMCA(ForegroundRemover):
             inverses = harmonic.safe_inverse(channels.matrices(mixing))
             sources = harmonic.project(inverses, channels.modes)
             last, misfit = misfit, channels.misfit(mixing, sources)
-            if last is not None and abs(last - misfit) <= max(_SETTLED * misfit, exact):
+            settled = last is not None and abs(last - misfit) <= _SETTLED * misfit
+            if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
             kept = sparse(sources, channels.noise_of(inverses), self.share)
             mixing, _ = np.linalg.qr(channels.corrected(mixing, sources, kept))

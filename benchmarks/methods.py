@@ -1,0 +1,140 @@
+"""Time and memory of every method of foreground removal, and of the usual alternative in the same run.
+
+    python -m benchmarks.methods --preset laptop --beam oscillating
+
+Each method runs in a process of its own, on memory-mapped cubes, so that peaks of memory do not mix. Methods
+get the paper's number of components and find the foreground in the peak-masked maps. A ratio above 1 means
+that the alternative takes longer. Times depend on the machine, ratios less so.
+"""
+
+import tempfile
+import time
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import click
+import numpy as np
+
+from benchmarks.alternatives import Run, alternatives
+from benchmarks.chain import peak_memory, timed
+from himap import pipeline, removal
+from himap.parameters import parse_texts
+from himap.removal.base import SeparationWarning
+from himap.removal.peaks import mask_peaks
+from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+from himap.sky.galaxy import SOURCES, Galaxy
+from himap.survey import PRESETS, Survey
+
+PRELOADED = ["benchmarks.alternatives"]  # with all that it imports
+
+
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """What every process gets: cubes in two files, and what goes with them."""
+
+    folder: Path
+    freqs: np.ndarray
+    beams: np.ndarray
+    survey: Survey
+
+    def cube(self, name):
+        """The cube "maps" or "masked", memory-mapped, with all its pages in memory."""
+        cube = np.load(self.folder / f"{name}.npy", mmap_mode="r")
+        for channel in cube:
+            channel.sum()
+        return cube
+
+
+def alone(function, *args):
+    """Result of a call in a process of its own, forked from one that has imported everything and no more."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(PRELOADED)
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        return pool.submit(function, *args).result()
+
+
+def prepare(case, folder):
+    """The `Data` of a case, from the cache where it is there."""
+    seen = pipeline.observation(case)
+    np.save(folder / "maps.npy", seen.maps)
+    np.save(folder / "masked.npy", pipeline.peak_masked(case).maps)
+    return Data(folder=folder, freqs=np.array(seen.freqs), beams=np.array(seen.beams), survey=case.survey)
+
+
+def methods(beam):
+    """Every method with the paper's number of components, by its label; None for peak masking."""
+    found = {"peak masking": None}
+    for name in removal.available():
+        method = removal.create(name)
+        if hasattr(method, "n_sources"):
+            method = replace(method, n_sources=TABLE_1[beam]["n_sources"])
+        found[name] = method
+    del found[SDecGMCA.name]
+    for iteration in ("stable", "published"):
+        found[f"{SDecGMCA.name}, {iteration}"] = SDecGMCA.for_beam(beam, iteration=iteration)
+    return found
+
+
+def measure(label, remover, data):
+    """The lines of the table on one method: ours, its warnings, its alternatives."""
+    maps, masked = data.cube("maps"), data.cube("masked")
+    if remover is None:
+        work = partial(mask_peaks, maps, data.freqs)
+    else:
+        given = {"freqs": data.freqs, "beams": data.beams, "rng": data.survey.rng(f"removal {remover.name}")}
+        work = partial(remover.clean, maps, **given, separate_on=masked)
+    before, cpu = peak_memory(), time.process_time()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SeparationWarning)
+        result, seconds = timed(work)
+    memory, cpu = peak_memory() - before, time.process_time() - cpu
+    found = getattr(result, "separation", None)
+    run = Run(
+        label=label,
+        remover=remover,
+        maps=maps,
+        masked=masked,
+        freqs=data.freqs,
+        beams=data.beams,
+        mixing=getattr(found, "mixing", None),
+        n_iterations=getattr(found, "n_iterations", 0),
+        seconds=seconds,
+    )
+    del result, found  # two cubes that the alternatives do not need
+    each = f"{run.n_iterations:10d} {seconds / run.n_iterations:10.3g} s" if run.n_iterations else ""
+    n_sources = getattr(remover, "n_sources", "")
+    lines = [f"{label:20s} {n_sources!s:>4} {seconds:9.3g} s {cpu:9.3g} s {memory:7.2f} GB {each}".rstrip()]
+    lines += [f"{'':15s}warning: {warning.message}" for warning in caught]
+    return "\n".join(lines + alternatives(run))
+
+
+@click.command()
+@click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True)
+@click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value.")
+@click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
+@click.option("--template-dir", help="Folder of the templates.")
+@click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True)
+def main(preset, pairs, galaxy, template_dir, beam):
+    """Time all methods on one observation."""
+    survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
+    case = pipeline.Case(survey=survey, galaxy=Galaxy(source=galaxy, template_dir=template_dir), beam=beam)
+    size = 4 * survey.n_channels * survey.n_pix / 1e9
+    click.echo(
+        f"{preset}: {survey.n_channels} channels, nside {survey.nside}, {galaxy} Galaxy, {beam} beam.\n"
+        f"Memory is the peak above the two cubes given, of {size:.2g} GB each. The time of each iteration is "
+        "all time over\ntheir number. N x: the alternative takes N times as long, on the clock."
+    )
+    names = f"{'n_s':>4} {'time':>11s} {'CPU time':>11s} {'memory':>10s} {'iterations':>10s} {'each':>12s}"
+    click.echo(f"{'method':20s} {names}")
+    with tempfile.TemporaryDirectory() as folder:
+        data = alone(prepare, case, Path(folder))
+        for label, remover in methods(beam).items():
+            click.echo(alone(measure, label, remover, data))
+
+
+if __name__ == "__main__":
+    main()
