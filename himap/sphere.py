@@ -126,16 +126,23 @@ def analyse_closely(pixels, lmax, tolerance):
     The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is
     poor. This is for what is bright: a tolerance below the noise of a map would run after that noise.
     """
-    solution = ducc0.sht.pseudo_analysis(
-        map=np.asarray(pixels, dtype=np.float64)[None],
+    pixels = np.asarray(pixels, dtype=np.float64)
+    nside = nside_of(pixels)
+    alm = analyse(pixels, lmax)
+    left = pixels - synthesise(alm, nside)
+    share = np.linalg.norm(left) / np.linalg.norm(pixels)
+    if share <= tolerance:
+        return alm
+    correction = ducc0.sht.pseudo_analysis(
+        map=left[None],
         lmax=lmax,
         spin=0,
         nthreads=0,
         maxiter=50,
-        epsilon=tolerance,
-        **_geometry(nside_of(pixels)),
+        epsilon=tolerance / share,
+        **_geometry(nside),
     )
-    return solution[0][0]
+    return alm + correction[0][0]
 
 
 @lru_cache(maxsize=4)
