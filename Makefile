@@ -41,8 +41,9 @@ $(HTML)/.complete: .venv/.installed $(INPUTS)
 	@$(BIN)/jupyter-book build . --path-output . -W --keep-going
 	@touch $@
 
+# Two at a time, a file to each: a notebook must run from its first cell to its last in one place.
 test: .venv/.installed
-	@$(BIN)/python -m pytest --nbval tests notebooks
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks
 
 clean:
 	rm -rf $(BUILD) .pytest_cache .ruff_cache
