@@ -125,8 +125,8 @@ print("; ".join(unsettled) or "none")
 #   the loss is that of the degraded beam ({doc}`09_sdecgmca`).
 # - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
 #
-# This is one sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and in frequency. The real Galaxy is harder, above all for the
-# methods that do not know the beam.
+# This is one sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and in frequency. The real Galaxy and
+# other resolutions give other numbers for the methods that do not know the beam, by factors of two; the order of the methods stays.
 #
 # Three commands worth trying:
 #
