@@ -41,9 +41,11 @@ $(HTML)/.complete: .venv/.installed $(INPUTS)
 	@$(BIN)/jupyter-book build . --path-output . -W --keep-going
 	@touch $@
 
-# Two at a time, a file to each: a notebook must run from its first cell to its last in one place.
+# Two files at a time, but for those that start Jupyter kernels, which now and then die when others start.
+KERNELS := tests/test_cli.py tests/test_notebooks.py tests/test_reproduce.py
 test: .venv/.installed
-	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks
+	@$(BIN)/python -m pytest -n 2 --dist loadfile tests $(KERNELS:%=--ignore=%)
+	@$(BIN)/python -m pytest --nbval $(KERNELS) notebooks
 
 clean:
 	rm -rf $(BUILD) .pytest_cache .ruff_cache
