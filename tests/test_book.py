@@ -92,6 +92,7 @@ def workshop(tmp_path):
 
 SETUP = ["fake-python -m venv", "python -m pip install"]
 REFRESH = ["himap run", "python book/readme_figure.py"]
+TESTS = ["python -m pytest -n 2", "python -m pytest"]
 
 
 def test_make_sets_up_once(workshop):
@@ -105,7 +106,7 @@ def test_failed_install_is_tried_again(workshop):
     (workshop.folder / "fails").write_text("pip install")
     assert workshop.make("setup")[0] != 0
     (workshop.folder / "fails").unlink()
-    assert workshop.make("test") == (0, [*SETUP, "python -m pytest"])
+    assert workshop.make("test") == (0, [*SETUP, *TESTS])
 
 
 def test_make_book_renders_when_something_changed(workshop):
