@@ -79,7 +79,8 @@ class Table:
             + "</tr>"
             for name, cells in self.rows.items()
         )
-        return f"<table><tr><th></th>{head}</tr>{rows}</table>"
+        style = "font-size:85%; white-space:nowrap"
+        return f'<table style="{style}"><tr><th></th>{head}</tr>{rows}</table>'
 
 
 class Numbers:

@@ -294,7 +294,7 @@ show(numbers)
 # ## What it costs, and how it fails
 #
 # An iteration needs one transform of each source and scale, and products with the data that are matrix products at each $\ell$. The stable
-# iteration settles in 2 to 20 of them, the published one takes up to 200 and often ends at its limit. The last step, the
+# iteration settles in about ten of them, the published one takes up to 200 and often ends at its limit. The last step, the
 # projection at every $\ell$, needs a few dozen transforms however many channels there are. Seconds in all at this size; the analysis of the channel maps is half of it.
 #
 # - Near $\ell = 3\,N_\mathrm{side}$ the pixels hold a field badly, and so do the transforms. What is bright is therefore analysed by least squares; with plain

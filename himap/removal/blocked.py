@@ -11,9 +11,10 @@ __all__ = ["blocks", "correlation", "mixture", "projection"]
 _BLOCK = 16384  # pixels
 
 
-def blocks(n_pix):
-    """Slices that cover `n_pix` pixels."""
-    return [slice(start, start + _BLOCK) for start in range(0, n_pix, _BLOCK)]
+def blocks(n_pix, size=None):
+    """Slices of at most `size` pixels, 16384 unless given, that cover `n_pix` pixels."""
+    size = size or _BLOCK
+    return [slice(start, start + size) for start in range(0, n_pix, size)]
 
 
 def projection(rows, maps):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap.removal.harmonic import blocks, cross_products
+from himap.removal.harmonic import blocks, cross_products, degrees
 
 __all__ = ["Channels"]
 
@@ -19,12 +19,16 @@ class Channels:
     beams
         H_l relative to the resolution of the sources, (n_channels, lmax + 1).
     noise
-        Variance of the noise per mode and channel, (n_channels,).
+        Variance of the noise per mode and channel, (n_channels,); None where it is not needed.
     """
 
-    def __init__(self, modes, beams, noise):
+    def __init__(self, modes, beams, noise=None):
         self.modes, self.beams, self.noise = modes, beams, noise
         self.lmax = beams.shape[1] - 1
+
+    def with_noise(self, noise):
+        """The same data with another noise."""
+        return Channels(self.modes, self.beams, noise)
 
     def matrices(self, mixing):
         """W_l = diag(H_l) A, (n_l, n_channels, n_sources)."""
@@ -39,7 +43,7 @@ class Channels:
 
         `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
         """
-        return self._solve(self.modes, sources, sources, window, np.ones_like(window))
+        return self._solve(window[degrees(self.lmax)] * self.modes, sources, sources)
 
     def corrected(self, mixing, sources, kept):
         """A plus what the residual X - H A S still holds of the thresholded sources `kept`.
@@ -48,24 +52,32 @@ class Channels:
         whatever the thresholds take away, for the whole sources are subtracted. In `fit` what is cut from
         the sources stays in the data, through another beam in each channel, and A goes to fit that.
         """
-        left = np.empty_like(self.modes)
-        parts = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, left)), strict=True)
-        for matrix, source, seen, out in parts:
-            np.subtract(seen, matrix @ source, out=out)
-        ones = np.ones(len(self.beams[0]))
-        return mixing + self._solve(left, sources, kept, ones, ones)
+        left = np.concatenate(list(self._left(mixing, sources)), axis=1)
+        return mixing + self._solve(left, sources, kept)
 
     def misfit(self, mixing, sources):
         """Sum of (X - H A S)^2."""
-        parts = zip(self.matrices(mixing), blocks(sources), blocks(self.modes), strict=True)
-        return sum(float(np.sum((seen - matrix @ source) ** 2)) for matrix, source, seen in parts)
+        return sum(float(np.sum(left**2)) for left in self._left(mixing, sources))
 
-    def _solve(self, data, sources, kept, window, weights):
-        """B of sum_l H_l (window_l data - weights_l H_l B sources) kept^T = 0 by channel; never singular."""
+    def noise_left(self, mixing, sources):
+        """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
+        fine = (self.lmax + 1) // 2
+        power = sum(np.sum(left**2, axis=1) for left in list(self._left(mixing, sources))[fine:])
+        return power / (self.modes.shape[1] - fine**2)
+
+    def _left(self, mixing, sources):
+        """X - H A S, (n_channels, 2 l + 1), for each l in turn."""
+        for matrix, source, seen in zip(
+            self.matrices(mixing), blocks(sources), blocks(self.modes), strict=True
+        ):
+            yield seen - matrix @ source
+
+    def _solve(self, data, sources, kept):
+        """B of sum_l H_l (data - H_l B sources) kept^T = 0 by channel; never singular."""
         length, kept_length = _lengths(sources), _lengths(kept)
-        cross = np.einsum("l,cl,lcn->cn", window, self.beams, cross_products(data, kept)) / kept_length
+        cross = np.einsum("cl,lcn->cn", self.beams, cross_products(data, kept)) / kept_length
         gram = cross_products(sources, kept) / np.outer(length, kept_length)
-        gram = np.einsum("l,cl,lmn->cmn", weights, self.beams**2, gram)
+        gram = np.einsum("cl,lmn->cmn", self.beams**2, gram)
         return np.einsum("cn,cnm->cm", cross, np.linalg.pinv(gram, rcond=_RANK)) / length
 
 

@@ -10,9 +10,10 @@ from sklearn.exceptions import ConvergenceWarning
 
 from himap.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.conventions import ordered
 from himap.removal.pca import PCA
 
-__all__ = ["FastICA", "ordered"]
+__all__ = ["FastICA"]
 
 _CONTRASTS = ("logcosh", "exp", "cube")
 
@@ -81,18 +82,6 @@ class FastICA(ForegroundRemover):
                 return_n_iter=True,
             )
         return rotation, n_iterations
-
-
-def ordered(mixing, sources):
-    """A and S with columns of unit length, by variance of the sources, largest entry positive.
-
-    The product A S stays as it is; scale, order and sign of sources are a matter of convention.
-    """
-    length = np.linalg.norm(mixing, axis=0)
-    largest = mixing[np.abs(mixing).argmax(axis=0), np.arange(len(length))]
-    factor = np.copysign(length, largest)
-    order = np.argsort(-(length**2) * np.mean(sources**2, axis=1), kind="stable")
-    return (mixing / factor)[:, order], (sources * factor[:, None])[order]
 
 
 def _rounding(scale, n_channels):

@@ -10,7 +10,7 @@ from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blocked import correlation, mixture, projection
-from himap.removal.fastica import ordered
+from himap.removal.conventions import ordered
 from himap.removal.harmonic import safe_inverse
 from himap.removal.pca import channel_covariance, principal_axes
 from himap.removal.sparsity import NORMAL, share_threshold

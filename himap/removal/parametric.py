@@ -9,6 +9,7 @@ from scipy.special import exprel
 
 from himap.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.blocked import blocks
 
 __all__ = ["FREE_FREE_INDEX", "Parametric"]
 
@@ -67,8 +68,7 @@ class Parametric(ForegroundRemover):
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
         n_steps, n_lost = 0, 0
-        for start in range(0, maps.shape[1], _BLOCK):
-            block = slice(start, start + _BLOCK)
+        for block in blocks(maps.shape[1], _BLOCK):
             flat, series = model.project(maps[:, block].astype(np.float64))
             best = _highest(series)
             foreground[:, block], sources[:, block] = model.evaluate(flat, series, best.t)

@@ -12,6 +12,7 @@ import numpy as np
 
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
+from himap.removal.blocked import blocks
 
 __all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]
 
@@ -115,8 +116,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
     flagged = np.empty(maps.shape, dtype=bool)
-    for start in range(0, maps.shape[1], _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in blocks(maps.shape[1], _BLOCK):
         lines = maps[:, block].astype(np.float64)
         first[:, block] = basis.T @ lines
         lines -= basis @ first[:, block]

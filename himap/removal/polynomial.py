@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.blocked import mixture
 from himap.removal.peaks import check_clipping, smooth_baselines
 
 __all__ = ["Polynomial"]
-
-_BLOCK = 16384  # pixels at a time: the float64 foreground of a block stays small
 
 
 @dataclass(kw_only=True)
@@ -34,8 +31,5 @@ class Polynomial(ForegroundRemover):
 
     def _separate(self, maps, *, freqs, beams, rng):
         found = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
-        foreground = np.empty_like(maps)
-        for start in range(0, maps.shape[1], _BLOCK):
-            block = slice(start, start + _BLOCK)
-            foreground[:, block] = found.basis @ found.second[:, block]
+        foreground = mixture(found.basis, found.second)
         return Separation(foreground=foreground, mixing=found.basis, sources=found.second)

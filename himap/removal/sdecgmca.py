@@ -12,6 +12,7 @@ from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
 from himap.removal.channels import Channels
+from himap.removal.conventions import ordered
 from himap.removal.pca import principal_axes
 from himap.removal.sparsity import SparseSources
 
@@ -123,10 +124,11 @@ class SDecGMCA(ForegroundRemover):
         best = beams.max(axis=0)
         relative = beams[:, : lmax + 1] / best[: lmax + 1]
         mixing = _start(modes, relative, self.n_sources)
-        channels = Channels(modes, relative, self._noise_power(modes, relative, mixing, maps.shape[1]))
+        channels = Channels(modes, relative)
+        channels = channels.with_noise(self._noise_power(channels, mixing, maps.shape[1]))
         found = self._stable if self.iteration == "stable" else self._published
         mixing, converged, n_iterations = found(channels, mixing)
-        mixing, sources = _ordered(mixing, channels)
+        mixing, sources = ordered(mixing, _least_squares(channels, mixing))
         condition = np.linalg.cond(mixing)
         too_close = f"the mixing matrix is near-degenerate (condition {condition:.0e}): use fewer sources"
         return Separation(
@@ -138,18 +140,11 @@ class SDecGMCA(ForegroundRemover):
             remark=too_close if condition > _CONDITION_LIMIT else "",
         )
 
-    def _noise_power(self, modes, relative, mixing, n_pix):
+    def _noise_power(self, channels, mixing, n_pix):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
-        if self.noise is not None:
-            return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(modes))
-        inverses = harmonic.safe_inverse(Channels(modes, relative, None).matrices(mixing))
-        fine = len(inverses) // 2
-        power = 0
-        for degree in range(fine, len(inverses)):
-            seen = harmonic.blocks(modes)[degree]
-            left = seen - (relative[:, degree, None] * mixing) @ (inverses[degree] @ seen)
-            power = power + np.sum(left**2, axis=1)
-        return power / (modes.shape[1] - fine**2)
+        if self.noise is None:
+            return channels.noise_left(mixing, _least_squares(channels, mixing))
+        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(channels.modes))
 
     def _stable(self, channels, mixing):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
@@ -250,9 +245,6 @@ def _uncorrelated(mixing, sources):
     return mixing @ np.linalg.eigh(sources @ sources.T)[1]
 
 
-def _ordered(mixing, channels):
-    """Columns by the variance of their sources, each with a positive sum, and the sources as modes."""
-    sources = harmonic.project(harmonic.safe_inverse(channels.matrices(mixing)), channels.modes)
-    order = np.argsort(-np.linalg.norm(sources, axis=1), kind="stable")
-    sign = np.where(mixing.sum(axis=0) < 0, -1.0, 1.0)
-    return (mixing * sign)[:, order], (sources * sign[:, None])[order]
+def _least_squares(channels, mixing):
+    """Sources of A by least squares at every l, as real modes."""
+    return harmonic.project(harmonic.safe_inverse(channels.matrices(mixing)), channels.modes)

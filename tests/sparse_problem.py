@@ -1,0 +1,32 @@
+"""A separation problem of the kind of Carloni Gertosio & Bobin (2021): sparse sources, unequal beams."""
+
+import numpy as np
+
+from himap import sphere
+from himap.removal import harmonic
+
+NSIDE, LMAX = 16, 32
+BEAMS = sphere.gaussian_beam(np.deg2rad(np.linspace(12, 5, 8)), 3 * NSIDE - 1)
+
+
+def sparse_sources(rng, n_sources=4, n_spots=25, nside=NSIDE, lmax=LMAX):
+    """A few spots of each source on an empty sky, smooth enough for the grid: sparse in starlets."""
+    maps = np.zeros((n_sources, 12 * nside**2))
+    for source in maps:
+        source[rng.choice(len(source), n_spots, replace=False)] = 50 + 50 * rng.random(n_spots)
+    smooth = sphere.gaussian_beam(np.deg2rad(8), lmax)
+    return np.stack([sphere.multiply_beam(sphere.analyse(source, lmax), smooth) for source in maps])
+
+
+def make_problem(rng, nside=NSIDE):
+    """(maps without noise, A, S as modes, beams): 4 sparse sources, 8 channels, beams wide and narrow."""
+    lmax = 2 * nside
+    beams = sphere.gaussian_beam(np.deg2rad(np.linspace(12, 5, 8)) * NSIDE / nside, 3 * nside - 1)
+    mixing = rng.random((8, 4)) + 0.1
+    mixing /= np.linalg.norm(mixing, axis=0)
+    alms = sparse_sources(rng, nside=nside, lmax=lmax)
+    maps = [
+        sphere.synthesise(sphere.multiply_beam(row @ alms, beam), nside)
+        for row, beam in zip(mixing, beams, strict=True)
+    ]
+    return np.array(maps), mixing, harmonic.to_modes(alms), beams

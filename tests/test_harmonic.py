@@ -1,0 +1,37 @@
+"""Real modes and inverses, against the coefficients and formulas that they stand for."""
+
+import numpy as np
+import pytest
+
+from himap import sphere
+from himap.removal import harmonic
+
+LMAX = 32
+
+
+def test_there_and_back(rng):
+    alm = sphere.gaussian_alm(np.ones(LMAX + 1), rng)
+    assert harmonic.from_modes(harmonic.to_modes(alm)) == pytest.approx(alm, abs=1e-14)
+
+
+def test_squares_are_those_of_the_coefficients(rng):
+    alm = sphere.gaussian_alm(1 / (1.0 + np.arange(LMAX + 1)), rng)
+    power = [np.mean(block**2) for block in harmonic.blocks(harmonic.to_modes(alm))]
+    assert power == pytest.approx(sphere.cross_spectrum(alm))
+
+
+def test_degrees():
+    assert harmonic.degrees(2).tolist() == [0, 1, 1, 1, 2, 2, 2, 2, 2]
+
+
+def test_safe_inverse(rng):
+    matrices = rng.standard_normal((3, 7, 2))
+    ridge = rng.random((3, 2))
+    for matrix, epsilon, inverse in zip(matrices, ridge, harmonic.safe_inverse(matrices, ridge), strict=True):
+        expected = np.linalg.solve(matrix.T @ matrix + np.diag(epsilon), matrix.T)
+        assert inverse == pytest.approx(expected, rel=1e-10)
+
+
+def test_safe_inverse_of_equal_columns():
+    matrices = np.ones((1, 5, 2))
+    assert harmonic.safe_inverse(matrices) == pytest.approx(np.linalg.pinv(matrices))
