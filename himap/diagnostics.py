@@ -4,7 +4,26 @@ import numpy as np
 
 from himap.errors import InputError
 
-__all__ = ["band_mean", "largest_deviation", "ratio"]
+__all__ = [
+    "MSE_DEFINITIONS",
+    "band_mean",
+    "correlation",
+    "error_variance",
+    "flagged_lines",
+    "largest_deviation",
+    "line_errors",
+    "mean_squared_error",
+    "ratio",
+]
+
+_BLOCK = 16384  # lines of sight at a time
+
+MSE_DEFINITIONS = {
+    "relative": "mean of (S / S_true - 1)^2",
+    "logarithmic": "mean of (ln S / S_true)^2",
+    "absolute": "sum of (S - S_true)^2 over sum of S_true^2",
+}
+"""Readings of the mean squared error between two spectra S, which the paper does not define."""
 
 
 def ratio(recovered, true):
@@ -34,6 +53,68 @@ def largest_deviation(x, ratios, low, high):
     deviation = np.abs(ratios[inside] - 1)
     worst = deviation.argmax()
     return float(deviation[worst]), float(np.asarray(x)[inside][worst])
+
+
+def mean_squared_error(recovered, true, definition="relative"):
+    """Mean squared error of one spectrum, a number without unit; see `MSE_DEFINITIONS`.
+
+    The total of the paper's Fig. 3 is read as the sum of that of C_l and that of P(k), so that both
+    count alike although their units differ.
+
+    Raises
+    ------
+    InputError
+        An unknown definition, or spectra that `ratio` refuses.
+    """
+    if definition not in MSE_DEFINITIONS:
+        raise InputError(f"unknown definition {definition!r}; there are {', '.join(MSE_DEFINITIONS)}.")
+    over = ratio(recovered, true)
+    if definition == "relative":
+        return float(np.mean((over - 1) ** 2))
+    if definition == "logarithmic":
+        return float(np.mean(np.log(over) ** 2))
+    return float(np.average((over - 1) ** 2, weights=np.square(true, dtype=float)))
+
+
+def line_errors(recovered, true):
+    """Mean squared error of every line of sight, (n_pix,) float64, mK^2 (paper, Sect. 5.1).
+
+    Both cubes (n_channels, n_pix) less the mean of each channel over the sky, which no method recovers.
+    """
+    shift = _channel_means(recovered) - _channel_means(true)
+    errors = np.empty(np.shape(true)[1])
+    for start in range(0, len(errors), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        errors[block] = np.mean((recovered[:, block] - true[:, block] - shift) ** 2, axis=0)
+    return errors
+
+
+def flagged_lines(errors):
+    """Lines of sight with |mean(MSE) - MSE| > sigma(MSE), (n_pix,) bool (paper, Sect. 5.1)."""
+    return np.abs(errors.mean() - errors) > errors.std()
+
+
+def correlation(recovered, true):
+    """Pearson r of recovered and true map in every channel, (n_channels,) (paper, Eq. A.1)."""
+    return np.array([_pearson(one, two) for one, two in zip(recovered, true, strict=True)])
+
+
+def error_variance(recovered, true):
+    """Variance over channels of R_l = (C_l true - C_l) / C_l true, (n_l,) (paper, Eqs. A.2 and A.3).
+
+    Both (n_channels, n_l). It is a variance about the mean over channels, so that a method which is wrong
+    everywhere alike has none.
+    """
+    return np.var(1 - ratio(recovered, true), axis=0)
+
+
+def _channel_means(maps):
+    return np.mean(maps, axis=1, dtype=np.float64)[:, None]
+
+
+def _pearson(one, two):
+    one, two = (pixels - pixels.mean(dtype=np.float64) for pixels in (one, two))
+    return one @ two / np.sqrt((one @ one) * (two @ two))
 
 
 def _inside(x, low, high):

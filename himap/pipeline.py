@@ -8,32 +8,39 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
+from himap import diagnostics, sphere
 from himap.errors import InputError
 from himap.instrument.beams import RIPPLES, Beam, beam_model
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.removal import peaks
-from himap.sky.emission import emission_maps
+from himap.sky.dimming import Dimming
+from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps
-from himap.spectra import AngularPower, FrequencyPower, angular_power, frequency_power
+from himap.spectra import AngularPower, FrequencyPower, angular_power_pair, frequency_power
 from himap.store import product
 from himap.survey import Survey
 
 __all__ = [
+    "Assessment",
     "Case",
     "Residual",
     "Spectra",
+    "assessment",
     "cleaned",
     "components",
     "components_of_sky",
     "foregrounds",
     "hi",
+    "hi_alms_of_sky",
     "hi_of_sky",
     "observation",
     "peak_masked",
     "spectra",
+    "true_spectra",
+    "truth_alms",
 ]
 
 
@@ -51,18 +58,23 @@ class Case:
         "degraded", "evolving", "oscillating", or a `Beam` of your own (`beam_from_array`).
     ripple
         Reading of the oscillating beam's ripple, one of `himap.instrument.beams.RIPPLES`.
+    dimming
+        A `Dimming` of the foregrounds along the Galactic plane, or None.
     """
 
     survey: Survey = field(default_factory=Survey)
     galaxy: Galaxy = field(default_factory=Galaxy)
     beam: str | Beam = "degraded"
     ripple: str = "bracket"
+    dimming: Dimming | None = None
 
     def __post_init__(self):
         if not (isinstance(self.survey, Survey) and isinstance(self.galaxy, Galaxy)):
             raise InputError("a Case takes a Survey and a Galaxy, such as Galaxy(source='synthetic').")
         if not isinstance(self.ripple, str) or self.ripple not in RIPPLES:
             raise InputError(f"unknown ripple {self.ripple!r}; there are {', '.join(RIPPLES)}.")
+        if not isinstance(self.dimming, Dimming | None):
+            raise InputError(f"dimming must be a Dimming or None, got {self.dimming!r}.")
         self.beam_of_survey()  # fails now, not after the sky is made
 
     def beam_of_survey(self):
@@ -92,6 +104,34 @@ class Spectra:
     frequency: FrequencyPower
 
 
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """How well a method did on a case, measured against the truth.
+
+    Attributes
+    ----------
+    spectra
+        `Spectra` of what it leaves.
+    correlation
+        Pearson r with the truth in every channel, (n_channels,).
+    line_errors
+        Mean squared error of every line of sight, (n_pix,), mK^2.
+    masked, masked_truth
+        `Spectra` without the lines of sight that `diagnostics.flagged_lines` flags, of what is left and of
+        the truth; None unless asked for.
+    converged, n_iterations
+        As in `Residual`.
+    """
+
+    spectra: Spectra
+    correlation: np.ndarray
+    line_errors: np.ndarray
+    masked: Spectra | None
+    masked_truth: Spectra | None
+    converged: bool
+    n_iterations: int
+
+
 def hi(survey):
     """HI maps before the beam, mK, (n_channels, n_pix)."""
     return hi_of_sky(survey.sky)
@@ -101,6 +141,12 @@ def hi(survey):
 def hi_of_sky(survey):
     """`hi`, kept for the sky alone: surveys that differ in their instrument share it."""
     return hi_maps(survey, survey.rng("hi"))
+
+
+@product
+def hi_alms_of_sky(survey):
+    """Harmonic coefficients of `hi`, to 3 nside - 1: the beams share them; complex64."""
+    return sphere.analyse(hi_of_sky(survey))
 
 
 def components(survey, galaxy):
@@ -123,14 +169,24 @@ def foregrounds(survey, galaxy):
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
-    bright = foregrounds(survey, case.galaxy)  # first: a bad template shows before the long work on HI
+    spectra, bright = emission_modes(
+        components(survey, case.galaxy), survey.freqs
+    )  # a bad template shows first
+    if case.dimming is not None:
+        bright *= case.dimming.weights(survey.nside)
     return observe(
         hi(survey),
-        bright,
+        (spectra, bright),
         noise_maps(survey, survey.rng("noise")),
         case.beam_of_survey(),
         survey,
-        provenance={"survey": asdict(survey), "galaxy": asdict(case.galaxy), "ripple": case.ripple},
+        hi_alms=hi_alms_of_sky(survey.sky),
+        provenance={
+            "survey": asdict(survey),
+            "galaxy": asdict(case.galaxy),
+            "ripple": case.ripple,
+            "dimming": case.dimming and asdict(case.dimming),
+        },
     )
 
 
@@ -169,7 +225,55 @@ def cleaned(case, remover, mask_peaks=True):
 
 
 @product
+def truth_alms(case):
+    """Harmonic coefficients of the truth less its channel means, to 3 nside - 1; complex64."""
+    truth = observation(case).truth
+    return sphere.analyse(truth - truth.mean(axis=1, keepdims=True, dtype=np.float64).astype(truth.dtype))
+
+
+@product
+def true_spectra(case):
+    """The `Spectra` of the truth."""
+    cl = np.stack([sphere.cross_spectrum(alm) for alm in truth_alms(case)])
+    return Spectra(
+        angular=AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl),
+        frequency=frequency_power(observation(case).truth, case.survey.channel_width),
+    )
+
+
+@product
+def assessment(case, remover, mask_peaks=True, post_mask=False):
+    """The `Assessment` of what `remover` leaves of a case, found as in `cleaned`.
+
+    The cleaned cube is taken from the cache if `cleaned` keeps it there, and is not kept for this: a
+    scan over many methods would fill the disk. With `post_mask` the lines of sight whose error stands out are
+    left out of a second pair of spectra (paper, Sect. 5.1).
+    """
+    make = cleaned if cleaned.is_cached(case, remover, mask_peaks) else cleaned.compute
+    left, truth = make(case, remover, mask_peaks), observation(case).truth
+    errors = diagnostics.line_errors(left.maps, truth)
+    found, _ = angular_power_pair(left.maps, truth, truth_alms=truth_alms(case))
+    width = case.survey.channel_width
+    masked = masked_truth = None
+    if post_mask:
+        kept = ~diagnostics.flagged_lines(errors)
+        masked, masked_truth = (
+            Spectra(angular=angular, frequency=frequency_power(maps, width, mask=kept))
+            for angular, maps in zip(
+                angular_power_pair(left.maps, truth, mask=kept), (left.maps, truth), strict=True
+            )
+        )
+    return Assessment(
+        spectra=Spectra(angular=found, frequency=frequency_power(left.maps, width)),
+        correlation=diagnostics.correlation(left.maps, truth),
+        line_errors=errors,
+        masked=masked,
+        masked_truth=masked_truth,
+        converged=left.converged,
+        n_iterations=left.n_iterations,
+    )
+
+
 def spectra(case, remover=None, mask_peaks=True):
     """The `Spectra` of a case: of the truth, or of what `remover` leaves, found as in `cleaned`."""
-    maps = observation(case).truth if remover is None else cleaned(case, remover, mask_peaks).maps
-    return Spectra(angular=angular_power(maps), frequency=frequency_power(maps, case.survey.channel_width))
+    return true_spectra(case) if remover is None else assessment(case, remover, mask_peaks).spectra

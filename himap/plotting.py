@@ -106,52 +106,66 @@ def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None):
     return _finished(figure)
 
 
-def spectrum(panels, *, xlabel, ylabel, ratio_label, ratio_limits=(0.5, 1.5), band=0.1, x_limits=None):
+def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
     """Spectra on logarithmic axes with a ratio panel below each, as in the paper's Figs. 1 and 2.
 
     Parameters
     ----------
     panels
-        {title: (x, true, [(style, recovered), ...])}; styles as in `METHOD_STYLES`, spectra (n,). The
-        methods are the same in all panels: where they are many, one legend stands above them.
+        A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
+        list of (style, x, recovered, true) with styles as in `METHOD_STYLES` and spectra (n,); optional
+        "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
+        above.
     ratio_limits
         Range of the ratio panels, logarithmic over more than a factor of 100; curves that leave it are cut
         off at its edge.
     band
         Half width of the grey band around 1.
-    x_limits
-        Range of x; all unless given.
     """
+    one_scale = len({panel["ylabel"] for panel in panels}) == 1
+    many = max(len(panel["curves"]) for panel in panels) > 2
     with plt.rc_context(_RC):
         figure, grid = plt.subplots(
             2,
             len(panels),
-            figsize=(1.2 + 3.3 * len(panels), 4.8),
-            sharex=True,
-            sharey="row",
+            figsize=(1.2 + (3.3 if one_scale else 4.3) * len(panels), 4.8),
+            sharex="col",
+            sharey="row" if one_scale else "none",
             squeeze=False,
             height_ratios=(2.2, 1),
         )
-        for (top, bottom), (title, (x, true, curves)) in zip(grid.T, panels.items(), strict=True):
-            shown = x > 0 if x_limits is None else (x >= x_limits[0]) & (x <= x_limits[1])
-            top.loglog(x[shown], true[shown], **_TRUTH)
-            bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
-            bottom.axhline(1, color="black", linewidth=0.8)
-            for style, recovered in curves:
-                top.plot(x[shown], recovered[shown], **style)
-                bottom.plot(x[shown], (recovered / true)[shown], **style)
-            top.set_title(title)
-            if len(curves) <= 2:
+        for (top, bottom), panel in zip(grid.T, panels, strict=True):
+            _spectrum_panel(top, bottom, panel, ratio_limits, band)
+            if not many:
                 top.legend()
-            scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] else "linear"
-            bottom.set(ylim=ratio_limits, xlabel=xlabel, xscale="log", yscale=scale)
-            _plain_ticks(bottom.xaxis, x[shown])
-        if len(curves) > 2:  # many curves leave no room inside the panels
+            if panel is panels[0] or not one_scale:
+                top.set_ylabel(panel["ylabel"])
+                bottom.set_ylabel(panel["ratio_label"])
+        if many:  # many curves leave no room inside the panels
             handles = grid[0, -1].get_legend_handles_labels()[0]
-            figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
-        grid[0, 0].set_ylabel(ylabel)
-        grid[1, 0].set_ylabel(ratio_label)
+            figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 7))
     return _finished(figure)
+
+
+def _spectrum_panel(top, bottom, panel, ratio_limits, band):
+    """One spectrum and its ratio."""
+    low, high = panel.get("x_limits", (0, np.inf))
+
+    def shown(x):
+        return (x > 0) & (x >= low) & (x <= high)
+
+    x, y = panel["true"]
+    top.loglog(x[shown(x)], y[shown(x)], **_TRUTH)
+    bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
+    bottom.axhline(1, color="black", linewidth=0.8)
+    for style, at, recovered, true in panel["curves"]:
+        inside = shown(at)
+        top.plot(at[inside], recovered[inside], **style)
+        bottom.plot(at[inside], (recovered / true)[inside], **style)
+    top.set_title(panel["title"])
+    scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] else "linear"
+    bottom.set(ylim=ratio_limits, xlabel=panel["xlabel"], xscale="log", yscale=scale)
+    _plain_ticks(bottom.xaxis, x[shown(x)])
 
 
 def _plain_ticks(axis, values):

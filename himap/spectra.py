@@ -11,14 +11,17 @@ import numpy as np
 from scipy import fft
 
 from himap import sphere
+from himap.blocked import blocks
 from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
 from himap.progress import progress
 
-__all__ = ["AngularPower", "FrequencyPower", "angular_power", "frequency_power"]
+__all__ = ["AngularPower", "FrequencyPower", "angular_power", "angular_power_pair", "frequency_power"]
 
 _MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 _BLOCK = 4096  # lines of sight at a time
+_CHANNELS = 16  # at a time
+_FAINT = 3e-8  # of the variance of the truth: spectra of a difference that no power spectrum shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,14 +83,86 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     full = lmax if mask is None else 3 * nside - 1  # a mask mixes in power from beyond lmax
     cl = np.empty((len(maps), full + 1))
     for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
-        mean = np.average(channel[kept], weights=weights[kept])
-        centred = weights * np.where(kept, channel - mean, 0)
+        centred = _centred(channel, weights, kept)
         out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), full))
     bins = _bin_matrix(full, bin_width)
     degrees = bins @ np.arange(full + 1)
     cl = cl @ bins.T if mask is None else _decoupled(cl, weights, bins)
     inside = degrees <= lmax
     return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
+
+
+def angular_power_pair(recovered, truth, *, truth_alms=None, mask=None):
+    """Angular power spectra of a cleaned cube and of the truth, in little more than the time of one.
+
+    What a method leaves differs from the truth by what is left of the foregrounds and by what it took of HI.
+    Both are sums of a few spectra times maps, however many channels there are, so that only a few maps more
+    are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
+
+    Parameters
+    ----------
+    recovered, truth
+        (n_channels, n_pix), mK, RING.
+    truth_alms
+        Coefficients of the truth to 3 nside - 1, (n_channels, n_alm), where they are at hand; without a mask.
+    mask
+        As in `angular_power`.
+
+    Returns
+    -------
+    tuple
+        Two `AngularPower`, of the recovered cube and of the truth, as `angular_power` gives them: the first
+        to 2 % in a single channel at a single l, and to 0.02 % in the mean over channels.
+    """
+    (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
+    lmax = 3 * sphere.nside_of(truth) - 1
+    kept = weights > 0
+    spectra, bright = _difference(recovered, truth, kept)
+    alms = sphere.analyse(
+        np.array([_centred(pixels, weights, kept) for pixels in bright], dtype=np.float32), lmax
+    )
+    cl = np.empty((2, len(truth), lmax + 1))
+    for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
+        if truth_alms is None:
+            seen = np.array([_centred(pixels, weights, kept) for pixels in truth[channels]])
+            alm = sphere.analyse(seen.astype(truth.dtype), lmax)
+        else:
+            alm = truth_alms[channels]
+        cl[0, channels] = sphere.cross_spectrum(alm + spectra[channels] @ alms)
+        cl[1, channels] = sphere.cross_spectrum(alm)
+    bins = _bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
+    both = np.concatenate(cl)
+    both = both @ bins.T if mask is None else _decoupled(both, weights, bins)
+    found, true = np.split(both, 2)
+    degrees = bins @ np.arange(lmax + 1)
+    return AngularPower(degrees=degrees, cl=found), AngularPower(degrees=degrees, cl=true)
+
+
+def _difference(recovered, truth, kept):
+    """recovered - truth as spectra (n_channels, n_modes) times maps (n_modes, n_pix); 0 where not kept."""
+
+    def lines(block):
+        difference = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
+        return np.where(kept[block], difference, 0)
+
+    n_channels, n_pix = truth.shape
+    covariance, floor = np.zeros((n_channels, n_channels)), 0.0
+    for block in blocks(n_pix):
+        found = lines(block)
+        covariance += found @ found.T
+        floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64))
+    values, axes = np.linalg.eigh(covariance)
+    spectra = axes[:, values > _FAINT * floor]
+    maps = np.empty((spectra.shape[1], n_pix))
+    for block in blocks(n_pix):
+        maps[:, block] = spectra.T @ lines(block)
+    return spectra, maps
+
+
+def _centred(pixels, weights, kept):
+    """One map times its weights, less its weighted mean; 0 where not kept."""
+    mean = np.average(pixels[kept], weights=weights[kept])
+    return weights * np.where(kept, pixels - mean, 0)
 
 
 def _decoupled(pseudo, weights, bins):

@@ -22,6 +22,7 @@ __all__ = [
     "analyse_grid",
     "change_resolution",
     "convolve",
+    "convolve_mixture",
     "coupling_matrix",
     "cross_spectrum",
     "gaussian_alm",
@@ -218,6 +219,16 @@ def convolve(maps, beams, *, label="maps"):
     for channel, beam, smooth in zip(progress(maps, f"beam on {label}"), beams, out, strict=True):
         alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1)
         smooth[:] = synthesise(multiply_beam(alm, beam), nside)
+    return out
+
+
+def convolve_mixture(spectra, maps, beams, *, label="maps"):
+    """As `convolve`, for the cube `spectra` @ `maps`, (n_channels, n_modes) times (n_modes, n_pix)."""
+    nside = nside_of(maps)
+    alms = analyse(np.asarray(maps, dtype=np.float64), beams.shape[1] - 1)
+    out = np.empty((len(spectra), 12 * nside**2), dtype=np.float32)
+    for row, beam, smooth in zip(progress(spectra, f"beam on {label}"), beams, out, strict=True):
+        smooth[:] = synthesise(multiply_beam(row @ alms, beam), nside)
     return out
 
 

@@ -117,6 +117,10 @@ class Product:
                 entry.clear()
         return _compute(memory, key, call)
 
+    def compute(self, *args, **kwargs):
+        """The result, computed now and not kept."""
+        return self._function(*args, **kwargs)
+
     def is_cached(self, *args, **kwargs):
         """Whether a call with these arguments would be read from the cache."""
         key, current = self._key(self._bind(args, kwargs))

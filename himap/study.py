@@ -8,9 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from himap import diagnostics, pipeline, plotting
+from himap import pipeline, plotting
 from himap.errors import InputError
+from himap.evidence import Comparison
+from himap.parallel import make_all
 from himap.provenance import Provenance
+from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
@@ -25,6 +28,18 @@ ANGULAR_BANDS = ((1, 10), (10, 200))
 FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, np.inf))
 PEAK = (0.25, 0.38)  # around 2 pi / 20 MHz, where the 20 MHz ripple of the oscillating beam shows
 
+_AXES = {
+    "angular": {
+        "xlabel": r"multipole $\ell$",
+        "ylabel": r"$C_\ell$ [mK$^2$]",
+        "ratio_label": r"$C_\ell / C_\ell^\mathrm{true}$",
+    },
+    "frequency": {
+        "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
+        "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]",
+        "ratio_label": r"$P / P^\mathrm{true}$",
+    },
+}
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9")
 _LINES = ("-", "--", "-.", ":")
 
@@ -49,6 +64,10 @@ class Study:
         Which Galaxy, as in `Galaxy`.
     ripple
         Reading of the oscillating beam's ripple.
+    dimming
+        A `Dimming` of the foregrounds along the Galactic plane, or None.
+    keep_cubes
+        Whether cleaned cubes are kept in the cache, or only what is measured on them.
     """
 
     preset: str = "quick"
@@ -57,6 +76,8 @@ class Study:
     template_dir: str | None = None
     small_scales: bool = True
     ripple: str = "bracket"
+    dimming: Dimming | None = None
+    keep_cubes: bool = True
 
     @cached_property
     def made_for(self):
@@ -77,7 +98,9 @@ class Study:
             An unknown beam, survey field, Galaxy or ripple.
         """
         galaxy = Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
-        return pipeline.Case(survey=self.made_for, galaxy=galaxy, beam=beam, ripple=self.ripple)
+        return pipeline.Case(
+            survey=self.made_for, galaxy=galaxy, beam=beam, ripple=self.ripple, dimming=self.dimming
+        )
 
     def observed(self, beam):
         """The `Observation` through one beam."""
@@ -95,9 +118,34 @@ class Study:
         """What `remover` leaves, a `Residual`; options as in `pipeline.cleaned`."""
         return pipeline.cleaned(self.case(beam), remover, **options)
 
+    def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
+        """How well `remover` did, a `pipeline.Assessment`; keeps the cleaned cube if the study does."""
+        if self.keep_cubes:
+            self.cleaned(beam, remover, mask_peaks=mask_peaks)
+        return pipeline.assessment(self.case(beam), remover, mask_peaks, post_mask)
+
     def spectra(self, beam, remover, **options):
         """The `Spectra` of what `remover` leaves."""
-        return pipeline.spectra(self.case(beam), remover, **options)
+        return self.assessed(beam, remover, **options).spectra
+
+    def compared(self, beam, remover, *, masked=False, **options):
+        """Both spectra against the truth, an `evidence.Comparison`.
+
+        With `masked`, without the lines of sight whose error stands out, in what is left and in the truth.
+        """
+        found = self.assessed(beam, remover, post_mask=masked, **options)
+        pair = (found.masked, found.masked_truth) if masked else (found.spectra, self.truth(beam))
+        return Comparison.of(*pair, l_top=self.l_top)
+
+    def prepare(self, removers, *, mask_peaks=True, post_mask=False):
+        """Assess {beam: [method, ...]} in as many processes as `himap run --jobs` says; keeps the results."""
+        cases = {beam: self.case(beam) for beam in removers}
+        for product in (pipeline.observation, pipeline.peak_masked, pipeline.truth_alms):
+            make_all(product, [(case,) for case in cases.values()], product.name.rpartition(".")[2])
+        calls = [(cases[beam], one, mask_peaks) for beam, methods in removers.items() for one in methods]
+        if self.keep_cubes:
+            make_all(pipeline.cleaned, calls, "cleaning")
+        make_all(pipeline.assessment, [(*call, post_mask) for call in calls], "assessing")
 
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.
@@ -119,44 +167,57 @@ class Study:
         where = Provenance.of(self.made_for, galaxy=self.galaxy, preset=self.preset, parameters=parameters)
         return plotting.stamp(figure, where)
 
+    def panel(self, kind, beam, curves, title):
+        """One panel of `plotting.spectrum`: `kind` "angular" or "frequency", curves [(style, Comparison)]."""
+        true = self.truth(beam)
+        shown = Comparison.of(true, true, l_top=self.l_top)
+        return _AXES[kind] | {
+            "title": title,
+            "true": _spectra_of(kind, shown)[:2],
+            "curves": [(style, *_spectra_of(kind, one)) for style, one in curves],
+        }
+
     def angular_figure(self, removers, *, ratio_limits=(0.5, 2), titles=None, **options):
         """C_l of what methods leave, {beam: [method, ...]}: a panel for each beam, ratios below."""
-        panels = {}
-        for beam, methods in removers.items():
-            true = self.truth(beam).angular
-            curves = [(_style(one), self.spectra(beam, one, **options).angular.mean) for one in methods]
-            panels[(titles or {}).get(beam, _title(beam, methods))] = (true.degrees, true.mean, curves)
-        labels = {
-            "xlabel": r"multipole $\ell$",
-            "ylabel": r"$C_\ell$ [mK$^2$]",
-            "ratio_label": r"$C_\ell / C_\ell^\mathrm{true}$",
-        }
-        figure = plotting.spectrum(panels, **labels, x_limits=(2, self.l_top), ratio_limits=ratio_limits)
-        return self.stamped(figure)
+        return self._by_beam("angular", removers, ratio_limits, titles or {}, options)
 
     def frequency_figure(self, removers, *, ratio_limits=(0.5, 2), titles=None, **options):
         """P(k) of what methods leave, as `angular_figure`."""
-        panels = {}
-        for beam, methods in removers.items():
-            true = self.truth(beam).frequency
-            curves = [(_style(one), self.spectra(beam, one, **options).frequency.power) for one in methods]
-            panels[(titles or {}).get(beam, _title(beam, methods))] = (true.k, true.power, curves)
-        labels = {
-            "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
-            "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]",
-            "ratio_label": r"$P / P^\mathrm{true}$",
-        }
-        return self.stamped(plotting.spectrum(panels, **labels, ratio_limits=ratio_limits))
+        return self._by_beam("frequency", removers, ratio_limits, titles or {}, options)
+
+    def _by_beam(self, kind, removers, ratio_limits, titles, options):
+        panels = [
+            self.panel(
+                kind,
+                beam,
+                [(_style(one), self.compared(beam, one, **options)) for one in methods],
+                titles.get(beam, _title(beam, methods)),
+            )
+            for beam, methods in removers.items()
+        ]
+        return self.stamped(plotting.spectrum(panels, ratio_limits=ratio_limits))
+
+    def both_figure(self, beam, curves, *, ratio_limits=(0.5, 2), **parameters):
+        """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
+
+        `curves` are [(style, Comparison)]; `parameters` go into the line under the figure.
+        """
+        panels = [
+            self.panel("frequency", beam, curves, "along the line of sight"),
+            self.panel("angular", beam, curves, "across the sky"),
+        ]
+        figure = plotting.spectrum(panels, ratio_limits=ratio_limits)
+        return self.stamped(figure, beam=beam, **parameters)
+
+    @staticmethod
+    def style(remover):
+        """How a method is drawn in figures, its label included."""
+        return dict(_style(remover))
 
     def ratios(self, beam, remover, **options):
-        """(l, C/C0, k, P/P0) of one method, from l = 2 and from the first k above 0."""
-        true, found = self.truth(beam), self.spectra(beam, remover, **options)
-        return (
-            true.angular.degrees[2:],
-            diagnostics.ratio(found.angular.mean[2:], true.angular.mean[2:]),
-            true.frequency.k[1:],
-            diagnostics.ratio(found.frequency.power[1:], true.frequency.power[1:]),
-        )
+        """(l, C/C0, k, P/P0) of one method, from l = 2 to 2 nside and from the first k above 0."""
+        one = self.compared(beam, remover, **options)
+        return one.degrees, one.angular_ratio, one.k, one.frequency_ratio
 
     def bands(self, beam, remover, **options):
         """Means of both ratios over bands, and the highest P/P0 near k = 0.31, {name: value}."""
@@ -220,6 +281,13 @@ class Study:
 
 def _style(remover):
     return plotting.METHOD_STYLES.get(remover.name, {"label": remover.name})
+
+
+def _spectra_of(kind, one):
+    """(x, recovered, true) of a `Comparison`."""
+    if kind == "angular":
+        return one.degrees, one.angular, one.true_angular
+    return one.k, one.frequency, one.true_frequency
 
 
 def _title(beam, methods):

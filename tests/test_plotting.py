@@ -35,16 +35,25 @@ def test_sky_map_shows_the_map():
     assert image[20, image.shape[1] // 2] < -60
 
 
+PANEL = {"title": "a", "xlabel": "l", "ylabel": "C", "ratio_label": "ratio"}
+
+
+def test_panels_of_one_unit_share_their_scale_and_others_do_not():
+    k = np.arange(1.0, 5.0)
+    one = PANEL | {"true": (k, k), "curves": []}
+    shared = plotting.spectrum([one, one | {"true": (k, 100 * k)}]).axes
+    own = plotting.spectrum([one, one | {"true": (k, 100 * k), "ylabel": "P"}]).axes
+    assert shared[0].get_ylim() == shared[1].get_ylim()
+    assert own[0].get_ylim() != own[1].get_ylim()
+    assert [axes.get_ylabel() for axes in own[:2]] == ["C", "P"]
+    assert [axes.get_ylabel() for axes in shared[:2]] == ["C", ""]
+
+
 def test_spectrum_draws_ratios_and_aligns_its_panels():
     x = np.arange(1.0, 100)
     style = {"label": "method", "color": "C0"}
-    figure = plotting.spectrum(
-        {"a": (x, x**-2, [(style, 1.1 * x**-2)])},
-        xlabel="l",
-        ylabel="C",
-        ratio_label="ratio",
-        x_limits=(2, 50),
-    )
+    panel = PANEL | {"true": (x, x**-2), "curves": [(style, x, 1.1 * x**-2, x**-2)], "x_limits": (2, 50)}
+    figure = plotting.spectrum([panel])
     top, bottom = figure.axes
     assert bottom.lines[-1].get_ydata() == pytest.approx(1.1)
     assert bottom.lines[-1].get_xdata()[[0, -1]] == pytest.approx([2, 50])
@@ -55,7 +64,7 @@ def test_spectrum_draws_ratios_and_aligns_its_panels():
 
 def test_zero_is_left_off_a_logarithmic_axis():
     k = np.arange(5.0)
-    figure = plotting.spectrum({"": (k, k + 1, [])}, xlabel="k", ylabel="P", ratio_label="ratio")
+    figure = plotting.spectrum([PANEL | {"true": (k, k + 1), "curves": []}])
     assert figure.axes[0].lines[0].get_xdata()[0] == 1
 
 

@@ -12,10 +12,10 @@ ROOT = Path(__file__).resolve().parents[1]
 # A room (a module or package of himap) may import the rooms before it, and no other.
 # fmt: off
 ROOMS = [
-    "errors", "checks", "numbers", "progress", "survey",  # no physics
+    "errors", "checks", "numbers", "progress", "parallel", "blocked", "survey",  # no physics
     "syntax", "fingerprint", "provenance", "store",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "pipeline", "claims", "plotting", "study",
+    "pipeline", "evidence", "claims", "ledger", "plotting", "study",
     "parameters", "notebook_files", "reproduce", "cli", "__main__",
 ]
 # fmt: on

@@ -3,9 +3,9 @@
 import numpy as np
 
 from himap import sphere
+from himap.blocked import mixture, projection
 from himap.progress import progress
 from himap.removal import harmonic
-from himap.removal.blocked import mixture, projection
 
 __all__ = ["through_beams"]
 

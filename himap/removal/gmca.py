@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 
 from himap import sphere
+from himap.blocked import correlation, mixture, projection
 from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.blocked import correlation, mixture, projection
 from himap.removal.conventions import ordered
 from himap.removal.harmonic import safe_inverse
 from himap.removal.pca import channel_covariance, principal_axes

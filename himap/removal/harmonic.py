@@ -6,6 +6,7 @@ a slice, sums over m are plain dot products, and what depends on l alone is done
 """
 
 from functools import lru_cache
+from hashlib import sha256
 
 import numpy as np
 
@@ -23,6 +24,7 @@ __all__ = [
     "to_modes",
 ]
 
+_LAST = {}  # the modes of the maps analysed last
 _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 
@@ -66,11 +68,19 @@ def from_modes(modes):
 
 
 def modes_of_maps(maps, lmax, *, label):
-    """Real modes of HEALPix maps, (n_maps, n_pix) to (n_maps, (lmax + 1)^2), in float64."""
-    modes = np.empty((len(maps), (lmax + 1) ** 2))
-    for channel, out in zip(progress(maps, label), modes, strict=True):
-        out[:] = to_modes(sphere.analyse(np.asarray(channel, dtype=np.float64), lmax))
-    return modes
+    """Real modes of HEALPix maps, (n_maps, n_pix) to (n_maps, (lmax + 1)^2), in float64; read-only.
+
+    Those of the last maps are remembered by what the maps hold, for scans of a parameter on the same maps.
+    """
+    key = (sha256(np.ascontiguousarray(maps)).digest(), lmax)
+    if key not in _LAST:
+        modes = np.empty((len(maps), (lmax + 1) ** 2))
+        for channel, out in zip(progress(maps, label), modes, strict=True):
+            out[:] = to_modes(sphere.analyse(np.asarray(channel, dtype=np.float64), lmax))
+        modes.flags.writeable = False
+        _LAST.clear()
+        _LAST[key] = modes
+    return _LAST[key]
 
 
 def blocks(modes):

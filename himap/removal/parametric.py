@@ -7,9 +7,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import exprel
 
+from himap.blocked import blocks
 from himap.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.blocked import blocks
 
 __all__ = ["FREE_FREE_INDEX", "Parametric"]
 

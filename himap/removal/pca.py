@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 from scipy import linalg
 
+from himap.blocked import blocks, mixture, projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.blocked import blocks, mixture, projection
 
 __all__ = ["PCA", "channel_covariance", "principal_axes"]
 

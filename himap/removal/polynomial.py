@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from himap.blocked import mixture
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.blocked import mixture
 from himap.removal.peaks import check_clipping, smooth_baselines
 
 __all__ = ["Polynomial"]

@@ -1,0 +1,233 @@
+"""What the claims are judged on: every method on every case of one realisation, against the truth."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from himap import diagnostics, pipeline
+from himap.errors import InputError
+from himap.parallel import make_all
+from himap.removal.fastica import FastICA
+from himap.removal.gmca import GMCA
+from himap.removal.parametric import Parametric
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Galaxy
+from himap.survey import Survey
+
+__all__ = ["Comparison", "Evidence", "Realisation", "Recovery", "methods_for"]
+
+
+_POST_MASKED = ("pca", "fastica", "gmca", "sdecgmca")  # what the paper says of its Fig. 6 is about these
+
+
+def methods_for(beam, n_sources=None, **sdecgmca):
+    """The six methods as the paper uses them for one beam; `sdecgmca` are parameters of SDecGMCA to change.
+
+    The number of sources is that of Table 1 unless given.
+    """
+    n = TABLE_1[beam]["n_sources"] if n_sources is None else n_sources
+    return [
+        PCA(n_sources=n),
+        FastICA(n_sources=n),
+        GMCA(n_sources=n),
+        SDecGMCA.for_beam(beam, n_sources=n, **sdecgmca),
+        Polynomial(),
+        Parametric(),
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Both spectra of what a method leaves, and those of the truth.
+
+    Attributes
+    ----------
+    degrees, angular, true_angular
+        l, from 2, and C_l averaged over channels, mK^2, (n_l,).
+    k, frequency, true_frequency
+        k, above 0, 1/MHz, and P(k), mK^2 MHz, (n_k,).
+    """
+
+    degrees: np.ndarray
+    angular: np.ndarray
+    true_angular: np.ndarray
+    k: np.ndarray
+    frequency: np.ndarray
+    true_frequency: np.ndarray
+
+    @classmethod
+    def of(cls, found, true, *, l_top):
+        """From two `pipeline.Spectra`, for 2 <= l <= l_top and k > 0."""
+        inside = (true.angular.degrees >= 2) & (true.angular.degrees <= l_top)
+        return cls(
+            degrees=true.angular.degrees[inside],
+            angular=found.angular.mean[inside],
+            true_angular=true.angular.mean[inside],
+            k=true.frequency.k[1:],
+            frequency=found.frequency.power[1:],
+            true_frequency=true.frequency.power[1:],
+        )
+
+    @property
+    def angular_ratio(self):
+        """C/C0, (n_l,)."""
+        return diagnostics.ratio(self.angular, self.true_angular)
+
+    @property
+    def frequency_ratio(self):
+        """P/P0, (n_k,)."""
+        return diagnostics.ratio(self.frequency, self.true_frequency)
+
+    def total_error(self, definition="relative", *, lmax=200):
+        """Mean squared error of C_l, l <= lmax, plus that of P(k); see `diagnostics.mean_squared_error`."""
+        low = self.degrees <= lmax
+        return diagnostics.mean_squared_error(
+            self.angular[low], self.true_angular[low], definition
+        ) + diagnostics.mean_squared_error(self.frequency, self.true_frequency, definition)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery:
+    """How well one method did on one case.
+
+    Attributes
+    ----------
+    spectra
+        A `Comparison`.
+    masked
+        The same without the lines of sight whose error stands out, or None.
+    correlation
+        Pearson r in every channel, (n_channels,).
+    variance
+        Variance over channels of the fractional error of C_l, at the l of `spectra`.
+    flagged
+        Those lines of sight, (n_pix,) bool.
+    """
+
+    spectra: Comparison
+    masked: Comparison | None
+    correlation: np.ndarray
+    variance: np.ndarray
+    flagged: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """Everything that the claims ask of one realisation.
+
+    Attributes
+    ----------
+    recoveries
+        {case: {method: `Recovery`}}; cases as in `Realisation.cases`, methods by their registered name.
+    scan
+        {n_sources: `Comparison`} of SDecGMCA through the oscillating beam.
+    """
+
+    recoveries: dict
+    scan: dict
+
+    def of(self, case):
+        """{method: `Comparison`} of one case."""
+        return {method: found.spectra for method, found in self.recoveries[case].items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Realisation:
+    """One sky, observed through the three beams and with the Galactic plane dimmed, and cleaned by all.
+
+    Attributes
+    ----------
+    survey, galaxy, ripple
+        As in `pipeline.Case`.
+    dimming
+        Of the dimmed case.
+    n_sources
+        Numbers of sources of the scan.
+    """
+
+    survey: Survey = field(default_factory=Survey)
+    galaxy: Galaxy = field(default_factory=Galaxy)
+    ripple: str = "bracket"
+    dimming: Dimming = field(default_factory=Dimming)
+    n_sources: tuple = tuple(range(2, 21))
+
+    def __post_init__(self):
+        if not self.n_sources or max(self.n_sources) > self.survey.n_channels:
+            raise InputError(
+                f"the scan needs numbers of sources up to the {self.survey.n_channels} channels, "
+                f"got {self.n_sources}."
+            )
+
+    @property
+    def cases(self):
+        """{case: (`pipeline.Case`, whether peaks are masked, whether spectra are post-masked too)}."""
+        common = {"survey": self.survey, "galaxy": self.galaxy, "ripple": self.ripple}
+        beams = {beam: pipeline.Case(beam=beam, **common) for beam in TABLE_1}
+        dimmed = pipeline.Case(beam="oscillating", dimming=self.dimming, **common)
+        return {
+            "degraded": (beams["degraded"], True, False),
+            "evolving": (beams["evolving"], True, False),
+            "oscillating": (beams["oscillating"], True, True),
+            "peaks left in": (beams["oscillating"], False, False),
+            "dimmed": (dimmed, True, False),
+        }
+
+    def make(self):
+        """Compute what is not in the cache yet; returns how many assessments were made now."""
+        cases = list(dict.fromkeys(case for case, *_ in self.cases.values()))
+        pipeline.hi_alms_of_sky(self.survey.sky)  # once, before processes share the rest
+        stages = [pipeline.observation, pipeline.peak_masked, pipeline.truth_alms, pipeline.true_spectra]
+        for product in stages:
+            make_all(product, [(case,) for case in cases], product.name.rpartition(".")[2])
+        calls = [call for calls in self._calls().values() for call in calls.values()]
+        return make_all(pipeline.assessment, [*calls, *self._scan().values()], f"seed {self.survey.seed}")
+
+    def evidence(self):
+        """The `Evidence`, from the cache where `make` has put it."""
+        true = {name: pipeline.true_spectra(case) for name, (case, *_) in self.cases.items()}
+        recoveries = {
+            name: {
+                method: self._recovery(pipeline.assessment(*call), true[name])
+                for method, call in calls.items()
+            }
+            for name, calls in self._calls().items()
+        }
+        scan = {
+            n: self._comparison(pipeline.assessment(*call).spectra, true["oscillating"])
+            for n, call in self._scan().items()
+        }
+        return Evidence(recoveries=recoveries, scan=scan)
+
+    def _calls(self):
+        """{case: {method: arguments of `pipeline.assessment`}}."""
+        return {
+            name: {
+                method.name: (case, method, peaks, post and method.name in _POST_MASKED)
+                for method in methods_for("oscillating" if name not in TABLE_1 else name)
+            }
+            for name, (case, peaks, post) in self.cases.items()
+        }
+
+    def _scan(self):
+        """{n_sources: arguments of `pipeline.assessment`}."""
+        case = self.cases["oscillating"][0]
+        return {n: (case, SDecGMCA.for_beam("oscillating", n_sources=n), True, False) for n in self.n_sources}
+
+    def _comparison(self, found, true):
+        return Comparison.of(found, true, l_top=2 * self.survey.nside)
+
+    def _recovery(self, found, true):
+        spectra = self._comparison(found.spectra, true)
+        inside = np.isin(true.angular.degrees, spectra.degrees)
+        return Recovery(
+            spectra=spectra,
+            masked=self._comparison(found.masked, found.masked_truth) if found.masked else None,
+            correlation=found.correlation,
+            variance=diagnostics.error_variance(
+                found.spectra.angular.cl[:, inside], true.angular.cl[:, inside]
+            ),
+            flagged=diagnostics.flagged_lines(found.line_errors),
+        )
