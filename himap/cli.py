@@ -1,13 +1,20 @@
 """The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback."""
 
+import os
 import time
 from collections import defaultdict
+from dataclasses import asdict
+from pathlib import Path
 
 import click
 
-from himap import __version__, reproduce, store
+from himap import __version__, ledger, ledger_table, reproduce, store
+from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.errors import InputError
+from himap.notebook_files import check_output, copy_name
+from himap.parallel import JOBS_VARIABLE
 from himap.parameters import check_parameters, describe_parameters, parse_texts
+from himap.provenance import Provenance
 
 __all__ = ["main"]
 
@@ -45,6 +52,21 @@ _debug = click.option(
 )
 
 
+def _set_jobs(context, parameter, value):
+    if value:
+        os.environ[JOBS_VARIABLE] = str(value)  # kernels and worker processes read it
+
+
+_jobs = click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    expose_value=False,
+    callback=_set_jobs,
+    help="Processes that work at once on what is independent; default 1.",
+)
+_COLOURS = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
+
+
 @click.group(cls=_Commands, context_settings=_SETTINGS)
 @click.version_option(__version__, message="himap %(version)s")
 @_debug
@@ -55,6 +77,7 @@ def main():
     himap list                     what there is
     himap list 04_pca              the parameters of one notebook
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
+    himap claims --preset laptop   what of the paper is reproduced
     """
 
 
@@ -80,6 +103,7 @@ def list_(name):
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter; the value may be JSON.")
 @click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
 @click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
+@_jobs
 @_debug
 def run(names, preset, pairs, output, stale):
     """Execute notebooks, with other parameters if you like.
@@ -110,6 +134,45 @@ def run(names, preset, pairs, output, stale):
         started = time.monotonic()
         path = reproduce.run(name, preset=preset, parameters=values[name], output=output)
         click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+@main.command()
+@click.option("--preset", help="ci, quick, laptop or paper; default: that of 15_claims.")
+@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of 15_claims.")
+@click.option(
+    "-o", "--output", help="Where to write the JSON; default results/claims_PRESET_PARAMETERS.json."
+)
+@_jobs
+@_debug
+def claims(preset, pairs, output):
+    """Evaluate every claim of the paper, print the ledger, and write it as JSON.
+
+    \b
+    himap claims --preset quick --jobs 2
+    himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=5
+    """
+    declared = reproduce.find("15_claims").parameters
+    values = check_parameters(declared, parse_texts(declared, _split(pairs)), preset)
+    defaults = {parameter.name: parameter.default for parameter in declared}
+    preset = values.get("preset", defaults["preset"])
+    name = copy_name("claims", preset, values, suffix=".json")
+    path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
+    started = time.monotonic()
+    skies = ledger.realisations(**defaults | values)
+    entries = ledger.evaluate(skies)
+    about = Provenance.of(
+        skies[0].survey,
+        galaxy=skies[0].galaxy,
+        preset=preset,
+        parameters={"n_realisations": len(skies)},
+        started=started,
+    )
+    ledger.write_ledger(entries, path, asdict(about))
+    header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
+    _print_table(header, ledger_table.plain_rows(entries), colours=(2, _COLOURS))
+    count = ledger_table.summary(entries)
+    click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
+    click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
 @main.group()
@@ -168,10 +231,15 @@ def _split(pairs):
     return texts
 
 
-def _print_table(header, rows):
+def _print_table(header, rows, colours=(None, {})):
+    """Aligned columns; `colours` are a column and the colour of each of its texts."""
+    column, colour_of = colours
     widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
     for row in [header, *rows]:
-        click.echo("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
+        if column is not None:
+            cells[column] = click.style(cells[column], fg=colour_of.get(row[column]))
+        click.echo("  ".join(cells).rstrip())
 
 
 def _size(n_bytes):

@@ -6,6 +6,7 @@ from himap.errors import InputError
 
 __all__ = [
     "MSE_DEFINITIONS",
+    "band_max",
     "band_mean",
     "correlation",
     "error_variance",
@@ -45,6 +46,11 @@ def ratio(recovered, true):
 def band_mean(x, values, low, high):
     """Mean of `values` where low < x < high."""
     return float(values[_inside(x, low, high)].mean())
+
+
+def band_max(x, values, low, high):
+    """Largest of `values` where low < x < high."""
+    return float(values[_inside(x, low, high)].max())
 
 
 def largest_deviation(x, ratios, low, high):

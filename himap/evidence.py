@@ -155,10 +155,12 @@ class Realisation:
     n_sources: tuple = tuple(range(2, 21))
 
     def __post_init__(self):
-        if not self.n_sources or max(self.n_sources) > self.survey.n_channels:
+        pipeline.Case(survey=self.survey, galaxy=self.galaxy, ripple=self.ripple)  # refuses bad values
+        counts = self.n_sources
+        if not counts or min(counts) < 1 or max(counts) > self.survey.n_channels:
             raise InputError(
-                f"the scan needs numbers of sources up to the {self.survey.n_channels} channels, "
-                f"got {self.n_sources}."
+                f"the scan needs numbers of sources from 1 up to the {self.survey.n_channels} channels, "
+                f"got {', '.join(map(str, counts)) or 'none; is the least above the most?'}."
             )
 
     @property

@@ -1,5 +1,6 @@
 """The ledger: what of the paper is reproduced, over several realisations of sky and noise."""
 
+import contextlib
 import json
 import math
 from dataclasses import dataclass, replace
@@ -8,14 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from himap.checks import whole_number
-from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED, Finding
 from himap.errors import InputError
 from himap.evidence import Realisation
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
-__all__ = ["Entry", "evaluate", "read_ledger", "realisations", "write_ledger"]
+__all__ = ["RECORDED", "Entry", "evaluate", "read_ledger", "realisations", "write_ledger"]
+
+RECORDED = Path(__file__).resolve().parents[1] / "book" / "results" / "claims_laptop.json"
+"""The ledger that the book shows, in a checkout."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,8 +129,16 @@ def evaluate(realisations):
         realisation.make()
         evidence = realisation.evidence()
         for id, claim in CLAIMS.items():
-            findings[id][realisation.survey.seed] = _as_dict(claim.check(evidence))
+            findings[id][realisation.survey.seed] = _as_dict(_checked(claim, evidence))
     return [Entry(claim=_words(CLAIMS[id]), findings=found) for id, found in findings.items()]
+
+
+def _checked(claim, evidence):
+    """The finding; undecided where the maps do not hold the scales that the claim is about."""
+    try:
+        return claim.check(evidence)
+    except InputError as error:
+        return Finding(value=math.nan, parts={}, sentence=f"Not on these maps: {error}")
 
 
 def _words(claim):
@@ -158,7 +170,8 @@ def write_ledger(entries, path, about):
         unfinished.write_text(json.dumps({"about": about, "claims": rows}, indent=1) + "\n")
         unfinished.replace(path)
     except OSError as error:
-        unfinished.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            unfinished.unlink()
         raise InputError(f"{path} cannot be written ({error.strerror}); give another place.") from None
 
 

@@ -131,20 +131,20 @@ def read_notebook(path):
     return nbformat.read(path, as_version=4)
 
 
-def copy_name(notebook, preset, values):
+def copy_name(notebook, preset, values, suffix=".ipynb"):
     """File name of an executed copy: notebook, preset, and the other parameters that were passed."""
     others = {**values, **values.get("survey", {})}
     pairs = [f"{key}={others[key]}" for key in sorted(set(others) - {"preset", "survey"})]
     label = re.sub(r"[^\w.=+-]+", "-", "_".join([notebook, *([preset] if preset else []), *pairs]))
     if len(label) > _LONGEST_NAME:
         label = f"{label[: _LONGEST_NAME - 9]}_{hashlib.sha256(label.encode()).hexdigest()[:8]}"
-    return f"{label}.ipynb"
+    return f"{label}{suffix}"
 
 
-def check_output(path):
+def check_output(path, suffix=".ipynb"):
     """`path`, or an InputError now rather than after hours of work."""
-    if path.suffix != ".ipynb" or path.is_dir():
-        raise InputError(f"the output is the path of a notebook, something.ipynb; got {path}.")
+    if path.suffix != suffix or path.is_dir():
+        raise InputError(f"the output is the path of a file, something{suffix}; got {path}.")
     parent = next(folder for folder in path.resolve().parents if folder.exists())
     if not (parent.is_dir() and os.access(parent, os.W_OK)):
         raise InputError(f"the output {path} cannot be written, because {parent} is no folder that can be.")

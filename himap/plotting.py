@@ -1,8 +1,14 @@
 """Figures. The only module that knows matplotlib; every function returns the figure it makes.
 
+Figures of curves carry their numbers: a notebook that shows one keeps them beside the picture, as CSV, and
+the book offers them for download.
+
 Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in
 style too, so they stay apart in grey. Maps use cividis, which is monotonic in lightness.
 """
+
+import csv
+import io
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,15 +19,20 @@ from himap import sphere
 
 __all__ = [
     "BEAM_STYLES",
+    "DATA_TYPE",
     "METHOD_STYLES",
     "image",
     "lines",
     "save",
+    "sequence",
     "sky_map",
     "sky_maps",
     "spectrum",
     "stamp",
 ]
+
+DATA_TYPE = "text/csv"
+"""Kind of output under which a notebook keeps the numbers of a figure."""
 
 METHOD_STYLES = {
     "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "--"},
@@ -40,6 +51,7 @@ BEAM_STYLES = {
 }
 """Line style of every beam, the same throughout the book."""
 
+_DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
 _RC = {
     "figure.dpi": 110,
@@ -143,8 +155,17 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
                 bottom.set_ylabel(panel["ratio_label"])
         if many:  # many curves leave no room inside the panels
             handles = grid[0, -1].get_legend_handles_labels()[0]
-            figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 7))
-    return _finished(figure)
+            rows = -(-len(handles) // 7)
+            figure.legend(handles=handles, loc="outside upper center", ncols=-(-len(handles) // rows))
+    points = [
+        (panel["title"], label, *curve)
+        for panel in panels
+        for label, curve in [
+            (_TRUTH["label"], panel["true"]),
+            *((style["label"], (at, recovered)) for style, at, recovered, _ in panel["curves"]),
+        ]
+    ]
+    return _with_data(_finished(figure), points)
 
 
 def _spectrum_panel(top, bottom, panel, ratio_limits, band):
@@ -201,9 +222,17 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
             for x, y, style in panel.get("points", []):
                 axes.plot(x, y, **({"linestyle": "none", "marker": "o", "markersize": 4} | style))
             axes.set(**settings)
+            low, high = axes.get_xlim()
+            if axes.get_xscale() == "log" and high < 200 * low:  # powers of ten alone would be too few
+                _plain_ticks(axes.xaxis, (low, high))
             if axes.get_legend_handles_labels()[1]:
                 axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
-    return _finished(figure)
+    points = [
+        (panel.get("title", ""), style.get("label", ""), x, y)
+        for panel in panels
+        for x, y, style in [*panel["curves"], *panel.get("points", [])]
+    ]
+    return _with_data(_finished(figure), points)
 
 
 def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
@@ -226,6 +255,17 @@ def _finished(figure):
     return figure
 
 
+def _with_data(figure, curves):
+    """The figure with its numbers, [(panel, curve, x, y)], for a notebook to keep as `DATA_TYPE`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("panel", "curve", "x", "y"))
+    for panel, label, xs, ys in curves:
+        writer.writerows((panel, label, f"{x:.5g}", f"{y:.5g}") for x, y in zip(xs, ys, strict=True))
+    figure._repr_mimebundle_ = lambda include=None, exclude=None: {DATA_TYPE: text.getvalue()}
+    return figure
+
+
 def stamp(figure, provenance):
     """Write where the figure comes from under it, in small print; returns the figure."""
     size = np.clip(0.8 * figure.get_figwidth(), 6, 9)  # wide figures are shown scaled down
@@ -236,3 +276,16 @@ def stamp(figure, provenance):
 def save(figure, path, *, dpi=150):
     """Write `figure` as a file, format by its ending."""
     figure.savefig(path, dpi=dpi)
+
+
+def sequence(labels):
+    """Styles of curves that have an order, such as one for each number of components: [style, ...].
+
+    Colours go from dark to light, evenly for the eye, colour-blind or not, and in grey; neighbours differ in
+    their dashes too.
+    """
+    colours = plt.get_cmap("plasma")(np.linspace(0.05, 0.9, len(labels)))
+    return [
+        {"label": label, "color": colour, "linestyle": _DASHES[n % len(_DASHES)], "linewidth": 1.6}
+        for n, (label, colour) in enumerate(zip(labels, colours, strict=True))
+    ]

@@ -5,13 +5,10 @@ which people open. The executed one carries a stamp: the fingerprint of its code
 reaches in himap. A notebook whose stamp is that of today's code is fresh.
 """
 
-import contextlib
 import copy
 import hashlib
 import json
-import logging
-import os
-import sys
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
@@ -19,6 +16,7 @@ from pathlib import Path
 
 from himap.errors import InputError
 from himap.fingerprint import CodeTree
+from himap.kernels import kernel_environment, terminal
 from himap.notebook_files import (
     KERNEL,
     STAMP,
@@ -33,7 +31,6 @@ from himap.notebook_files import (
     write_notebook,
 )
 from himap.parameters import check_parameters, read_parameters
-from himap.progress import TERMINAL_VARIABLE
 
 __all__ = ["Notebook", "NotebookError", "find", "notebooks", "notebooks_folder", "refresh", "run", "stale"]
 
@@ -91,6 +88,16 @@ class Notebook:
         """What the cell tagged ``parameters`` declares, a list of `himap.parameters.Parameter`."""
         tagged = [cell for cell in self.node.cells if "parameters" in cell.metadata.get("tags", [])]
         return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
+
+    @property
+    def paper_figures(self):
+        """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
+        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
+        found = {}
+        for cell in cells:
+            for number in re.findall(r"the paper's Fig\. ([\w.]*\w)", cell.get("caption", "")):
+                found.setdefault(number, cell["name"])
+        return found
 
     def fingerprint(self, parameters=None):
         """SHA-256 (hex) of the code, of what it reaches in himap, and of the parameters passed."""
@@ -256,10 +263,10 @@ def _execute(notebook, parameters, folder):
     fingerprint = notebook.fingerprint(parameters)  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
-    terminal = _terminal()
-    bar = {"desc": notebook.name, "leave": False} if terminal else False
+    watched = terminal()
+    bar = {"desc": notebook.name, "leave": False} if watched else False
     try:
-        with _kernel_environment(terminal):
+        with kernel_environment(watched):
             done = papermill.execute_notebook(
                 node, None, parameters, cwd=folder, progress_bar=bar, extra_arguments=list(_KERNEL_OPTIONS)
             )
@@ -275,31 +282,3 @@ def _execute(notebook, parameters, folder):
             f"the kernel of {notebook.name} died, most often because memory ran out; try a smaller preset."
         ) from error
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters)
-
-
-def _terminal():
-    """Path of the terminal that a person watches, or None."""
-    with contextlib.suppress(OSError, AttributeError):
-        return os.ttyname(sys.stderr.fileno())
-    return None
-
-
-@contextlib.contextmanager
-def _kernel_environment(terminal):
-    """What a kernel started inside finds: this himap, the terminal for its bars, and no chatter."""
-    paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-    changes = {
-        "PYTHONPATH": os.pathsep.join(paths),
-        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        "JUPYTER_PLATFORM_DIRS": "1",
-    }
-    if terminal:
-        changes[TERMINAL_VARIABLE] = terminal
-    before = {name: os.environ.get(name) for name in changes}
-    logging.getLogger("papermill").setLevel(logging.ERROR)
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)

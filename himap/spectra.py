@@ -118,9 +118,9 @@ def angular_power_pair(recovered, truth, *, truth_alms=None, mask=None):
     lmax = 3 * sphere.nside_of(truth) - 1
     kept = weights > 0
     spectra, bright = _difference(recovered, truth, kept)
-    alms = sphere.analyse(
-        np.array([_centred(pixels, weights, kept) for pixels in bright], dtype=np.float32), lmax
-    )
+    alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
+    for pixels, alm in zip(bright, alms, strict=True):
+        alm[:] = sphere.analyse(_centred(pixels, weights, kept).astype(np.float32), lmax)
     cl = np.empty((2, len(truth), lmax + 1))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
         if truth_alms is None:

@@ -1,17 +1,22 @@
 """The `himap` command."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from ledgers import entry
 
 import himap
-from himap import reproduce, store
+from himap import ledger, reproduce, store
+from himap.claims import DIFFERENT, FAILED, REPRODUCED
 from himap.cli import main
 from himap.errors import InputError
+from himap.parallel import JOBS_VARIABLE
 
 TOY = """\
 # %% [markdown]
@@ -199,3 +204,56 @@ def _python(*arguments):
     command = [sys.executable, *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout.partition(".ipynb")[0], done.stderr
+
+
+class TestClaims:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        """The command with the real parameters of 15_claims, and a ledger that is not computed."""
+        monkeypatch.setattr(reproduce, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(skies):
+            seen.append(skies)
+            return [entry(REPRODUCED, DIFFERENT), entry(FAILED, id="N1")]
+
+        monkeypatch.setattr(ledger, "evaluate", evaluate)
+        return himap_command, seen
+
+    def test_table_and_file(self, command):
+        himap_command, seen = command
+        code, out, err = himap_command("claims", "--preset", "ci", "-p", "n_realisations=2", "-p", "seed=7")
+        assert (code, err) == (0, "")
+        assert [sky.survey.seed for sky in seen[0]] == [7, 8]
+        assert re.search(r"^D1 +degraded +not reproduced +0/2|^D1 +degraded +reproduced", out, re.M)
+        assert "1 reproduced" in out or "1 not reproduced" in out
+        path = Path("results/claims_ci_n_realisations=2_seed=7.json")
+        assert f"{path}  (" in out
+        stored = json.loads(path.read_text())
+        assert stored["about"]["preset"] == "ci"
+        assert [row["id"] for row in stored["claims"]] == ["D1", "N1"]
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["-p", "n_realisation=2"], "did you mean n_realisations"),
+            (["-p", "n_realisations=0"], "between 1 and 1000"),
+            (["-p", "galaxy=templates"], "needs template_dir"),
+            (["-o", "claims.txt"], "something.json"),
+            (["--preset", "huge"], "unknown preset"),
+            (["--jobs", "0"], "--jobs"),
+        ],
+    )
+    def test_bad_input_before_any_work(self, command, options, message):
+        himap_command, seen = command
+        code, _, err = himap_command("claims", *options)
+        assert code == 2
+        assert message in err
+        assert not seen
+        assert not list(Path().iterdir())
+
+
+def test_jobs_reach_the_kernels(himap_command, runs, monkeypatch):
+    monkeypatch.setenv(JOBS_VARIABLE, "1")
+    assert himap_command("run", "01_toy", "--jobs", "3")[0] == 0
+    assert os.environ[JOBS_VARIABLE] == "3"

@@ -141,6 +141,23 @@ def test_observation(cubes, name):
     assert seen.beams.shape == (SURVEY.n_channels, SURVEY.lmax + 1)
 
 
+def test_foregrounds_as_spectra_times_maps(cubes, rng):
+    hi, _, noise = cubes
+    spectra, maps = 1 + rng.random((SURVEY.n_channels, 2)), 1e4 * rng.random((2, SURVEY.n_pix))
+    beam = beams.beam_model("evolving", SURVEY)
+    one = observe(hi, (spectra, maps), noise, beam, SURVEY)
+    two = observe(hi, (spectra @ maps).astype(np.float32), noise, beam, SURVEY)
+    assert one.maps == pytest.approx(two.maps, abs=0.01)  # float32 of 1e4 mK has 1e-3
+    with pytest.raises(InputError, match="foregrounds must have shape"):
+        observe(hi, (spectra[:2], maps), noise, beam, SURVEY)
+
+
+def test_coefficients_of_hi_at_hand(cubes):
+    beam = beams.beam_model("evolving", SURVEY)
+    one = observe(*cubes, beam, SURVEY, hi_alms=sphere.analyse(cubes[0]))
+    assert one.truth == pytest.approx(observe(*cubes, beam, SURVEY).truth, abs=1e-6)
+
+
 def test_custom_beam(cubes):
     transfer = beams.beam_model("evolving", SURVEY).native
     own = observe(*cubes, beams.beam_from_array(transfer, SURVEY), SURVEY)

@@ -111,3 +111,32 @@ def test_every_method_and_beam_has_a_style():
         looks = [(style["color"], style["linestyle"]) for style in styles.values()]
         assert len({colour for colour, _ in looks}) == len(looks)
         assert len({line for _, line in looks}) == len(looks)
+
+
+def test_a_sequence_gets_lighter_and_neighbours_differ_in_their_dashes():
+    styles = plotting.sequence(["2", "3", "5", "6", "7", "10", "20"])
+    grey = [np.dot(style["color"][:3], (0.299, 0.587, 0.114)) for style in styles]
+    assert np.diff(grey).min() > 0.05 and max(grey) < 0.85
+    assert all(one["linestyle"] != two["linestyle"] for one, two in zip(styles, styles[1:], strict=False))
+    assert [style["label"] for style in styles][-1] == "20"
+    assert len(plotting.sequence(["only"])) == 1
+
+
+def test_short_logarithmic_axes_have_plain_ticks():
+    panel = {"curves": [([2, 128], [1, 2], {})], "xscale": "log", "xlim": (2, 128)}
+    axes = plotting.lines([panel]).axes[0]
+    axes.figure.draw_without_rendering()
+    labels = [label.get_text() for label in (*axes.get_xticklabels(), *axes.get_xticklabels(minor=True))]
+    assert [label for label in labels if label] == ["2", "5", "10", "20", "50", "100"]
+
+
+def test_figures_of_curves_carry_their_numbers():
+    k = np.arange(1.0, 4.0)
+    style = {"label": "PCA"}
+    spectrum = plotting.spectrum([PANEL | {"true": (k, k), "curves": [(style, k, 2 * k, k)]}])
+    rows = spectrum._repr_mimebundle_()["text/csv"].splitlines()
+    assert rows[:2] == ["panel,curve,x,y", "a,HI + noise,1,1"]
+    assert rows[-1] == "a,PCA,3,6"
+    points = {"curves": [([0, 1], [1 / 3, 5], {})], "points": [([2], [7], {"label": "one, two"})]}
+    lines = plotting.lines([points])._repr_mimebundle_()["text/csv"].splitlines()
+    assert lines[1:] == [",,0,0.33333", ",,1,5", ',"one, two",2,7']

@@ -4,7 +4,7 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap import diagnostics, spectra, sphere
+from himap import spectra, sphere
 from himap.errors import InputError
 
 NSIDE = 32
@@ -189,15 +189,41 @@ def test_bad_bin_width():
         spectra.angular_power(np.ones((2, N_PIX)), bin_width=0)
 
 
-def test_ratio_and_bands():
-    x = np.array([1.0, 2, 3, 4])
-    ratios = diagnostics.ratio([1, 2.2, 2.7, 8], [1, 2, 3, 4])
-    assert ratios == pytest.approx([1, 1.1, 0.9, 2])
-    assert diagnostics.band_mean(x, ratios, 1, 4) == pytest.approx(1.0)
-    assert diagnostics.largest_deviation(x, ratios, 1, 5) == pytest.approx((1, 4))
-    with pytest.raises(InputError, match="one shape"):
-        diagnostics.ratio([1, 2], [1])
-    with pytest.raises(InputError, match="positive"):
-        diagnostics.ratio([1.0], [0.0])
-    with pytest.raises(InputError, match="between 10 and 20"):
-        diagnostics.band_mean(x, ratios, 10, 20)
+class TestPair:
+    """Both spectra at once, against each by itself."""
+
+    @pytest.fixture
+    def pair(self, red_cl, rng):
+        """(recovered, truth): three smooth spectra are left, and a tenth of the signal in them is lost."""
+        truth = realisations(red_cl, 12, rng).astype(np.float32)
+        bright = 5 * realisations(red_cl, 3, rng)
+        smooth = np.linspace(0.5, 1.5, 12)[:, None] ** np.arange(3)
+        space = np.linalg.qr(smooth)[0]
+        return (truth + smooth @ bright - 0.1 * space @ (space.T @ truth)).astype(np.float32), truth
+
+    @pytest.mark.parametrize("mask", [None, cut(10), cut(10) * 0.5])
+    def test_against_one_by_one(self, pair, mask):
+        found = spectra.angular_power_pair(*pair, mask=mask)
+        for one, maps in zip(found, pair, strict=True):
+            expected = spectra.angular_power(maps, mask=mask)
+            assert one.degrees == pytest.approx(expected.degrees)
+            assert one.mean[1:] == pytest.approx(expected.mean[1:], rel=1e-3)
+            assert one.cl[:, 1:] == pytest.approx(expected.cl[:, 1:], rel=0.03)
+
+    def test_coefficients_at_hand_change_nothing(self, pair):
+        truth = pair[1]
+        alms = sphere.analyse(truth - truth.mean(axis=1, keepdims=True))
+        for one, two in zip(
+            spectra.angular_power_pair(*pair, truth_alms=alms), spectra.angular_power_pair(*pair), strict=True
+        ):
+            assert one.cl[:, 1:] == pytest.approx(two.cl[:, 1:], rel=1e-4)
+
+    def test_equal_cubes_have_equal_spectra(self, pair):
+        found, true = spectra.angular_power_pair(pair[1], pair[1])
+        assert np.array_equal(found.cl, true.cl)
+
+    def test_a_difference_of_full_rank(self, rng):
+        """Noise in every channel is no short sum of spectra: nothing is left out."""
+        truth, noise = rng.standard_normal((2, 6, N_PIX)).astype(np.float32)
+        found, _ = spectra.angular_power_pair(truth + noise, truth)
+        assert found.cl[:, 2:] == pytest.approx(spectra.angular_power(truth + noise).cl[:, 2:], rel=1e-3)

@@ -15,8 +15,8 @@ ROOMS = [
     "errors", "checks", "numbers", "progress", "parallel", "blocked", "survey",  # no physics
     "syntax", "fingerprint", "provenance", "store",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "pipeline", "evidence", "claims", "ledger", "plotting", "study",
-    "parameters", "notebook_files", "reproduce", "cli", "__main__",
+    "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
+    "parameters", "notebook_files", "kernels", "reproduce", "cli", "__main__",
 ]
 # fmt: on
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.diagnostics import band_mean, largest_deviation
+from himap.diagnostics import band_max, band_mean, largest_deviation
 
 __all__ = [
     "BLIND",
@@ -187,7 +187,7 @@ def frequency_error(low, high=np.inf):
 
 def bump(one):
     """Highest P/P0 near k = 0.31."""
-    return float(one.frequency_ratio[(one.k > BUMP[0]) & (one.k < BUMP[1])].max())
+    return band_max(one.k, one.frequency_ratio, *BUMP)
 
 
 def total(one):

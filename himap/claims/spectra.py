@@ -18,7 +18,7 @@ from himap.claims.base import (
     frequency_mean,
     listing,
 )
-from himap.diagnostics import largest_deviation
+from himap.diagnostics import band_max, largest_deviation
 
 __all__ = [
     "beyond_200",
@@ -75,7 +75,7 @@ def degraded_frequency(evidence):
 )  # fmt: skip
 def degraded_loss(evidence):
     """P/P0 below 1 at every k below 0.03, one part for each method."""
-    values = by_method(evidence.of("degraded"), lambda one: float(one.frequency_ratio[one.k < 0.03].max()))
+    values = by_method(evidence.of("degraded"), lambda one: band_max(one.k, one.frequency_ratio, 0, 0.03))
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 1, "loses power"),

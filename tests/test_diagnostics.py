@@ -1,0 +1,74 @@
+"""Measures of how good a cleaning is, against plain formulas."""
+
+import numpy as np
+import pytest
+
+from himap import diagnostics
+from himap.errors import InputError
+
+
+@pytest.fixture
+def cubes(rng):
+    """(recovered, true), float32, with channel means that no measure should see."""
+    true = rng.standard_normal((6, 3000)).astype(np.float32)
+    recovered = true + 0.1 * rng.standard_normal((6, 3000)).astype(np.float32)
+    return recovered + 5, true + 3
+
+
+def centred(maps):
+    return maps - maps.mean(axis=1, keepdims=True, dtype=float)
+
+
+def test_line_errors_are_mean_squares_without_the_channel_means(cubes):
+    expected = np.mean((centred(cubes[0]) - centred(cubes[1])) ** 2, axis=0)
+    assert diagnostics.line_errors(*cubes) == pytest.approx(expected, abs=1e-6)
+
+
+def test_flagged_lines_are_further_than_sigma_from_the_mean():
+    errors = np.array([1.0] * 18 + [0.9, 30.0])
+    assert diagnostics.flagged_lines(errors).tolist() == [False] * 19 + [True]
+    low = np.array([10.0] * 19 + [0.0])  # the rule of the paper is two-sided
+    assert diagnostics.flagged_lines(low).tolist() == [False] * 19 + [True]
+
+
+def test_correlation_is_that_of_numpy(cubes):
+    expected = [np.corrcoef(one, two)[0, 1] for one, two in zip(*cubes, strict=True)]
+    assert diagnostics.correlation(*cubes) == pytest.approx(expected, abs=1e-6)
+
+
+def test_error_variance(rng):
+    true = 1 + rng.random((6, 10))
+    recovered = true * (1 + 0.1 * rng.standard_normal((6, 10)))
+    expected = ((true - recovered) / true).var(axis=0)
+    assert diagnostics.error_variance(recovered, true) == pytest.approx(expected)
+    assert diagnostics.error_variance(0.7 * true, true) == pytest.approx(0, abs=1e-30)
+
+
+def test_definitions_of_the_mean_squared_error():
+    true, found = np.array([1.0, 4.0]), np.array([2.0, 4.0])
+    assert diagnostics.mean_squared_error(found, true) == pytest.approx(0.5)
+    assert diagnostics.mean_squared_error(found, true, "logarithmic") == pytest.approx(np.log(2) ** 2 / 2)
+    assert diagnostics.mean_squared_error(found, true, "absolute") == pytest.approx(1 / 17)
+    for definition in diagnostics.MSE_DEFINITIONS:
+        assert diagnostics.mean_squared_error(true, true, definition) == 0
+    with pytest.raises(
+        InputError, match="unknown definition 'rms'; there are relative, logarithmic, absolute"
+    ):
+        diagnostics.mean_squared_error(found, true, "rms")
+
+
+def test_bands():
+    x, values = np.arange(5.0), np.array([9.0, 1.0, 3.0, 2.0, 9.0])
+    assert diagnostics.band_mean(x, values, 0, 4) == 2
+    assert diagnostics.band_max(x, values, 0, 4) == 3
+    assert diagnostics.largest_deviation(x, values, 0, 4) == (2.0, 2.0)
+    with pytest.raises(InputError, match="nothing lies between 4 and 9: the values go from 0 to 4"):
+        diagnostics.band_max(x, values, 4, 9)
+
+
+@pytest.mark.parametrize(
+    ("pair", "message"), [(([1.0], [1.0, 2.0]), "one shape"), (([1.0], [0.0]), "must be positive")]
+)
+def test_bad_spectra(pair, message):
+    with pytest.raises(InputError, match=message):
+        diagnostics.ratio(*pair)

@@ -1,0 +1,45 @@
+"""Products made several at a time."""
+
+import numpy as np
+import pytest
+
+from himap import pipeline
+from himap.errors import InputError
+from himap.parallel import JOBS_VARIABLE, make_all, n_jobs
+from himap.removal.pca import PCA
+from himap.survey import Survey
+
+CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
+CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_is_missing_is_made_once(monkeypatch, tmp_path, jobs):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setenv(JOBS_VARIABLE, str(jobs))
+    pipeline.assessment(*CALLS[1])
+    assert make_all(pipeline.assessment, CALLS, "test") == 2
+    assert all(pipeline.assessment.is_cached(*call) for call in CALLS)
+    assert make_all(pipeline.assessment, CALLS, "test") == 0
+
+
+def test_processes_give_what_one_gives(monkeypatch, tmp_path):
+    found = []
+    for jobs in ("1", "2"):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / jobs))
+        monkeypatch.setenv(JOBS_VARIABLE, jobs)
+        make_all(pipeline.assessment, CALLS, "test")
+        found.append([pipeline.assessment(*call).spectra.angular.cl for call in CALLS])
+    assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])
+def test_bad_number_of_processes(monkeypatch, text):
+    monkeypatch.setenv(JOBS_VARIABLE, text)
+    with pytest.raises(InputError, match="HIMAP_JOBS must be a whole number of processes above 0"):
+        n_jobs()
+
+
+def test_one_process_unless_told_otherwise(monkeypatch):
+    monkeypatch.delenv(JOBS_VARIABLE, raising=False)
+    assert n_jobs() == 1
