@@ -6,9 +6,16 @@ executed fails. The numbers that a figure carries must be there and are not comp
 not. All the rest is exact, as in nbval.
 """
 
+import os
 import re
+import tempfile
+from pathlib import Path
+from uuid import uuid4
 
+import nbval.kernel
+from jupyter_client.manager import KernelManager
 from nbval.plugin import IPyNbCell
+from traitlets import Enum
 
 from himap.notebook_files import has_code
 from himap.numbers import agree
@@ -17,6 +24,7 @@ from himap.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest
+_SOCKETS = tempfile.TemporaryDirectory(prefix="nbval")
 
 
 def compare_outputs(self, test, ref, skip_compare=None):
@@ -50,5 +58,24 @@ def _settled_value(key, test, reference):
     return reference if same else test
 
 
+class LocalKernelManager(KernelManager):
+    """Kernels that are spoken to through files, not ports.
+
+    Two kernels that start at the same time may choose the same free port, and one of them dies.
+    """
+
+    transport = Enum(["tcp", "ipc"], default_value="ipc")
+
+    def __init__(self, **options):
+        super().__init__(**options)
+        self.ip = str(Path(_SOCKETS.name, uuid4().hex))
+
+
+def pytest_sessionfinish():
+    _SOCKETS.cleanup()
+
+
+if os.name == "posix":
+    nbval.kernel.KernelManager = LocalKernelManager
 IPyNbCell.compare_outputs = compare_outputs
 IPyNbCell.runtest = runtest

@@ -73,6 +73,27 @@ def test_decoupling_inverts_the_coupling_exactly(weights):
     assert decoupled == pytest.approx(steep, rel=1e-6)
 
 
+@pytest.mark.filterwarnings("default")  # what NaMaster warns of is not ours
+@pytest.mark.parametrize("weights", [cut(20).astype(float), apodised(15)], ids=["sharp", "apodised"])
+def test_decoupling_against_namaster(red_cl, rng, weights):
+    """The same pseudo-spectra, mask and bins, decoupled by NaMaster where it is installed."""
+    nmt = pytest.importorskip("pymaster")
+    maps = realisations(red_cl, 1, rng)
+    kept = weights > 0
+    centred = np.where(kept, maps[0] - np.average(maps[0][kept], weights=weights[kept]), 0)
+    bins = spectra._bin_matrix(LMAX, 2)
+    bands = nmt.NmtBin(
+        ells=np.arange(LMAX + 1), bpws=(bins > 0).argmax(axis=0), weights=np.ones(LMAX + 1), lmax=LMAX
+    )
+    field = nmt.NmtField(weights, [centred], n_iter=sphere.N_ITER, n_iter_mask=sphere.N_ITER)
+    workspace = nmt.NmtWorkspace()
+    workspace.compute_coupling_matrix(field, field, bands)
+    expected = workspace.decouple_cell(nmt.compute_coupled_cell(field, field))[0]
+    found = spectra.angular_power(maps, mask=weights, bin_width=2)
+    inside = (found.degrees > 2) & (found.degrees < 2 * NSIDE)
+    assert found.cl[0][inside] == pytest.approx(expected[inside], rel=1e-3)
+
+
 def test_fallback_divides_by_the_mean_square_of_the_weights(rng, monkeypatch):
     """White noise under fractional weights: their mean square is what the pseudo-spectrum loses."""
     monkeypatch.setattr(spectra, "_MAX_CONDITION", 0)
