@@ -1,6 +1,7 @@
 """Independent products made several at a time."""
 
 import os
+import warnings
 
 import joblib
 
@@ -55,10 +56,15 @@ def make_all(product, calls, description):
         # Each process computes and keeps; cubes do not travel, and are read from the cache when needed.
         work = (joblib.delayed(_make)(product, call) for call in missing)
         done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
-        for _ in progress(done, description, total=len(missing)):
-            pass
+        for caught in progress(done, description, total=len(missing)):
+            for message, category in caught:
+                warnings.warn(message, category, stacklevel=2)
     return len(missing)
 
 
 def _make(product, call):
-    product(*call)
+    """Compute and keep; the warnings, for the process that asked and its filters."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        product(*call)
+    return [(str(one.message), one.category) for one in caught]

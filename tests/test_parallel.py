@@ -6,6 +6,8 @@ import pytest
 from himap import pipeline
 from himap.errors import InputError
 from himap.parallel import JOBS_VARIABLE, make_all, n_jobs
+from himap.removal.base import SeparationWarning
+from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 from himap.survey import Survey
 
@@ -43,3 +45,11 @@ def test_bad_number_of_processes(monkeypatch, text):
 def test_one_process_unless_told_otherwise(monkeypatch):
     monkeypatch.delenv(JOBS_VARIABLE, raising=False)
     assert n_jobs() == 1
+
+
+def test_warnings_reach_the_process_that_asked(monkeypatch, tmp_path):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setenv(JOBS_VARIABLE, "2")
+    hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
+    with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
+        make_all(pipeline.assessment, hasty, "test")
