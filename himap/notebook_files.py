@@ -44,6 +44,7 @@ KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 """For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
 
+_LARGEST_DATA = 500_000  # characters of a figure's numbers; beyond it is a cloud of points
 _VOLATILE_METADATA = ("papermill", "execution")
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 
@@ -60,6 +61,8 @@ def stamped(node, source, *, fingerprint, parameters):
     fingerprint, parameters
         For the stamp.
     """
+    from himap.plotting import DATA_TYPE  # slow, and most commands do without
+
     fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
     node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
     for cell in node.cells:
@@ -68,8 +71,11 @@ def stamped(node, source, *, fingerprint, parameters):
         if not cell.metadata.get("tags"):
             cell.metadata.pop("tags", None)
         for output in cell.get("outputs", []):
-            if "image/png" in output.get("data", {}):
-                output.data["image/png"] = _smaller(output.data["image/png"])
+            data = output.get("data", {})
+            if "image/png" in data:
+                data["image/png"] = _smaller(data["image/png"])
+            if len(data.get(DATA_TYPE, "")) > _LARGEST_DATA:
+                del data[DATA_TYPE]
     number_cells(node)
     stamp = {"fingerprint": fingerprint, "parameters": parameters, "text": text_digest(node)}
     node.metadata[STAMP] = nbformat.from_dict(stamp)

@@ -1,14 +1,19 @@
 """The ledger: verdicts over seeds, the file, the table, and the whole on a tiny sky."""
 
+import json
 import math
+from pathlib import Path
 
 import pytest
 from ledgers import entry
 
 from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.errors import InputError
-from himap.ledger import evaluate, read_ledger, realisations, write_ledger
+from himap.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
 from himap.ledger_table import LedgerTable, plain_rows, summary
+from himap.reproduce import notebooks
+
+ROOT = Path(__file__).resolve().parents[1]
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "box_cells": 16}, "n_sources_max": 3}
 
@@ -108,3 +113,37 @@ def test_a_tiny_sky_is_judged_from_end_to_end():
     assert all(math.isfinite(one.values[0]) for one in entries if one.verdict != UNDECIDED)
     assert by_id["E2"].verdict == REPRODUCED  # holds by far even here
     assert by_id["N1"].sentence == "The scan does not hold n_s = 5."
+
+
+def test_recorded_ledger_is_complete():
+    entries, about = read_ledger(RECORDED)
+    assert [one.claim["id"] for one in entries] == list(CLAIMS)
+    assert all(len(one.findings) >= 5 for one in entries)
+    assert about["preset"] == "laptop"
+    stored = json.loads(RECORDED.read_text())["claims"]
+    assert [row["verdict"] for row in stored] == [one.verdict for one in entries]
+
+
+def test_intro_says_what_the_ledger_says():
+    entries, _ = read_ledger(RECORDED)
+    count = summary(entries)
+    text = " ".join((ROOT / "book" / "intro.md").read_text().split())
+    assert f"Of the {len(entries)} claims of the paper that a number can settle" in text
+    assert f"**{count[REPRODUCED]} are reproduced, {count[DIFFERENT]} with a difference, and" in text
+    assert f"and {count[FAILED]} are not**" in text
+
+
+def test_every_claim_has_a_figure_in_the_book():
+    links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
+    assert all(claim.figure in links[claim.notebook] for claim in CLAIMS.values())
+
+
+def test_every_figure_of_the_paper_is_in_one_notebook():
+    """Numbered as in the paper, and captioned as such."""
+    shown = [figure for notebook in notebooks() for figure in notebook.figures]
+    assert sorted(shown) == sorted(
+        ["1", "2", "3", "4", "5", "6", "7", "A.1", "A.2", "B.1", "B.2", "B.3", "Table 1"]
+    )
+    for notebook in notebooks():
+        wanted = set(notebook.figures) - {"Table 1"}
+        assert wanted <= set(notebook.paper_figures), notebook.name

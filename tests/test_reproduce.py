@@ -1,6 +1,7 @@
 """Notebooks run with other parameters, and again when something they depend on changed."""
 
 import base64
+import copy
 import io
 import json
 import os
@@ -272,3 +273,13 @@ def test_transparent_pictures_become_white():
     Image.new("RGBA", (4, 4), (0, 0, 0, 0)).save(buffer, "PNG")
     packed = notebook_files._smaller(base64.b64encode(buffer.getvalue()).decode())
     assert Image.open(io.BytesIO(base64.b64decode(packed))).convert("RGB").getpixel((0, 0)) == (255, 255, 255)
+
+
+def test_clouds_of_points_are_not_kept():
+    source = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1")])
+    node = copy.deepcopy(source)
+    for text in ("x,y\n1,2\n", "1,2\n" * 200_000):
+        data = {"text/csv": text, "text/plain": "1"}
+        node.cells[0].outputs.append(nbformat.v4.new_output("display_data", data=data))
+    outputs = notebook_files.stamped(node, source, fingerprint="", parameters={}).cells[0].outputs
+    assert ["text/csv" in output.data for output in outputs] == [True, False]
