@@ -44,6 +44,17 @@ def test_book_brings_what_draws_equations(book):
     assert sum('class="math' in page for page in book.values()) >= 3
 
 
+def test_figures_of_the_paper_offer_their_numbers(book):
+    """Each link under a figure leads to a file of numbers."""
+    found = 0
+    for path, page in book.items():
+        for name, target in re.findall(r'class="himap-data" href="[./]*(_static/data/([\w-]+)\.csv)"', page):
+            text = (path.parents[1] / name).read_text()
+            assert text.startswith("panel,curve,x,y\n"), target
+            found += 1
+    assert found > 30
+
+
 FAKE_PYTHON = """#!/bin/sh
 # Stands for python, himap and jupyter-book: notes what it was asked, makes what make looks for.
 [ "$1" = -c ] && exit 0
