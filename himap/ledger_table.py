@@ -89,7 +89,7 @@ class LedgerTable:
             f'white-space:nowrap">{sign} {entry.verdict}</span>'
         )
         times = f"{entry.agreeing} of {len(entry.findings)}"
-        left = 'style="text-align:left;vertical-align:top"'
+        left = 'style="text-align:left;vertical-align:top;padding:4px 8px"'
         measured = f"{html.escape(_measured(entry))}; {claim['paper']}<br><em>{claim['number']}</em>"
         return (
             f'<tr id="claim-{claim["id"]}"><td {left}>{claim["id"]}</td>'

@@ -116,9 +116,11 @@ found = {name: {n: study.compared(beam, remover(name, n)) for n in scanned} for 
 #
 # ```{math}
 # :label: eq-scan-mse
-# \mathrm{relative:}\ \Big\langle \Big(\frac{S_i}{S_i^0} - 1\Big)^2 \Big\rangle_i \qquad
-# \mathrm{logarithmic:}\ \Big\langle \ln^2 \frac{S_i}{S_i^0} \Big\rangle_i \qquad
-# \mathrm{absolute:}\ \frac{\sum_i (S_i - S_i^0)^2}{\sum_i (S_i^0)^2}
+# \begin{aligned}
+# \mathrm{relative:} &\quad \Big\langle \Big(\frac{S_i}{S_i^0} - 1\Big)^2 \Big\rangle_i \\
+# \mathrm{logarithmic:} &\quad \Big\langle \ln^2 \frac{S_i}{S_i^0} \Big\rangle_i \\
+# \mathrm{absolute:} &\quad \frac{\sum_i (S_i - S_i^0)^2}{\sum_i (S_i^0)^2}
+# \end{aligned}
 # ```
 #
 # The total is that of $C_\ell$, averaged over channels, for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$, plus that of $P(k_\nu)$ at all $k_\nu > 0$.

@@ -27,7 +27,7 @@
 # HI, noise, point sources and the small scales of the Galaxy are random, and some claims hold in one realisation and not in the next. Every claim is
 # therefore judged on several seeds; its verdict is that of most of them, and the measured number is given with its range. How the words of the
 # paper are read as numbers is said in each row (open "reading and numbers"). Those readings were written down before the
-# numbers were known, and nothing was changed afterwards to turn a verdict.
+# numbers were known, and none was changed afterwards to turn a verdict.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
