@@ -233,6 +233,12 @@ class TestClaims:
         assert stored["about"]["preset"] == "ci"
         assert [row["id"] for row in stored["claims"]] == ["D1", "N1"]
 
+    def test_five_seeds_unless_told_otherwise(self, command):
+        himap_command, seen = command
+        assert himap_command("claims", "--preset", "ci", "-o", "claims.json")[0] == 0
+        assert len(seen[0]) == 5
+        assert Path("claims.json").exists()
+
     @pytest.mark.parametrize(
         ("options", "message"),
         [
