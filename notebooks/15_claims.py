@@ -72,7 +72,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # On the real Galaxy (FITS templates), at half the paper's resolution in pixels and in frequency (`laptop`: nside 128, 250 channels). It was made by
 #
 # ```sh
-# himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
+# himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=4
 # ```
 #
 # and is stored with the book, because it takes an hour.

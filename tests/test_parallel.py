@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from himap import pipeline
 from himap.errors import InputError
@@ -13,6 +14,14 @@ from himap.survey import Survey
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
+
+
+@pytest.fixture(autouse=True)
+def fresh_processes():
+    """joblib keeps its processes for the next call, with the variables that were set when they began."""
+    get_reusable_executor().shutdown()
+    yield
+    get_reusable_executor().shutdown()
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
