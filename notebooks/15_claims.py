@@ -97,7 +97,7 @@ LedgerTable(recorded, links)
 #
 # **E2: PCA and FastICA beyond $\ell$ of about 150.** With four components they leave foreground with a power of 0.22 at $150 < \ell < 200$ and of 1.3 beyond, 95 % of it
 # within 10° of the plane. It grows with $\ell$ as the effect of a beam does. A fifth component takes it down to 0.002, and another 1 to 3 % of HI with it. So the claim
-# would hold with five components, not with the paper's four. SDecGMCA misses its mark at $\ell = 4$ alone, in some realisations.
+# would hold with five components, not with the paper's four. SDecGMCA misses its mark at $\ell = 4$ alone, in one realisation of four.
 #
 # **E3: GMCA's excess** is there, but at $\ell < 10$ and $k_\nu < 0.1$, not up to $\ell = 40$.
 #
@@ -124,7 +124,7 @@ LedgerTable(recorded, links)
 # **G1, G3: dimming helps where foreground is left.** PCA's total error falls by a factor of 200, and the two fits, which fail with the full Galaxy, gain even more (and still fail). SDecGMCA loses
 # HI, which dimming does not bring back ({doc}`13_dimmed_galaxy`).
 #
-# **A1: in all but one of the 250 channels** SDecGMCA has the highest correlation.
+# **A1: in all but one to seven of the 250 channels** SDecGMCA has the highest correlation.
 #
 # ## Evaluated here
 #
