@@ -3,6 +3,7 @@
 import fcntl
 import os
 import pty
+import select
 import struct
 import termios
 
@@ -13,10 +14,17 @@ from himap.progress import TERMINAL_VARIABLE, progress
 
 @pytest.fixture
 def terminal():
-    """A terminal: the path to write to and a function that reads what was written."""
+    """A terminal: the path to write to and a function that reads on until a text was written, for 10 s."""
     leader, follower = pty.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-    yield os.ttyname(follower), lambda: os.read(leader, 65536).decode()
+
+    def read(text):
+        found = ""
+        while text not in found and select.select([leader], [], [], 10)[0]:
+            found += os.read(leader, 65536).decode()
+        return found
+
+    yield os.ttyname(follower), read
     os.close(leader)
     os.close(follower)
 
@@ -34,7 +42,7 @@ def test_a_bar_on_the_terminal_that_is_named(terminal, capfd, monkeypatch):
     path, read = terminal
     monkeypatch.setenv(TERMINAL_VARIABLE, path)
     assert list(progress(range(3), "channels")) == [0, 1, 2]
-    assert "channels" in read() and capfd.readouterr() == ("", "")
+    assert "channels" in read("channels") and capfd.readouterr() == ("", "")
 
 
 def test_steps_by_hand(terminal, monkeypatch):
@@ -43,4 +51,4 @@ def test_steps_by_hand(terminal, monkeypatch):
     with progress(description="realisations", total=4) as bar:
         bar.update(2)
         bar.refresh()
-    assert "2/4" in read()
+    assert "2/4" in read("2/4")
