@@ -6,7 +6,7 @@ cube would be twice as large as the cube, that of a block is small.
 
 import numpy as np
 
-__all__ = ["blocks", "correlation", "mixture", "projection"]
+__all__ = ["SplitCube", "blocks", "mixture", "projection"]
 
 _BLOCK = 16384  # pixels
 
@@ -33,9 +33,34 @@ def mixture(mixing, sources):
     return maps
 
 
-def correlation(maps, sources):
-    """maps @ sources^T, (n_channels, n_sources) float64."""
-    total = np.zeros((len(maps), len(sources)))
-    for block in blocks(maps.shape[1]):
-        total += maps[:, block].astype(np.float64) @ sources[:, block].T
-    return total
+class SplitCube:
+    """A cube for many products: its bright part in float64, as a few maps, and the faint rest in float32.
+
+    The rest is no brighter than HI, so that float32 products with it lose nothing, and take a third of the
+    time of those that turn the cube to float64 block by block.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix) float32; left as they are.
+    axes
+        Orthonormal spectra of the bright part, (n_channels, n_axes).
+    """
+
+    def __init__(self, maps, axes):
+        self.axes = axes
+        self.bright = projection(axes.T, maps)
+        self.rest = np.empty(maps.shape, dtype=np.float32)
+        for block in blocks(maps.shape[1]):
+            self.rest[:, block] = maps[:, block] - axes @ self.bright[:, block]
+
+    def projection(self, rows):
+        """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64."""
+        return (rows @ self.axes) @ self.bright + rows.astype(np.float32) @ self.rest
+
+    def correlation(self, sources):
+        """maps @ sources^T, (n_channels, n_sources) float64."""
+        total = self.axes @ (self.bright @ sources.T)
+        for block in blocks(sources.shape[1]):
+            total += self.rest[:, block] @ sources[:, block].T.astype(np.float32)
+        return total

@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from himap.blocked import blocks
 from himap.errors import InputError
 
 __all__ = [
+    "BUMP",
     "MSE_DEFINITIONS",
     "band_max",
     "band_mean",
@@ -17,7 +19,8 @@ __all__ = [
     "ratio",
 ]
 
-_BLOCK = 16384  # lines of sight at a time
+BUMP = (0.25, 0.38)
+"""k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
 
 MSE_DEFINITIONS = {
     "relative": "mean of (S / S_true - 1)^2",
@@ -89,8 +92,7 @@ def line_errors(recovered, true):
     """
     shift = _channel_means(recovered) - _channel_means(true)
     errors = np.empty(np.shape(true)[1])
-    for start in range(0, len(errors), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in blocks(len(errors)):
         errors[block] = np.mean((recovered[:, block] - true[:, block] - shift) ** 2, axis=0)
     return errors
 

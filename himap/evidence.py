@@ -180,9 +180,8 @@ class Realisation:
     def make(self):
         """Compute what is not in the cache yet; returns how many assessments were made now."""
         cases = list(dict.fromkeys(case for case, *_ in self.cases.values()))
-        pipeline.hi_alms_of_sky(self.survey.sky)  # once, before processes share the rest
-        stages = [pipeline.observation, pipeline.peak_masked, pipeline.truth_alms, pipeline.true_spectra]
-        for product in stages:
+        pipeline.prepare(cases)
+        for product in (pipeline.observation, pipeline.peak_masked, pipeline.true_spectra):
             make_all(product, [(case,) for case in cases], product.name.rpartition(".")[2])
         calls = [call for calls in self._calls().values() for call in calls.values()]
         return make_all(pipeline.assessment, [*calls, *self._scan().values()], f"seed {self.survey.seed}")

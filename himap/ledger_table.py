@@ -95,7 +95,7 @@ class LedgerTable:
             f'<tr id="claim-{claim["id"]}"><td {left}>{claim["id"]}</td>'
             f"<td {left}>{claim['statement']} <em>({claim['beam']})</em> {self._link(entry.claim)}"
             f"<details><summary>reading and numbers</summary>{claim['reading']} "
-            f"{html.escape(entry.sentence)}</details></td>"
+            f"{html.escape(entry.sentence)}{_failed(entry)}</details></td>"
             f"<td {left}>{badge}<br>{times} realisations</td>"
             f"<td {left}>{measured}</td></tr>"
         )
@@ -105,6 +105,13 @@ class LedgerTable:
         name = self.links.get(page, {}).get(figure, "")
         anchor = f"#{name}" if name else ""
         return f'<a href="{page}.html{anchor}">Fig. {html.escape(figure)}</a>'
+
+
+def _failed(entry):
+    """The parts of the claim that do not hold, and in how many realisations."""
+    parts = [f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items()]
+    total = len(entry.findings)
+    return f"<br>Does not hold (in how many of {total} realisations): {'; '.join(parts)}" if parts else ""
 
 
 def _measured(entry):

@@ -54,7 +54,8 @@ def make_all(product, calls, description):
             product(*call)
     else:
         # Each process computes and keeps; cubes do not travel, and are read from the cache when needed.
-        work = (joblib.delayed(_make)(product, call) for call in missing)
+        # They live on for the next call, so each piece of work brings the settings of this process.
+        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
         done = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
         for caught in progress(done, description, total=len(missing)):
             for message, category in caught:
@@ -62,8 +63,16 @@ def make_all(product, calls, description):
     return len(missing)
 
 
-def _make(product, call):
+def _settings():
+    """The variables of himap, {name: value}."""
+    return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
+
+
+def _make(product, call, settings):
     """Compute and keep; the warnings, for the process that asked and its filters."""
+    for name in _settings().keys() - settings.keys():
+        del os.environ[name]
+    os.environ.update(settings)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         product(*call)

@@ -26,18 +26,22 @@ from himap.survey import Survey
 __all__ = [
     "Assessment",
     "Case",
+    "Modes",
     "Residual",
     "Spectra",
     "assessment",
     "cleaned",
     "components",
     "components_of_sky",
+    "foreground_modes_of_sky",
     "foregrounds",
     "hi",
     "hi_alms_of_sky",
     "hi_of_sky",
+    "noise_alms",
     "observation",
     "peak_masked",
+    "prepare",
     "spectra",
     "true_spectra",
     "truth_alms",
@@ -82,6 +86,14 @@ class Case:
         if isinstance(self.beam, Beam):
             return self.beam
         return beam_model(self.beam, self.survey, ripple=self.ripple)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Modes:
+    """A cube as `spectra` (n_channels, n_modes) @ maps with coefficients `alms` (n_modes, n_alm), mK."""
+
+    spectra: np.ndarray
+    alms: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,8 +157,14 @@ def hi_of_sky(survey):
 
 @product
 def hi_alms_of_sky(survey):
-    """Harmonic coefficients of `hi`, to 3 nside - 1: the beams share them; complex64."""
+    """Harmonic coefficients of `hi`, to 3 nside - 1, complex64: the beams share them."""
     return sphere.analyse(hi_of_sky(survey))
+
+
+@product
+def noise_alms(survey):
+    """Harmonic coefficients of the noise before any smoothing, to 3 nside - 1, complex64."""
+    return sphere.analyse(noise_maps(survey, survey.rng("noise")))
 
 
 def components(survey, galaxy):
@@ -160,27 +178,43 @@ def components_of_sky(survey, galaxy):
     return foreground_components(survey, galaxy)
 
 
+@product
+def foreground_modes_of_sky(survey, galaxy, dimming):
+    """The foregrounds before the beam, a `Modes`: few, and shared by the beams."""
+    spectra, maps = emission_modes(components_of_sky(survey, galaxy), survey.freqs)
+    if dimming is not None:
+        maps *= dimming.weights(survey.nside)
+    return Modes(spectra=spectra, alms=sphere.analyse(maps))
+
+
 def foregrounds(survey, galaxy):
     """Foreground maps before the beam, mK, (n_channels, n_pix); quick to make, so not kept."""
     return emission_maps(components(survey, galaxy), survey.freqs)
+
+
+def prepare(cases):
+    """Make what the observations of `cases` share, once, before several processes ask for it."""
+    for case in cases:
+        components(case.survey, case.galaxy)  # a bad template shows before the long work
+        hi_alms_of_sky(case.survey.sky)
+        noise_alms(case.survey)
+        foreground_modes_of_sky(case.survey.sky, case.galaxy, case.dimming)
 
 
 @product
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
-    spectra, bright = emission_modes(
-        components(survey, case.galaxy), survey.freqs
-    )  # a bad template shows first
-    if case.dimming is not None:
-        bright *= case.dimming.weights(survey.nside)
+    components(survey, case.galaxy)  # a bad template shows before the long work
+    bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
+    beam = case.beam_of_survey()
     return observe(
-        hi(survey),
-        (spectra, bright),
+        hi_alms_of_sky(survey.sky),
+        (bright.spectra, bright.alms),
         noise_maps(survey, survey.rng("noise")),
-        case.beam_of_survey(),
+        beam,
         survey,
-        hi_alms=hi_alms_of_sky(survey.sky),
+        noise_alms=None if beam.after is None else noise_alms(survey),
         provenance={
             "survey": asdict(survey),
             "galaxy": asdict(case.galaxy),
@@ -224,17 +258,23 @@ def cleaned(case, remover, mask_peaks=True):
     )
 
 
-@product
 def truth_alms(case):
-    """Harmonic coefficients of the truth less its channel means, to 3 nside - 1; complex64."""
-    truth = observation(case).truth
-    return sphere.analyse(truth - truth.mean(axis=1, keepdims=True, dtype=np.float64).astype(truth.dtype))
+    """Harmonic coefficients of the truth less its channel means, to 3 nside - 1; complex64, not kept."""
+    beam = case.beam_of_survey()
+    seen = hi_alms_of_sky(case.survey.sky), beam.transfer, noise_alms(case.survey), beam.after
+    alms = np.empty(seen[0].shape, dtype=np.complex64)
+    for n, out in enumerate(alms):
+        hi, transfer, noise, after = (one if one is None else one[n] for one in seen)
+        out[:] = sphere.multiply_beam(hi, transfer)
+        out += noise if after is None else sphere.multiply_beam(noise, after)
+    alms[:, 0] = 0
+    return alms
 
 
 @product
 def true_spectra(case):
     """The `Spectra` of the truth."""
-    cl = np.stack([sphere.cross_spectrum(alm) for alm in truth_alms(case)])
+    cl = sphere.cross_spectrum(truth_alms(case))
     return Spectra(
         angular=AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl),
         frequency=frequency_power(observation(case).truth, case.survey.channel_width),

@@ -22,7 +22,6 @@ __all__ = [
     "analyse_grid",
     "change_resolution",
     "convolve",
-    "convolve_mixture",
     "coupling_matrix",
     "cross_spectrum",
     "gaussian_alm",
@@ -35,6 +34,7 @@ __all__ = [
     "pixel_latitude",
     "pixel_vectors",
     "synthesise",
+    "synthesise_cube",
     "synthesise_grid",
 ]
 
@@ -162,15 +162,16 @@ def _grid(lmax):
     return rings, np.repeat(2 * np.pi * weights[::-1] / nphi, nphi.astype(int))
 
 
-def synthesise_grid(alm):
+def synthesise_grid(alm, grid_lmax=None):
     """Field of coefficients on the cheapest grid that holds it exactly, (..., n_alm) to (..., n_grid).
 
     For work between two transforms, such as thresholding; `analyse_grid` goes back. Pixels
-    of this grid have areas equal within a factor of two but near the poles.
+    of this grid have areas equal within a factor of two but near the poles. `grid_lmax` asks for the grid of
+    a larger lmax than that of the coefficients.
     """
     alm = np.asarray(alm, dtype=complex)
     lmax = lmax_of_size(alm.shape[-1])
-    rings, area = _grid(lmax)
+    rings, area = _grid(lmax if grid_lmax is None else grid_lmax)
     fields = np.empty((*alm.shape[:-1], len(area)))
     for row, out in zip(alm.reshape(-1, alm.shape[-1]), fields.reshape(-1, len(area)), strict=True):
         ducc0.sht.synthesis(alm=row[None], map=out[None], lmax=lmax, spin=0, nthreads=0, **rings)
@@ -214,21 +215,18 @@ def convolve(maps, beams, *, label="maps"):
 
     Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
     """
-    nside = nside_of(maps)
-    out = np.empty(np.shape(maps), dtype=np.float32)
-    for channel, beam, smooth in zip(progress(maps, f"beam on {label}"), beams, out, strict=True):
-        alm = analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1)
-        smooth[:] = synthesise(multiply_beam(alm, beam), nside)
-    return out
+    alms = (
+        multiply_beam(analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1), beam)
+        for channel, beam in zip(maps, beams, strict=True)
+    )
+    return synthesise_cube(alms, nside_of(maps), n_channels=len(beams), label=f"beam on {label}")
 
 
-def convolve_mixture(spectra, maps, beams, *, label="maps"):
-    """As `convolve`, for the cube `spectra` @ `maps`, (n_channels, n_modes) times (n_modes, n_pix)."""
-    nside = nside_of(maps)
-    alms = analyse(np.asarray(maps, dtype=np.float64), beams.shape[1] - 1)
-    out = np.empty((len(spectra), 12 * nside**2), dtype=np.float32)
-    for row, beam, smooth in zip(progress(spectra, f"beam on {label}"), beams, out, strict=True):
-        smooth[:] = synthesise(multiply_beam(row @ alms, beam), nside)
+def synthesise_cube(alms, nside, *, n_channels, label):
+    """Cube of the coefficients of one channel after the other, (n_channels, n_pix) float32, with a bar."""
+    out = np.empty((n_channels, 12 * nside**2), dtype=np.float32)
+    for row, alm in zip(progress(out, label), alms, strict=True):
+        row[:] = synthesise(alm, nside)
     return out
 
 

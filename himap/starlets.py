@@ -4,7 +4,7 @@ import numpy as np
 
 from himap import sphere
 
-__all__ = ["starlet_filters", "starlets"]
+__all__ = ["starlet_bands", "starlet_filters", "starlets"]
 
 
 def starlet_filters(n_scales, lmax):
@@ -18,6 +18,20 @@ def starlet_filters(n_scales, lmax):
     low_passes = 1.5 * _b_spline(2 * scale * np.arange(lmax + 1) / lmax)
     low_passes = np.vstack([np.ones(lmax + 1), low_passes])
     return np.vstack([low_passes[:-1] - low_passes[1:], low_passes[-1]])
+
+
+def starlet_bands(n_scales, lmax):
+    """For every scale, fine to coarse: which coefficients to `lmax` it keeps, and its filter on those.
+
+    The kept ones are all coefficients up to some l, so they can be transformed as they are. Coarse scales
+    end at small l, where transforms are cheap.
+    """
+    degree = sphere.alm_degree(lmax)
+    bands = []
+    for values in starlet_filters(n_scales, lmax):
+        keep = degree <= np.flatnonzero(values).max(initial=1)
+        bands.append((keep, values[degree[keep]]))
+    return bands
 
 
 def starlets(maps, n_scales):

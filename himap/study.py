@@ -9,24 +9,25 @@ from functools import cached_property
 import numpy as np
 
 from himap import pipeline, plotting
+from himap.diagnostics import BUMP
 from himap.errors import InputError
 from himap.evidence import Comparison
 from himap.parallel import make_all
 from himap.provenance import Provenance
+from himap.removal.sdecgmca import TABLE_1
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
 __all__ = ["BEAMS", "N_SOURCES", "Study", "each_beam"]
 
-N_SOURCES = {"degraded": 3, "evolving": 4, "oscillating": 5}
+N_SOURCES = {beam: row["n_sources"] for beam, row in TABLE_1.items()}
 """Number of components that the paper removes, by beam (Table 1)."""
 
 BEAMS = tuple(N_SOURCES)
 
 ANGULAR_BANDS = ((1, 10), (10, 200))
 FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, np.inf))
-PEAK = (0.25, 0.38)  # around 2 pi / 20 MHz, where the 20 MHz ripple of the oscillating beam shows
 
 _AXES = {
     "angular": {
@@ -122,7 +123,9 @@ class Study:
         """How well `remover` did, a `pipeline.Assessment`; keeps the cleaned cube if the study does."""
         if self.keep_cubes:
             self.cleaned(beam, remover, mask_peaks=mask_peaks)
-        return pipeline.assessment(self.case(beam), remover, mask_peaks, post_mask)
+        with_masked = self.case(beam), remover, mask_peaks, True  # holds the other too
+        post_mask = post_mask or pipeline.assessment.is_cached(*with_masked)
+        return pipeline.assessment(*with_masked[:3], post_mask)
 
     def spectra(self, beam, remover, **options):
         """The `Spectra` of what `remover` leaves."""
@@ -140,7 +143,8 @@ class Study:
     def prepare(self, removers, *, mask_peaks=True, post_mask=False):
         """Assess {beam: [method, ...]} in as many processes as `himap run --jobs` says; keeps the results."""
         cases = {beam: self.case(beam) for beam in removers}
-        for product in (pipeline.observation, pipeline.peak_masked, pipeline.truth_alms):
+        pipeline.prepare(cases.values())
+        for product in (pipeline.observation, pipeline.peak_masked):
             make_all(product, [(case,) for case in cases.values()], product.name.rpartition(".")[2])
         calls = [(cases[beam], one, mask_peaks) for beam, methods in removers.items() for one in methods]
         if self.keep_cubes:
@@ -229,7 +233,7 @@ class Study:
         for low, high in FREQUENCY_BANDS:
             name = f"P/P0, k > {low}" if high == np.inf else f"P/P0, {low} < k < {high}"
             _add(numbers, name, k, frequency, low, high, np.mean)
-        _add(numbers, "P/P0, highest near k = 0.31", k, frequency, *PEAK, np.max)
+        _add(numbers, "P/P0, highest near k = 0.31", k, frequency, *BUMP, np.max)
         return numbers
 
     @staticmethod

@@ -46,8 +46,8 @@ import numpy as np
 
 from himap import plotting, removal
 from himap.checks import whole_number
-from himap.claims.base import BUMP, LOW_K, angular_error, bump, frequency_error
-from himap.diagnostics import MSE_DEFINITIONS, mean_squared_error
+from himap.claims.base import LOW_K, angular_error, bump, frequency_error
+from himap.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.errors import InputError
 from himap.numbers import show_table
 from himap.removal.base import REGISTRY, SeparationWarning

@@ -47,7 +47,7 @@ import numpy as np
 
 from himap import diagnostics, plotting, sphere
 from himap.errors import InputError
-from himap.evidence import Comparison, methods_for
+from himap.evidence import methods_for
 from himap.numbers import show_table
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
@@ -103,7 +103,7 @@ show_table(table)
 # %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "The 30 flagged lines of sight with the largest error, of the method that the line below names (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed."}}
 def centred(cube):
     """Maps less the mean of every channel over the sky, (n_channels, n_pix)."""
-    return cube - cube.mean(axis=1, keepdims=True, dtype=float)
+    return cube - cube.mean(axis=1, keepdims=True, dtype=float).astype(cube.dtype)
 
 
 observed = study.observed(beam)
@@ -238,9 +238,7 @@ study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources)
 # %% mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin; SDecGMCA dotted) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). Peaks higher than the lower panels are in the table below. The black line is the truth of the whole sky. The two fits are in the next figure, far off this scale."}}
 def both(one):
     """`Comparison` of a method on the whole sky, and without the lines of sight that it got wrong."""
-    assessed = found[one.name]
-    whole = Comparison.of(assessed.spectra, study.truth(beam), l_top=study.l_top)
-    return whole, Comparison.of(assessed.masked, assessed.masked_truth, l_top=study.l_top)
+    return study.compared(beam, one), study.compared(beam, one, masked=True)
 
 
 def looks_of(one):

@@ -59,7 +59,6 @@ from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
 from himap.removal.pca import PCA
 from himap.sky.dimming import Dimming
-from himap.sky.emission import emission_modes
 from himap.spectra import frequency_power
 from himap.study import Study
 
@@ -183,14 +182,14 @@ show_table(table)
 # %%
 def centred(cube):
     """Maps less the mean of every channel over the sky, (n_channels, n_pix)."""
-    return cube - cube.mean(axis=1, keepdims=True, dtype=float)
+    return cube - cube.mean(axis=1, keepdims=True, dtype=float).astype(cube.dtype)
 
 
 def errors_of(study, remover):
     """rms of the foreground that `remover` leaves and of the HI that it takes, mK."""
     seen, result = study.observed(beam), study.cleaned(beam, remover)
     spotted = seen.maps - study.peak_masked(beam).maps
-    maps = centred(seen.truth - spotted).astype(np.float32)
+    maps = centred(seen.truth - spotted)
     if remover.needs_beams:
         lost = through_beams(maps, result.mixing, seen.beams / seen.beams.max(axis=0))
     else:
@@ -223,15 +222,16 @@ show_table(table)
 
 # %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane. Right: for several latitudes of the edge."}}
 seen = full.observed(beam)
-spectra, bright = emission_modes(
-    pipeline.components(full.made_for, full.case(beam).galaxy), full.made_for.freqs
-)
+nside = full.made_for.nside
 
 
 def ratio_of(dimming):
     """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way; no map is kept."""
-    sky = bright * dimming.weights(full.made_for.nside)
-    maps = seen.truth + sphere.convolve_mixture(spectra, sky, seen.beams)
+    bright = pipeline.foreground_modes_of_sky(full.made_for.sky, full.case(beam).galaxy, dimming)
+    channels = zip(bright.spectra, seen.beams, strict=True)
+    alms = (sphere.multiply_beam(row @ bright.alms, beam) for row, beam in channels)
+    maps = sphere.synthesise_cube(alms, nside, n_channels=len(seen.freqs), label="dimmed foregrounds")
+    maps += seen.truth
     flat = peaks.mask_peaks(maps, seen.freqs).maps
     left = PCA(n_sources=n_sources).clean(maps, freqs=seen.freqs, separate_on=flat).residual
     true = full.truth(beam).frequency.power

@@ -28,5 +28,5 @@ def test_modes_add_up_to_the_emission(components):
 def test_modes_are_few(components):
     spectra, maps = emission_modes(components, FREQS)
     assert spectra.shape == (100, len(maps))
-    assert len(maps) < 35
+    assert len(maps) < 15
     assert len(emission_modes(components[1:2], FREQS)[1]) == 1

@@ -145,17 +145,26 @@ def test_foregrounds_as_spectra_times_maps(cubes, rng):
     hi, _, noise = cubes
     spectra, maps = 1 + rng.random((SURVEY.n_channels, 2)), 1e4 * rng.random((2, SURVEY.n_pix))
     beam = beams.beam_model("evolving", SURVEY)
-    one = observe(hi, (spectra, maps), noise, beam, SURVEY)
+    alms = sphere.analyse(maps)
+    one = observe(hi, (spectra, alms), noise, beam, SURVEY)
     two = observe(hi, (spectra @ maps).astype(np.float32), noise, beam, SURVEY)
     assert one.maps == pytest.approx(two.maps, abs=0.01)  # float32 of 1e4 mK has 1e-3
-    with pytest.raises(InputError, match="foregrounds must have shape"):
-        observe(hi, (spectra[:2], maps), noise, beam, SURVEY)
+    for bad in [(spectra[:2], alms), (spectra[:, :1], alms), (spectra, alms[:, 1:]), (spectra, maps)]:
+        with pytest.raises(InputError, match="foregrounds must have shapes"):
+            observe(hi, bad, noise, beam, SURVEY)
 
 
-def test_coefficients_of_hi_at_hand(cubes):
-    beam = beams.beam_model("evolving", SURVEY)
-    one = observe(*cubes, beam, SURVEY, hi_alms=sphere.analyse(cubes[0]))
-    assert one.truth == pytest.approx(observe(*cubes, beam, SURVEY).truth, abs=1e-6)
+@pytest.mark.parametrize("name", ["evolving", "degraded"])
+def test_coefficients_at_hand(cubes, name):
+    hi, foregrounds, noise = cubes
+    beam = beams.beam_model(name, SURVEY)
+    alms = sphere.analyse(hi), sphere.analyse(foregrounds.astype(float))
+    one = observe(*alms, noise, beam, SURVEY, noise_alms=sphere.analyse(noise))
+    two = observe(*cubes, beam, SURVEY)
+    assert one.truth == pytest.approx(two.truth, abs=1e-6)
+    assert one.maps == pytest.approx(two.maps, abs=0.01)
+    with pytest.raises(InputError, match=r"hi must have shape \(n_channels, n_alm\)"):
+        observe(alms[0][:, 1:], foregrounds, noise, beam, SURVEY)
 
 
 def test_custom_beam(cubes):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from joblib.externals.loky import get_reusable_executor
 
 from himap import pipeline
 from himap.errors import InputError
@@ -14,14 +13,6 @@ from himap.survey import Survey
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
-
-
-@pytest.fixture(autouse=True)
-def fresh_processes():
-    """joblib keeps its processes for the next call, with the variables that were set when they began."""
-    get_reusable_executor().shutdown()
-    yield
-    get_reusable_executor().shutdown()
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -42,6 +33,15 @@ def test_processes_give_what_one_gives(monkeypatch, tmp_path):
         make_all(pipeline.assessment, CALLS, "test")
         found.append([pipeline.assessment(*call).spectra.angular.cl for call in CALLS])
     assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
+
+
+def test_processes_that_live_on_follow_the_settings(monkeypatch, tmp_path):
+    monkeypatch.setenv(JOBS_VARIABLE, "2")
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "one"))
+    make_all(pipeline.assessment, CALLS, "test")
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "two"))
+    assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
+    assert all(pipeline.assessment.is_cached(*call) for call in CALLS)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])

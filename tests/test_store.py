@@ -12,6 +12,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 import himap
 from himap import store
@@ -153,6 +154,7 @@ def test_a_product_travels_by_name(lab):
 
 
 def test_products_nest_also_in_workers(lab):
+    get_reusable_executor().shutdown()  # workers of other tests do not know the folder of the lab
     with joblib.Parallel(n_jobs=2) as parallel:
         results = parallel(joblib.delayed(lab.pair)(SURVEY, scale=scale) for scale in (1.0, 3.0))
     assert sorted(lab.computed()) == ["base", "base", "pair", "pair"]

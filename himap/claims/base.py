@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.diagnostics import band_max, band_mean, largest_deviation
+from himap.diagnostics import BUMP, band_max, band_mean, largest_deviation
 
 __all__ = [
     "BLIND",
     "BSS",
-    "BUMP",
     "DIFFERENT",
     "FAILED",
     "LOW_K",
@@ -51,7 +50,6 @@ METHODS = {
 
 BSS = ("pca", "fastica", "gmca", "sdecgmca")
 BLIND = ("pca", "fastica", "gmca")
-BUMP = (0.25, 0.38)  # 1/MHz, around 2 pi / 20 MHz
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
 
 

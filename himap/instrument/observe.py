@@ -7,7 +7,6 @@ import numpy as np
 from himap import sphere
 from himap.checks import checked_cube
 from himap.errors import InputError
-from himap.progress import progress
 
 __all__ = ["Observation", "observe"]
 
@@ -40,22 +39,27 @@ class Observation:
     provenance: dict
 
 
-def observe(hi, foregrounds, noise, beam, survey, *, hi_alms=None, provenance=None):
+def observe(hi, foregrounds, noise, beam, survey, *, noise_alms=None, provenance=None):
     """Observe a sky.
+
+    What is at hand as harmonic coefficients (complex, to 3 nside - 1, as `sphere.analyse` gives them) is not
+    transformed again, so several beams can share the analysis of one sky.
 
     Parameters
     ----------
-    hi, foregrounds
-        Maps in mK, (n_channels, n_pix), before the beam. The foregrounds may also be a pair (spectra, maps),
-        (n_channels, n_modes) and (n_modes, n_pix), whose product is the cube.
+    hi
+        In mK before the beam: maps (n_channels, n_pix), or their coefficients (n_channels, n_alm).
+    foregrounds
+        The same as maps, or as a pair (spectra, coefficients), (n_channels, n_modes) and (n_modes, n_alm),
+        whose product is the cube.
     noise
         Maps in mK, as the receiver adds them; smoothed only by what `beam` does afterwards.
     beam
         A `Beam`.
     survey
         The `Survey` they belong to.
-    hi_alms
-        Coefficients of `hi` to 3 nside - 1, (n_channels, n_alm), where they are at hand.
+    noise_alms
+        Coefficients of `noise`, (n_channels, n_alm), where they are at hand.
     provenance
         Dictionary kept with the result.
 
@@ -64,26 +68,26 @@ def observe(hi, foregrounds, noise, beam, survey, *, hi_alms=None, provenance=No
     InputError
         Cubes that are not of the survey's shape.
     """
-    expected = (survey.n_channels, survey.n_pix)
-    mixture = isinstance(foregrounds, tuple)
-    cubes = {"hi": hi, "noise": noise} | ({} if mixture else {"foregrounds": foregrounds})
-    shapes = {label: checked_cube(label, cube).shape for label, cube in cubes.items()}
-    if mixture:
-        spectra, bright = (checked_cube("foregrounds", part) for part in foregrounds)
-        shapes["foregrounds"] = (len(spectra), bright.shape[1])
-    for label, shape in shapes.items():
-        if shape != expected:
-            raise InputError(f"{label} must have shape (n_channels, n_pix) = {expected}, got {shape}.")
     if beam.transfer.shape != (survey.n_channels, survey.lmax + 1):
         raise InputError(
             f"the beam must be made for this survey: b_l of shape {(survey.n_channels, survey.lmax + 1)}, "
             f"got {beam.transfer.shape}."
         )
-    truth = _smoothed(hi, hi_alms, beam.transfer)
-    truth += noise if beam.after is None else sphere.convolve(noise, beam.after, label="noise")
-    convolve = sphere.convolve_mixture if mixture else sphere.convolve
-    cube = foregrounds if mixture else (foregrounds,)
-    maps = convolve(*cube, beam.transfer, label="foregrounds")
+    noise = _checked("noise", noise, survey)
+    signal = _coefficients("hi", hi, survey)
+    bright = _mixture(*foregrounds, survey) if isinstance(foregrounds, tuple) else None
+    if bright is None:
+        bright = _coefficients("foregrounds", foregrounds, survey)
+    truth = _through(beam.transfer, signal)
+    if beam.after is not None:
+        smoothed = _through(
+            beam.after, _coefficients("noise", noise if noise_alms is None else noise_alms, survey)
+        )
+        truth = (one + two for one, two in zip(truth, smoothed, strict=True))
+    truth = _cube(truth, survey, "HI and noise")
+    if beam.after is None:
+        truth += noise
+    maps = _cube(_through(beam.transfer, bright), survey, "foregrounds")
     maps += truth
     return Observation(
         maps=maps,
@@ -95,11 +99,39 @@ def observe(hi, foregrounds, noise, beam, survey, *, hi_alms=None, provenance=No
     )
 
 
-def _smoothed(hi, alms, beams):
-    """HI through the beam, float32."""
-    if alms is None:
-        return sphere.convolve(hi, beams, label="HI")
-    out = np.empty(np.shape(hi), dtype=np.float32)
-    for alm, beam, row in zip(progress(alms, "beam on HI"), beams, out, strict=True):
-        row[:] = sphere.synthesise(sphere.multiply_beam(alm, beam), sphere.nside_of(hi))
-    return out
+def _coefficients(label, cube, survey):
+    """Coefficients of each channel in turn, as given or of maps, which are analysed in float64."""
+    if np.iscomplexobj(cube):
+        return _checked(label, cube, survey)
+    maps = _checked(label, cube, survey)
+    return (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in maps)
+
+
+def _mixture(spectra, alms, survey):
+    """Coefficients of each channel of the cube `spectra` @ alms in turn."""
+    expected = (survey.n_channels, len(alms)), (len(alms), sphere.alm_size(survey.lmax))
+    if (np.shape(spectra), np.shape(alms)) != expected:
+        raise InputError(
+            f"foregrounds must have shapes (n_channels, n_modes) and (n_modes, n_alm) = {expected[0]} and "
+            f"{expected[1]}, got {np.shape(spectra)} and {np.shape(alms)}."
+        )
+    return (row @ alms for row in spectra)
+
+
+def _checked(label, cube, survey):
+    """A cube of maps or of coefficients, of the survey's shape."""
+    alms = np.iscomplexobj(cube)
+    expected = (survey.n_channels, sphere.alm_size(survey.lmax) if alms else survey.n_pix)
+    cube = cube if alms else checked_cube(label, cube)
+    if np.shape(cube) != expected:
+        kind = "n_alm" if alms else "n_pix"
+        raise InputError(f"{label} must have shape (n_channels, {kind}) = {expected}, got {np.shape(cube)}.")
+    return cube
+
+
+def _through(beams, alms):
+    return (sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, beams, strict=True))
+
+
+def _cube(alms, survey, label):
+    return sphere.synthesise_cube(alms, survey.nside, n_channels=survey.n_channels, label=f"beam on {label}")

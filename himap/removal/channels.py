@@ -45,32 +45,27 @@ class Channels:
         """
         return self._solve(window[degrees(self.lmax)] * self.modes, sources, sources)
 
-    def corrected(self, mixing, sources, kept):
-        """A plus what the residual X - H A S still holds of the thresholded sources `kept`.
+    def left(self, mixing, sources):
+        """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
+        left = np.empty_like(self.modes)
+        parts = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, left)), strict=True)
+        for matrix, source, seen, out in parts:
+            np.subtract(seen, matrix @ source, out=out)
+        return left
+
+    def corrected(self, mixing, left, sources, kept):
+        """A plus what the residual `left`, X - H A S, still holds of the thresholded sources `kept`.
 
         Solves sum_l H (X - H A S) kept^T = 0 by one Newton step. Without noise the true A is a fixed point
         whatever the thresholds take away, for the whole sources are subtracted. In `fit` what is cut from
         the sources stays in the data, through another beam in each channel, and A goes to fit that.
         """
-        left = np.concatenate(list(self._left(mixing, sources)), axis=1)
         return mixing + self._solve(left, sources, kept)
-
-    def misfit(self, mixing, sources):
-        """Sum of (X - H A S)^2."""
-        return sum(float(np.sum(left**2)) for left in self._left(mixing, sources))
 
     def noise_left(self, mixing, sources):
         """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
-        fine = (self.lmax + 1) // 2
-        power = sum(np.sum(left**2, axis=1) for left in list(self._left(mixing, sources))[fine:])
-        return power / (self.modes.shape[1] - fine**2)
-
-    def _left(self, mixing, sources):
-        """X - H A S, (n_channels, 2 l + 1), for each l in turn."""
-        for matrix, source, seen in zip(
-            self.matrices(mixing), blocks(sources), blocks(self.modes), strict=True
-        ):
-            yield seen - matrix @ source
+        fine = ((self.lmax + 1) // 2) ** 2
+        return np.mean(self.left(mixing, sources)[:, fine:] ** 2, axis=1)
 
     def _solve(self, data, sources, kept):
         """B of sum_l H_l (data - H_l B sources) kept^T = 0 by channel; never singular."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from himap import sphere
-from himap.blocked import correlation, mixture, projection
+from himap.blocked import SplitCube, mixture, projection
 from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
@@ -14,10 +14,11 @@ from himap.removal.conventions import ordered
 from himap.removal.harmonic import safe_inverse
 from himap.removal.pca import channel_covariance, principal_axes
 from himap.removal.sparsity import NORMAL, share_threshold
-from himap.starlets import starlet_filters
+from himap.starlets import starlet_bands
 
 __all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
 
+_BRIGHT = 1e3  # variance over that of HI and noise, where float32 products still have digits to spare
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
 
@@ -62,7 +63,7 @@ class GMCA(ForegroundRemover):
     def _separate(self, maps, *, freqs, beams, rng):
         for step in progress(self.iterate(maps), "gmca", total=self.max_iterations):
             last = step
-        mixing, sources = ordered(last.mixing, _project(last.mixing, maps))
+        mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), maps))
         return Separation(
             foreground=mixture(mixing, sources),
             mixing=mixing,
@@ -75,17 +76,23 @@ class GMCA(ForegroundRemover):
         """The iterations one by one: a `Step` after each, on maps less their channel means."""
         covariance = channel_covariance(maps)
         mixing = principal_axes(covariance, self.n_sources)
+        cube = SplitCube(maps, principal_axes(covariance, self._n_bright(covariance)))
         for n_iterations in range(1, self.max_iterations + 1):
             share = min(1, n_iterations / self.n_falling)
-            sources = details(_project(mixing, maps), self.n_scales)
+            sources = details(cube.projection(_inverse(mixing)), self.n_scales)
             limits = thresholds(sources, share, self.n_sigma)
             _drop(sources, limits, soft=self.penalty == "l1")
-            updated = _updated(mixing, maps, sources)
+            updated = _updated(mixing, cube, sources)
             converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
             mixing = updated
             yield Step(n_iterations=n_iterations, mixing=mixing, thresholds=limits, converged=converged)
             if converged:
                 return
+
+    def _n_bright(self, covariance):
+        """How many principal components hold what is much brighter than the typical one."""
+        values = np.linalg.eigvalsh(covariance)
+        return max(self.n_sources, int(np.sum(values > _BRIGHT * np.median(values))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,13 +108,13 @@ class Step:
     converged: bool
 
 
-def _updated(mixing, maps, sources):
+def _updated(mixing, cube, sources):
     """X^wt S^T (S S^T)^-1 for sparse coefficients S (n_scales, n_sources, n_pix), columns of unit length."""
     gram = np.einsum("jmp,jnp->mn", sources, sources)
     length = np.sqrt(np.diag(gram))
     alive = length > 0  # a source without coefficients keeps its column
     length = length[alive]
-    cross = correlation(maps, details_adjoint(sources)[alive]) / length
+    cross = cube.correlation(details_adjoint(sources)[alive]) / length
     gram = gram[np.ix_(alive, alive)] / np.outer(length, length)
     columns = cross @ np.linalg.pinv(gram, rcond=_RANK, hermitian=True) / length
     updated = mixing.copy()
@@ -156,10 +163,11 @@ def details(maps, n_scales):
     1 % of white noise on HEALPix) and easy to transpose; being linear it leaves the mixture X = A S as it is.
     """
     nside = sphere.nside_of(maps)
+    bands = _bands(n_scales, nside)
     scales = np.empty((n_scales, *maps.shape))
-    alms = sphere.analyse(maps, n_iter=0)
     scales[0] = maps
-    for scale, (keep, band) in enumerate(_bands(n_scales, 3 * nside - 1), start=1):
+    alms = sphere.analyse(maps, _widest(bands), n_iter=0)
+    for scale, (keep, band) in enumerate(bands, start=1):
         rest = sphere.synthesise(alms[:, keep] * band, nside)
         scales[0] -= rest
         if scale < n_scales:
@@ -170,27 +178,26 @@ def details(maps, n_scales):
 def details_adjoint(scales):
     """Phi^T: the transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""
     nside = sphere.nside_of(scales)
-    alms = np.zeros((scales.shape[1], sphere.alm_size(3 * nside - 1)), dtype=complex)
-    for scale, (keep, band) in enumerate(_bands(len(scales), 3 * nside - 1), start=1):
+    bands = _bands(len(scales), nside)
+    alms = np.zeros((scales.shape[1], len(bands[0][0])), dtype=complex)
+    for scale, (keep, band) in enumerate(bands, start=1):
         rest = scales[scale] - scales[0] if scale < len(scales) else -scales[0]
-        lmax = sphere.lmax_of_size(len(band))
-        alms[:, keep] += sphere.analyse(rest, lmax, n_iter=0) * band
+        alms[:, keep] += sphere.analyse(rest, sphere.lmax_of_size(len(band)), n_iter=0) * band
     return scales[0] + sphere.synthesise(alms, nside)
 
 
-def _bands(n_scales, lmax):
-    """For every scale but the finest: which coefficients to `lmax` it keeps, and its filter on those.
-
-    Coarse scales end at small l, where transforms are cheap.
-    """
-    degree = sphere.alm_degree(lmax)
-    bands = []
-    for values in starlet_filters(n_scales, lmax)[1:]:
-        keep = degree <= np.flatnonzero(values).max(initial=1)
-        bands.append((keep, values[degree[keep]]))
-    return bands
+def _bands(n_scales, nside):
+    """`starlet_bands` of every scale but the finest, among the coefficients of the widest of them."""
+    bands = starlet_bands(n_scales, 3 * nside - 1)[1:]
+    widest = bands[0][0]
+    return [(keep[widest], band) for keep, band in bands]
 
 
-def _project(mixing, maps):
-    """A^+ X, (n_sources, n_pix) float64."""
-    return projection(safe_inverse(mixing[None])[0], maps)
+def _widest(bands):
+    """The largest l of any."""
+    return sphere.lmax_of_size(len(bands[0][1]))
+
+
+def _inverse(mixing):
+    """A^+, (n_sources, n_channels)."""
+    return safe_inverse(mixing[None])[0]

@@ -154,12 +154,13 @@ class SDecGMCA(ForegroundRemover):
         for count in progress(range(_MOST_STABLE), "sdecgmca"):
             inverses = harmonic.safe_inverse(channels.matrices(mixing))
             sources = harmonic.project(inverses, channels.modes)
-            last, misfit = misfit, channels.misfit(mixing, sources)
+            left = channels.left(mixing, sources)
+            last, misfit = misfit, np.vdot(left, left)
             settled = last is not None and abs(last - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
             kept = sparse(sources, channels.noise_of(inverses), self.share)
-            mixing, _ = np.linalg.qr(channels.corrected(mixing, sources, kept))
+            mixing, _ = np.linalg.qr(channels.corrected(mixing, left, sources, kept))
         return mixing, False, _MOST_STABLE
 
     def _published(self, channels, mixing):

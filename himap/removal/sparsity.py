@@ -4,7 +4,7 @@ import numpy as np
 
 from himap import sphere
 from himap.removal.harmonic import degrees, from_modes, to_modes
-from himap.starlets import starlet_filters
+from himap.starlets import starlet_bands, starlet_filters
 
 __all__ = ["NORMAL", "SparseSources", "share_threshold"]
 
@@ -40,7 +40,7 @@ class SparseSources:
         self.analytic = analytic
         self.filters = starlet_filters(n_scales, lmax)
         self.detail = 1 - self.filters[-1]
-        self._degree = sphere.alm_degree(lmax)
+        self._bands = starlet_bands(n_scales, lmax)[:-1]
         self._modes = degrees(lmax)
         self._last = None
 
@@ -64,11 +64,11 @@ class SparseSources:
         kept = np.empty_like(sources)
         memory = []
         for n, alm in enumerate(from_modes(sources)):
-            scales = sphere.synthesise_grid(alm * self.filters[:-1, self._degree])
+            scales = [sphere.synthesise_grid(alm[keep] * band, lmax) for keep, band in self._bands]
             for scale, level, last in zip(scales, levels[:, n], self._of_source(n, len(scales)), strict=True):
                 self._shrink(scale, level, share, last if reweighted else None)
-            memory.append(scales.astype(np.float32))
-            kept[n] = to_modes(sphere.analyse_grid(scales.sum(axis=0), lmax))
+            memory.append(np.array(scales, dtype=np.float32))
+            kept[n] = to_modes(sphere.analyse_grid(sum(scales), lmax))
         self._last = memory
         return kept
 

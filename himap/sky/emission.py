@@ -75,7 +75,15 @@ def emission_modes(components, freqs):
             term, pixels = term * x / order, pixels * (component.index - centre)
             if (np.abs(x).max() * 0.5 * (high - low)) ** order <= _TOLERANCE * factorial(order):
                 break
-    return np.stack(spectra, axis=1), np.stack(maps)
+    return _condensed(np.stack(spectra, axis=1), np.stack(maps))
+
+
+def _condensed(spectra, maps):
+    """The same sum in as few terms as it needs: components that resemble each other share theirs."""
+    axes, rest = np.linalg.qr(maps.T)
+    left, size, right = np.linalg.svd(spectra @ rest.T, full_matrices=False)
+    kept = size > 0.1 * _TOLERANCE * size[0]  # faint pixels too keep their digits
+    return left[:, kept] * size[kept], right[kept] @ axes.T
 
 
 def emission_maps(components, freqs):
