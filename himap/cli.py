@@ -1,76 +1,29 @@
 """The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback."""
 
-import os
 import time
-from collections import defaultdict
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from himap import __version__, ledger, ledger_table, reproduce, store
+from himap import __version__, ledger, ledger_table, reproduce
 from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.cli_cache import cache_commands
+from himap.cli_shared import SETTINGS, Commands, debug, print_table, workers
 from himap.errors import InputError
 from himap.notebook_files import check_output, copy_name
-from himap.parallel import JOBS_VARIABLE
-from himap.parameters import check_parameters, describe_parameters, parse_texts
+from himap.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.provenance import Provenance
 
 __all__ = ["main"]
 
-_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
-
-
-class _BadInput(click.ClickException):
-    exit_code = 2
-
-
-class _Commands(click.Group):
-    """Commands whose errors of the user's making are told in one paragraph."""
-
-    def invoke(self, context):
-        try:
-            return super().invoke(context)
-        except (InputError, reproduce.NotebookError) as error:
-            if context.meta.get("debug"):
-                raise
-            if isinstance(error, InputError):
-                raise _BadInput(str(error)) from None
-            raise click.ClickException(f"{error}\nAdd --debug for the traceback.") from None
-
-
-def _remember_debug(context, parameter, value):
-    context.meta["debug"] = value or context.meta.get("debug", False)
-
-
-_debug = click.option(
-    "--debug",
-    is_flag=True,
-    expose_value=False,
-    callback=_remember_debug,
-    help="Show the traceback of an error.",
-)
-
-
-def _set_jobs(context, parameter, value):
-    if value:
-        os.environ[JOBS_VARIABLE] = str(value)  # kernels and worker processes read it
-
-
-_jobs = click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    expose_value=False,
-    callback=_set_jobs,
-    help="Processes that work at once on what is independent; default 1.",
-)
 _SEEDS = 5  # of `himap claims`: fewer say little where a verdict depends on the realisation
 _COLOURS = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
 
 
-@click.group(cls=_Commands, context_settings=_SETTINGS)
+@click.group(cls=Commands, context_settings=SETTINGS)
 @click.version_option(__version__, message="himap %(version)s")
-@_debug
+@debug
 def main():
     """Foreground removal in HI intensity mapping: the notebooks of the companion, from the shell.
 
@@ -78,18 +31,22 @@ def main():
     himap list                     what there is
     himap list 04_pca              the parameters of one notebook
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
+    himap run --all --preset laptop --jobs 2
     himap claims --preset laptop   what of the paper is reproduced
     """
 
 
+main.add_command(cache_commands)
+
+
 @main.command("list")
 @click.argument("name", required=False)
-@_debug
+@debug
 def list_(name):
     """List the notebooks, or the parameters of notebook NAME."""
     if name is None:
         rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in reproduce.notebooks()]
-        _print_table(("notebook", "paper", "title"), rows)
+        print_table(("notebook", "paper", "title"), rows)
         return
     notebook = reproduce.find(name)
     click.echo(notebook.title)
@@ -104,37 +61,53 @@ def list_(name):
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter; the value may be JSON.")
 @click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
 @click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
-@_jobs
-@_debug
-def run(names, preset, pairs, output, stale):
+@click.option("--all", "every", is_flag=True, help="All notebooks, but for those that are done already.")
+@workers
+@debug
+def run(names, preset, pairs, output, stale, every):
     """Execute notebooks, with other parameters if you like.
 
     `himap list NAME` shows the parameters. The fields of a preset (nside, n_channels, seed, ...)
-    are parameters too.
+    are parameters too. What was interrupted goes on where it stopped when it is run again.
 
     \b
     himap run 02_beams_and_noise --preset ci -p seed=7
     himap run 04_pca -p galaxy=templates -p template_dir=maps -o pca.ipynb
+    himap run --all --preset laptop --jobs 2
     """
     if stale:
-        if preset or pairs or output:
-            raise InputError("--stale runs notebooks as they are committed; leave out --preset, -p and -o.")
+        if preset or pairs or output or every:
+            raise InputError("--stale runs notebooks as they are committed; leave out all but their names.")
         _refresh(names)
         return
-    if not names:
-        raise InputError("name the notebooks to run, or give --stale; `himap list` shows what there is.")
+    if every and names:
+        raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
+    if not (names or every):
+        raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
+    names = [one.name for one in reproduce.notebooks()] if every else names
     if output and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
-    texts = _split(pairs)
-    values = {}
-    for name in names:  # all of them, before any runs
-        declared = reproduce.find(name).parameters
-        values[name] = parse_texts(declared, texts)
-        check_parameters(declared, values[name], preset)
+    values = _values(names, preset, _split(pairs), some_accept=every)
     for name in names:
         started = time.monotonic()
-        path = reproduce.run(name, preset=preset, parameters=values[name], output=output)
-        click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+        path, done = reproduce.run(
+            name, preset=preset, parameters=values[name], output=output, again=not every
+        )
+        click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
+
+
+def _values(names, preset, texts, *, some_accept):
+    """{notebook: parameters}, checked before any runs; with `some_accept`, those that the notebook has."""
+    declared = {name: reproduce.find(name).parameters for name in names}
+    for parameter in texts if some_accept else ():
+        if not any(accepts(one, parameter) for one in declared.values()):
+            raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
+    values = {}
+    for name, parameters in declared.items():
+        own = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
+        values[name] = parse_texts(parameters, own)
+        check_parameters(parameters, values[name], preset)
+    return values
 
 
 @main.command()
@@ -143,8 +116,8 @@ def run(names, preset, pairs, output, stale):
 @click.option(
     "-o", "--output", help="Where to write the JSON; default results/claims_PRESET_PARAMETERS.json."
 )
-@_jobs
-@_debug
+@workers
+@debug
 def claims(preset, pairs, output):
     """Evaluate every claim of the paper on five seeds, print the ledger, and write it as JSON.
 
@@ -170,45 +143,10 @@ def claims(preset, pairs, output):
     )
     ledger.write_ledger(entries, path, asdict(about))
     header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
-    _print_table(header, ledger_table.plain_rows(entries), colours=(2, _COLOURS))
+    print_table(header, ledger_table.plain_rows(entries), colours=(2, _COLOURS))
     count = ledger_table.summary(entries)
     click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
-
-
-@main.group()
-def cache():
-    """Look at, or empty, the folder of computed products."""
-
-
-@cache.command()
-@click.option("--all", "every", is_flag=True, help="Every entry with its arguments.")
-def info(every):
-    """Show where the cache is and what it holds."""
-    entries = store.cache_info()
-    click.echo(f"{store.cache_folder()}: {_size(sum(entry.n_bytes for entry in entries))}")
-    if every:
-        for entry in entries:
-            when = entry.created.strftime("%Y-%m-%d %H:%M")
-            click.echo(f"{entry.product}  {_size(entry.n_bytes)}  {when}  {entry.seconds:.1f} s")
-            click.echo(f"    {entry.arguments}")
-        return
-    groups = defaultdict(list)
-    for entry in entries:
-        groups[entry.product].append(entry.n_bytes)
-    rows = [(name, str(len(sizes)), _size(sum(sizes))) for name, sizes in sorted(groups.items())]
-    if rows:
-        _print_table(("product", "results", "size"), rows)
-
-
-@cache.command()
-@click.argument("products", nargs=-1)
-@click.option("--yes", is_flag=True, help="Do not ask.")
-def clear(products, yes):
-    """Delete the results of PRODUCTS, or all."""
-    if not (products or yes):
-        click.confirm(f"Delete everything in {store.cache_folder()}?", abort=True)
-    click.echo(f"freed {_size(store.clear_cache(products))}")
 
 
 def _refresh(names):
@@ -230,22 +168,3 @@ def _split(pairs):
             )
         texts[name] = text
     return texts
-
-
-def _print_table(header, rows, colours=(None, {})):
-    """Aligned columns; `colours` are a column and the colour of each of its texts."""
-    column, colour_of = colours
-    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
-    for row in [header, *rows]:
-        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
-        if column is not None:
-            cells[column] = click.style(cells[column], fg=colour_of.get(row[column]))
-        click.echo("  ".join(cells).rstrip())
-
-
-def _size(n_bytes):
-    for unit in ("B", "kB", "MB"):
-        if n_bytes < 1000:
-            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
-        n_bytes /= 1000
-    return f"{n_bytes:.1f} GB"

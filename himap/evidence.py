@@ -6,7 +6,8 @@ import numpy as np
 
 from himap import diagnostics, pipeline
 from himap.errors import InputError
-from himap.parallel import make_all
+from himap.memory import check_memory
+from himap.parallel import make_all, n_jobs
 from himap.removal.fastica import FastICA
 from himap.removal.gmca import GMCA
 from himap.removal.parametric import Parametric
@@ -17,7 +18,7 @@ from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
-__all__ = ["Comparison", "Evidence", "Realisation", "Recovery", "methods_for"]
+__all__ = ["Comparison", "Evidence", "Realisation", "Recovery", "make_realisations", "methods_for"]
 
 
 _POST_MASKED = ("pca", "fastica", "gmca", "sdecgmca")  # what the paper says of its Fig. 6 is about these
@@ -179,12 +180,7 @@ class Realisation:
 
     def make(self):
         """Compute what is not in the cache yet; returns how many assessments were made now."""
-        cases = list(dict.fromkeys(case for case, *_ in self.cases.values()))
-        pipeline.prepare(cases)
-        for product in (pipeline.observation, pipeline.peak_masked, pipeline.true_spectra):
-            make_all(product, [(case,) for case in cases], product.name.rpartition(".")[2])
-        calls = [call for calls in self._calls().values() for call in calls.values()]
-        return make_all(pipeline.assessment, [*calls, *self._scan().values()], f"seed {self.survey.seed}")
+        return make_realisations([self])
 
     def evidence(self):
         """The `Evidence`, from the cache where `make` has put it."""
@@ -201,6 +197,12 @@ class Realisation:
             for n, call in self._scan().items()
         }
         return Evidence(recoveries=recoveries, scan=scan)
+
+    @property
+    def assessments(self):
+        """The arguments of every `pipeline.assessment` that the claims need, a list of tuples."""
+        calls = [call for calls in self._calls().values() for call in calls.values()]
+        return [*calls, *self._scan().values()]
 
     def _calls(self):
         """{case: {method: arguments of `pipeline.assessment`}}."""
@@ -232,3 +234,33 @@ class Realisation:
             ),
             flagged=diagnostics.flagged_lines(found.line_errors),
         )
+
+
+def make_realisations(realisations):
+    """Compute what is not in the cache yet, step by step for all; returns how many assessments were made now.
+
+    The cubes that this makes are deleted again: what is measured on them is enough for the claims, and
+    those of many realisations fill a disk. Cubes that were there before stay.
+    """
+    calls = [call for one in realisations for call in one.assessments]
+    if all(pipeline.assessment.is_cached(*call) for call in calls):
+        return 0
+    check_memory(realisations[0].survey, jobs=n_jobs(), steps=["cleaning"])
+    cases = list(dict.fromkeys(case for one in realisations for case, *_ in one.cases.values()))
+    steps = [
+        (pipeline.hi_of_sky, dict.fromkeys(case.survey.sky for case in cases)),
+        (pipeline.hi_alms_of_sky, dict.fromkeys(case.survey.sky for case in cases)),
+        (pipeline.noise_alms, dict.fromkeys(case.survey for case in cases)),
+        (pipeline.observation, cases),
+        (pipeline.peak_masked, cases),
+    ]
+    made = []
+    for product, arguments in steps:
+        missing = [(one,) for one in arguments if not product.is_cached(one)]
+        made += [(product, call) for call in missing]
+        make_all(product, missing, product.name.rpartition(".")[2])
+    make_all(pipeline.true_spectra, [(case,) for case in cases], "true spectra")
+    done = make_all(pipeline.assessment, calls, "assessments")
+    for product, call in made:
+        product.forget(*call)
+    return done

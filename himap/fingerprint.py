@@ -26,8 +26,10 @@ from himap.syntax import IMPORTS, Code, bound_name, digest_of, dump, parse_cell,
 
 __all__ = ["IGNORED", "CodeTree", "code_fingerprint"]
 
-IGNORED = {f"himap.{name}" for name in ("fingerprint", "syntax", "store", "provenance", "progress")}
-"""Modules that store, time and label results, and cannot change one."""
+_HOUSEKEEPING = ("syntax", "fingerprint", "provenance", "progress", "cache", "store", "parallel", "memory")
+
+IGNORED = {f"himap.{name}" for name in _HOUSEKEEPING}
+"""Modules that store, time, share out and label the making of results, and cannot change one."""
 
 _ROOT = Path(__file__).resolve().parent
 _LOADED = {file: file.read_text(encoding="utf-8") for file in _ROOT.rglob("*.py")}

@@ -11,7 +11,8 @@ import numpy as np
 from himap.checks import whole_number
 from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED, Finding
 from himap.errors import InputError
-from himap.evidence import Realisation
+from himap.evidence import Realisation, make_realisations
+from himap.parallel import dask_address
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
@@ -122,9 +123,12 @@ def realisations(
 def evaluate(realisations):
     """The ledger, a list of `Entry` in the order of the paper.
 
-    Every realisation is computed in turn; what the cache holds is not computed again.
+    Every realisation is computed in turn, on a Dask cluster all of them together; what the cache holds is
+    not computed again.
     """
     findings = {id: {} for id in CLAIMS}
+    if dask_address():
+        make_realisations(realisations)
     for realisation in realisations:
         realisation.make()
         evidence = realisation.evidence()

@@ -15,7 +15,14 @@ from dataclasses import dataclass, fields
 from himap.errors import InputError
 from himap.survey import Survey
 
-__all__ = ["Parameter", "check_parameters", "describe_parameters", "parse_texts", "read_parameters"]
+__all__ = [
+    "Parameter",
+    "accepts",
+    "check_parameters",
+    "describe_parameters",
+    "parse_texts",
+    "read_parameters",
+]
 
 _KINDS = {
     "int": "a whole number",
@@ -97,6 +104,12 @@ def read_parameters(source):
             )
         found.append(parameter)
     return found
+
+
+def accepts(declared, name):
+    """Whether a notebook with the parameters `declared` takes one called `name`."""
+    known = {parameter.name for parameter in declared}
+    return name in known or ("survey" in known and name in _SURVEY_FIELDS)
 
 
 def parse_texts(declared, texts):

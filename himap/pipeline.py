@@ -13,13 +13,15 @@ from himap.errors import InputError
 from himap.instrument.beams import RIPPLES, Beam, beam_model
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
+from himap.memory import check_memory
 from himap.removal import peaks
+from himap.results import Assessment, Modes, Residual, Spectra
 from himap.sky.dimming import Dimming
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps
-from himap.spectra import AngularPower, FrequencyPower, angular_power_pair, frequency_power
+from himap.spectra import AngularPower, angular_power_pair, frequency_power
 from himap.store import product
 from himap.survey import Survey
 
@@ -88,62 +90,6 @@ class Case:
         return beam_model(self.beam, self.survey, ripple=self.ripple)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Modes:
-    """A cube as `spectra` (n_channels, n_modes) @ maps with coefficients `alms` (n_modes, n_alm), mK."""
-
-    spectra: np.ndarray
-    alms: np.ndarray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Residual:
-    """What a method leaves, `maps` (n_channels, n_pix) in mK, and the rest of its `Separation`."""
-
-    maps: np.ndarray
-    mixing: np.ndarray
-    sources: np.ndarray
-    converged: bool
-    n_iterations: int
-    flagged: np.ndarray | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spectra:
-    """Both spectra of one cube."""
-
-    angular: AngularPower
-    frequency: FrequencyPower
-
-
-@dataclass(frozen=True, kw_only=True)
-class Assessment:
-    """How well a method did on a case, measured against the truth.
-
-    Attributes
-    ----------
-    spectra
-        `Spectra` of what it leaves.
-    correlation
-        Pearson r with the truth in every channel, (n_channels,).
-    line_errors
-        Mean squared error of every line of sight, (n_pix,), mK^2.
-    masked, masked_truth
-        `Spectra` without the lines of sight that `diagnostics.flagged_lines` flags, of what is left and of
-        the truth; None unless asked for.
-    converged, n_iterations
-        As in `Residual`.
-    """
-
-    spectra: Spectra
-    correlation: np.ndarray
-    line_errors: np.ndarray
-    masked: Spectra | None
-    masked_truth: Spectra | None
-    converged: bool
-    n_iterations: int
-
-
 def hi(survey):
     """HI maps before the beam, mK, (n_channels, n_pix)."""
     return hi_of_sky(survey.sky)
@@ -152,6 +98,7 @@ def hi(survey):
 @product
 def hi_of_sky(survey):
     """`hi`, kept for the sky alone: surveys that differ in their instrument share it."""
+    check_memory(survey, steps=["HI light cone"])
     return hi_maps(survey, survey.rng("hi"))
 
 
@@ -206,6 +153,7 @@ def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
     components(survey, case.galaxy)  # a bad template shows before the long work
+    check_memory(survey, steps=["observing"])
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
     beam = case.beam_of_survey()
     return observe(

@@ -146,7 +146,7 @@ def find(name, folder=None):
     raise InputError(f"there is no notebook {name!r}{hint}; there are {', '.join(there) or 'none'}.")
 
 
-def run(name, *, preset=None, parameters=None, output=None, folder=None):
+def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True):
     """Execute a notebook with other parameters.
 
     Parameters
@@ -160,11 +160,15 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None):
     output
         Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
         other parameters that were passed in the name too, so that another run does not replace this one.
+    again
+        Whether to execute it also where the output is there, of today's code and these parameters.
 
     Returns
     -------
     Path
         Of the executed notebook, which is written whole or not at all.
+    bool
+        Whether it was executed now.
 
     Raises
     ------
@@ -184,8 +188,19 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None):
         raise InputError(
             f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
         )
+    if not again and _is_done(notebook, values, output):
+        return output, False
     write_notebook(_execute(notebook, values, Path.cwd()), output)
-    return output
+    return output, True
+
+
+def _is_done(notebook, parameters, path):
+    """Whether the notebook at `path` was executed with today's code and these parameters."""
+    try:
+        stamp = read_notebook(path).metadata.get(STAMP, {})
+    except (OSError, ValueError):
+        return False
+    return stamp.get("fingerprint") == notebook.fingerprint(parameters)
 
 
 def stale(folder=None):

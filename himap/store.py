@@ -1,55 +1,25 @@
 """Heavy results, computed once and kept on disk.
 
 A function under `@product` is computed once for each set of arguments and each version of the code
-that it reaches (`himap.fingerprint`); after that its result is read from the cache folder, its
-arrays mapped from disk and read-only. The folder is the one named by the variable HIMAP_CACHE, else
-``himap`` in the user's cache folder. joblib.Memory does the storing: a result is written under
-another name and then renamed, so it is there whole or not at all, and two processes at once do no
-harm.
+that it reaches (`himap.fingerprint`); after that its result is read from the cache folder (`himap.cache`),
+its arrays mapped from disk and read-only.
 """
 
-import contextlib
 import functools
 import inspect
-import json
-import os
-import shutil
-import threading
 import time
 import warnings
-from dataclasses import dataclass, fields, is_dataclass
-from datetime import datetime
+from dataclasses import fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
 
-import joblib
 import numpy as np
-import platformdirs
 
+from himap import cache
 from himap.errors import InputError
 from himap.fingerprint import code_fingerprint
-from himap.provenance import Provenance
 
-__all__ = [
-    "CacheEntry",
-    "Product",
-    "Provenance",
-    "cache_folder",
-    "cache_info",
-    "clear_cache",
-    "code_fingerprint",
-    "product",
-]
-
-_ABANDONED_AFTER = 86_400.0  # s without a write, after which an unfinished file has no writer any more
-
-
-def cache_folder():
-    """The folder that products are kept in."""
-    folder = os.environ.get("HIMAP_CACHE")
-    return (
-        Path(os.path.expanduser(folder)) if folder else platformdirs.user_cache_path("himap", appauthor=False)
-    )
+__all__ = ["Product", "product"]
 
 
 def product(function):
@@ -64,7 +34,8 @@ def product(function):
     Raises
     ------
     InputError
-        When called: arguments that do not fit the signature, or that have no such text.
+        When called: arguments that do not fit the signature, or that have no such text; a result that
+        cannot be written.
 
     >>> @product
     ... def observation(survey, *, beam="degraded"): ...
@@ -105,17 +76,17 @@ class Product:
                 stacklevel=2,
             )
             return self._function(*bound.args, **bound.kwargs)
-        call = _Call(self._function, bound)
-        memory = _memory()
-        if memory.check_call_in_cache(*key, call):
-            entry = memory.call_and_shelve(*key, call)
+        if cache.holds(self.name, key):
             try:
-                return entry.get()
-            except Exception as error:  # a damaged pickle raises anything
-                text = f"the cached {self.name} cannot be read and is computed again ({error})."
+                return cache.load(self.name, key)
+            except cache.Damaged as error:
+                text = f"the cached {self.name} is damaged and is computed again ({error})."
                 warnings.warn(text, stacklevel=2)
-                entry.clear()
-        return _compute(memory, key, call)
+        started = time.monotonic()
+        value = self._function(*bound.args, **bound.kwargs)
+        seconds = time.monotonic() - started
+        cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
+        return cache.load(self.name, key)  # so that what it holds in memory can go
 
     def compute(self, *args, **kwargs):
         """The result, computed now and not kept."""
@@ -124,7 +95,12 @@ class Product:
     def is_cached(self, *args, **kwargs):
         """Whether a call with these arguments would be read from the cache."""
         key, current = self._key(self._bind(args, kwargs))
-        return current and _memory().check_call_in_cache(*key, None)
+        return current and cache.holds(self.name, key)
+
+    def forget(self, *args, **kwargs):
+        """Delete the result from the cache, if it is there."""
+        key, _ = self._key(self._bind(args, kwargs))
+        cache.remove(self.name, key)
 
     def _bind(self, args, kwargs):
         try:
@@ -135,57 +111,15 @@ class Product:
         return bound
 
     def _key(self, bound):
-        """What names the result, all text; and whether the code on disk is what this process runs."""
+        """What names the result on disk; and whether the code on disk is what this process runs."""
         classes = _classes(bound.arguments)
         code = self._code(classes, loaded=True)
-        return (self.name, code, _describe(bound.arguments)), code == self._code(classes, loaded=False)
+        text = f"{code} {_describe(bound.arguments)}"
+        return sha256(text.encode()).hexdigest()[:32], code == self._code(classes, loaded=False)
 
     def _code(self, classes, loaded):
         parts = {code_fingerprint(item, loaded=loaded) for item in [self._function, *classes]}
         return sha256(" ".join(sorted(parts)).encode()).hexdigest()
-
-
-@dataclass
-class _Call:
-    """What is to be computed; joblib does not look into it."""
-
-    function: object
-    bound: inspect.BoundArguments
-    result: object = None
-    done: bool = False
-
-
-def _produce(product, fingerprint, arguments, call):
-    # The one function that joblib sees. It wipes the results of a function whose source changes,
-    # and this one never does: what matters is in the first three arguments, all of them text.
-    call.result = call.function(*call.bound.args, **call.bound.kwargs)
-    call.done = True
-    return call.result
-
-
-def _compute(memory, key, call):
-    try:
-        result = memory(*key, call)
-    except KeyError:
-        if not call.done:
-            raise
-        # It could not be written (a full disk), which joblib has warned of; go on with what is in memory.
-        _remove_unfinished(f"-{os.getpid()}-{id(threading.current_thread())}")
-        return call.result
-    _remove_unfinished()
-    return result
-
-
-def _memory():
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        return joblib.Memory(folder, mmap_mode="r", verbose=0).cache(_produce, ignore=["call"])
-    except OSError as error:
-        raise InputError(
-            f"the cache folder {folder} cannot be used ({error.strerror}); set the variable HIMAP_CACHE to "
-            "a folder that can be written."
-        ) from None
 
 
 def _describe(value):
@@ -225,79 +159,3 @@ def _classes(value):
         inner = [found for item in fields(value) for found in _classes(getattr(value, item.name))]
         return [type(value), *inner]
     return []
-
-
-@dataclass(frozen=True)
-class CacheEntry:
-    """One result in the cache: its product, its arguments, its size, when and in what time it was made."""
-
-    product: str
-    arguments: str
-    n_bytes: int
-    created: datetime
-    seconds: float
-    path: Path
-
-
-def cache_info():
-    """The `CacheEntry` of every result in the cache, newest first; unfinished files are named so."""
-    return sorted((_entry(path) for path in _results()), key=lambda entry: entry.created, reverse=True)
-
-
-def clear_cache(products=()):
-    """Delete the results of the named products (`CacheEntry.product`), or all of them.
-
-    Returns
-    -------
-    int
-        Bytes freed.
-
-    Raises
-    ------
-    InputError
-        A product of which the cache holds nothing; the message lists what it holds.
-    """
-    entries = cache_info()
-    unknown = set(products) - {entry.product for entry in entries}
-    if unknown:
-        names = ", ".join(sorted({entry.product for entry in entries})) or "nothing"
-        raise InputError(f"the cache holds no {', '.join(sorted(unknown))}; it holds {names}.")
-    doomed = [entry for entry in entries if not products or entry.product in products]
-    for entry in doomed:
-        shutil.rmtree(entry.path, ignore_errors=True)
-    return sum(entry.n_bytes for entry in doomed)
-
-
-def _results():
-    """The folders that hold one result each."""
-    folder = cache_folder()
-    return {path.parent for path in folder.rglob("output.pkl*")} if folder.is_dir() else set()
-
-
-def _entry(path):
-    try:
-        metadata = json.loads((path / "metadata.json").read_text())
-    except (OSError, ValueError):  # killed on the way
-        metadata = {}
-    texts = {name: text[1:-1] for name, text in metadata.get("input_args", {}).items()}
-    files = [file.stat() for file in path.iterdir()]
-    return CacheEntry(
-        product=texts.get("product", "unfinished"),
-        arguments=texts.get("arguments", ""),
-        n_bytes=sum(stat.st_size for stat in files),
-        created=datetime.fromtimestamp(max(stat.st_mtime for stat in files)),
-        seconds=metadata.get("duration", 0.0),
-        path=path,
-    )
-
-
-def _remove_unfinished(writer=None):
-    """Delete what interrupted writers left: the given writer, or all whose file is a day old."""
-    for path in cache_folder().rglob("output.pkl.*"):
-        with contextlib.suppress(OSError):  # another process renames or deletes it first
-            if (
-                path.name.endswith(writer)
-                if writer
-                else time.time() - path.stat().st_mtime > _ABANDONED_AFTER
-            ):
-                path.unlink()

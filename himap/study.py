@@ -12,7 +12,8 @@ from himap import pipeline, plotting
 from himap.diagnostics import BUMP
 from himap.errors import InputError
 from himap.evidence import Comparison
-from himap.parallel import make_all
+from himap.memory import check_memory
+from himap.parallel import make_all, n_jobs
 from himap.provenance import Provenance
 from himap.removal.sdecgmca import TABLE_1
 from himap.sky.dimming import Dimming
@@ -143,6 +144,7 @@ class Study:
     def prepare(self, removers, *, mask_peaks=True, post_mask=False):
         """Assess {beam: [method, ...]} in as many processes as `himap run --jobs` says; keeps the results."""
         cases = {beam: self.case(beam) for beam in removers}
+        check_memory(self.made_for, jobs=n_jobs(), steps=["cleaning"])
         pipeline.prepare(cases.values())
         for product in (pipeline.observation, pipeline.peak_masked):
             make_all(product, [(case,) for case in cases.values()], product.name.rpartition(".")[2])

@@ -72,7 +72,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # On the real Galaxy (FITS templates), at half the paper's resolution in pixels and in frequency (`laptop`: nside 128, 250 channels). It was made by
 #
 # ```sh
-# himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=4
+# himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
 # ```
 #
 # and is stored with the book, because it takes an hour.
@@ -97,7 +97,7 @@ LedgerTable(recorded, links)
 #
 # **E2: PCA and FastICA beyond $\ell$ of about 150.** With four components they leave foreground with a power of 0.22 at $150 < \ell < 200$ and of 1.3 beyond, 95 % of it
 # within 10° of the plane. It grows with $\ell$ as the effect of a beam does. A fifth component takes it down to 0.002, and another 1 to 3 % of HI with it. So the claim
-# would hold with five components, not with the paper's four. SDecGMCA misses its mark at $\ell = 4$ alone, in one realisation of four.
+# would hold with five components, not with the paper's four. SDecGMCA misses its mark at $\ell = 4$ alone, in one realisation of five.
 #
 # **E3: GMCA's excess** is there, but at $\ell < 10$ and $k_\nu < 0.1$, not up to $\ell = 40$.
 #

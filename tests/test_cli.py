@@ -5,6 +5,8 @@ import os
 import re
 import subprocess
 import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,11 +14,13 @@ from click.testing import CliRunner
 from ledgers import entry
 
 import himap
-from himap import ledger, reproduce, store
+from himap import cache, ledger, reproduce
 from himap.claims import DIFFERENT, FAILED, REPRODUCED
 from himap.cli import main
 from himap.errors import InputError
-from himap.parallel import JOBS_VARIABLE
+from himap.memory import LIMIT_VARIABLE
+from himap.parallel import DASK_VARIABLE, JOBS_VARIABLE
+from himap.survey import PRESETS
 
 TOY = """\
 # %% [markdown]
@@ -49,6 +53,11 @@ def sky(seed):
 @product
 def spectra():
     return np.ones(100_000)
+
+
+@product
+def of_survey(survey):
+    return np.ones(100_000)
 """
 
 
@@ -77,7 +86,7 @@ def runs(monkeypatch):
 
     def note(name, **options):
         calls.append((name, options))
-        return Path("results") / f"{name}.ipynb"
+        return Path("results") / f"{name}.ipynb", len(calls) > 1
 
     monkeypatch.setattr(reproduce, "run", note)
     return calls
@@ -102,8 +111,31 @@ def test_run_passes_parameters_of_any_type(himap_command, runs):
     pairs = ["-p", "n_sources=4", "-p", 'survey={"nside": 16}', "-p", "seed=7"]
     code, out, _ = himap_command("run", "01_toy", "--preset", "ci", *pairs, "-o", "out.ipynb")
     values = {"n_sources": 4, "survey": {"nside": 16}, "seed": 7}
-    assert runs == [("01_toy", {"preset": "ci", "parameters": values, "output": "out.ipynb"})]
+    options = {"preset": "ci", "parameters": values, "output": "out.ipynb", "again": True}
+    assert runs == [("01_toy", options)]
     assert code == 0 and out.startswith("results/01_toy.ipynb")
+
+
+def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, runs, tmp_path):
+    other = TOY.replace("n_sources", "order")
+    (tmp_path / "notebooks" / "02_other.py").write_text(other)
+    code, out, _ = himap_command("run", "--all", "--preset", "ci", "-p", "n_sources=4", "-p", "seed=7")
+    common = {"preset": "ci", "output": None, "again": False}
+    assert runs == [
+        ("01_toy", common | {"parameters": {"n_sources": 4, "seed": 7}}),
+        ("02_other", common | {"parameters": {"seed": 7}}),
+    ]
+    assert code == 0
+    assert out.splitlines() == ["results/01_toy.ipynb  (done before)", "results/02_other.ipynb  (0 s)"]
+
+
+def test_who_does_the_work(himap_command, runs, monkeypatch):
+    variables = [JOBS_VARIABLE, DASK_VARIABLE, LIMIT_VARIABLE]
+    for name in variables:
+        monkeypatch.setenv(name, "")
+    options = ["--jobs", "2", "--dask", "tcp://host:8786", "--max-memory", "16GB"]
+    assert himap_command("run", "01_toy", *options)[0] == 0
+    assert [os.environ[name] for name in variables] == options[1::2]
 
 
 @pytest.mark.parametrize(
@@ -118,6 +150,11 @@ def test_run_passes_parameters_of_any_type(himap_command, runs):
         (["01_toy", "03_none"], "no notebook '03_none'"),
         (["01_toy", "02_other", "-o", "out.ipynb"], "-o names the output of one notebook"),
         (["--stale", "-p", "n_sources=3"], "--stale runs notebooks as they are committed"),
+        (["--all", "01_toy"], "--all runs every notebook; leave it out to run only 01_toy"),
+        (["--all", "--stale"], "--stale runs notebooks as they are committed"),
+        (["--all", "-p", "n_sorces=3"], "no notebook has the parameter n_sorces"),
+        (["--all", "-o", "out.ipynb"], "-o names the output of one notebook"),
+        (["01_toy", "--max-memory", "much"], "a size of memory is a number with kB, MB, GB or TB"),
         ([], "name the notebooks to run"),
     ],
 )
@@ -173,16 +210,41 @@ def test_the_cache(himap_command, monkeypatch, tmp_path):
     _, out, _ = himap_command("cache", "info")
     assert out.splitlines()[0].endswith("cache: 2.4 MB")
     assert [line.split()[:2] for line in out.splitlines()[1:]] == [
-        ["product", "results"],
-        ["cli_products.sky", "2"],
-        ["cli_products.spectra", "1"],
+        ["product", "preset"],
+        ["cli_products.sky", "other"],
+        ["cli_products.spectra", "other"],
     ]
     assert "{seed: 2}" in himap_command("cache", "info", "--all")[1]
     assert himap_command("cache", "clear", "cli_products.sky")[:2] == (0, "freed 1.6 MB\n")
     code, _, err = himap_command("cache", "clear", "cli_products.sky")
     assert code == 2 and "it holds cli_products.spectra" in err
-    assert himap_command("cache", "clear", input="n\n")[0] == 1 and store.cache_info()
-    assert himap_command("cache", "clear", "--yes")[0] == 0 and not store.cache_info()
+    assert himap_command("cache", "clear", input="n\n")[0] == 1 and cache.cache_info()
+    assert himap_command("cache", "clear", "--yes")[0] == 0 and not cache.cache_info()
+
+
+def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
+    (tmp_path / "aged_products.py").write_text(PRODUCTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    import aged_products as made
+
+    ci, laptop = PRESETS["ci"], PRESETS["laptop"]
+    surveys = [replace(ci, seed=1), replace(ci, nside=16), laptop, replace(laptop, seed=1)]
+    for survey in surveys:
+        made.of_survey(survey)
+    _, out, _ = himap_command("cache", "info")
+    counts = [line.split()[1:3] for line in out.splitlines()[2:]]
+    assert counts == [["ci", "1"], ["laptop", "2"], ["other", "1"]]
+    for kept in cache.cache_info():
+        if "seed=1" in kept.arguments:
+            for file in kept.path.iterdir():
+                os.utime(file, (time.time() - 3 * 86_400,) * 2)
+    clear = ("cache", "clear", "--preset", "laptop", "--older-than")
+    assert himap_command(*clear, "4")[:2] == (0, "freed 0 B\n")
+    assert himap_command(*clear, "2")[0] == 0
+    assert [made.of_survey.is_cached(survey) for survey in surveys] == [True, True, True, False]
+    assert himap_command("cache", "clear", "--preset", "ci")[0] == 0
+    assert [made.of_survey.is_cached(survey) for survey in surveys] == [False, True, True, False]
+    assert himap_command("cache", "clear", "--older-than", "-1")[0] == 2
 
 
 def test_from_the_shell(himap_command, tmp_path):

@@ -128,8 +128,9 @@ def test_names_of_copies_differ_and_fit_a_file_system():
 
 
 def test_a_run_with_other_parameters(folder):
-    path = reproduce.run("01", preset="ci", parameters={"scale": 2, "nside": 16}, folder=folder)
-    assert str(path) == "results/01_toy_ci_nside=16_scale=2.0.ipynb"
+    passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
+    path, done = reproduce.run("01", **passed)
+    assert done and str(path) == "results/01_toy_ci_nside=16_scale=2.0.ipynb"
     assert outputs(path) == "16 2.0 work\n"
     assert os.listdir("results") == [path.name]
     assert os.listdir(folder) == ["01_toy.py"]
@@ -139,6 +140,16 @@ def test_a_run_with_other_parameters(folder):
     stamp = json.loads(text)["metadata"]["himap_run"]
     assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
     assert stamp["fingerprint"] != reproduce.find("01", folder).fingerprint()
+    assert reproduce.run("01", **passed, again=False) == (path, False)
+    assert path.read_text() == text
+    assert reproduce.run("01", **passed)[1]
+    code = folder / "01_toy.py"
+    code.write_text(
+        code.read_text().replace("A cell of comments only.", "Other comments.") + "\nmade.nside\n"
+    )
+    assert reproduce.run("01", **passed, again=False)[1]
+    path.write_text("{")
+    assert reproduce.run("01", **passed, again=False)[1]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 import himap
-from himap import store
+from himap import cache
 from himap.errors import InputError
 from himap.survey import PRESETS
 
@@ -165,16 +166,55 @@ def test_products_nest_also_in_workers(lab):
     assert len(lab.computed()) == 4
 
 
-def test_a_truncated_result_is_computed_again_with_a_warning(lab, caplog):
-    lab.base(SURVEY)
-    (file,) = store.cache_folder().rglob("output.pkl")
+def _value_file():
+    (file,) = cache.cache_folder().rglob("value.pkl")
+    return file
+
+
+def _cut(file):
     file.write_bytes(file.read_bytes()[:-8])
-    with pytest.warns(UserWarning, match="cached .*base cannot be read"):
+
+
+def _alter(file):
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("harm", "why"),
+    [(_cut, "it has .* of .* bytes"), (_alter, "its checksum is another"), (Path.unlink, "No such file")],
+)
+def test_a_damaged_result_is_computed_again_with_a_warning(lab, harm, why):
+    lab.base(SURVEY)
+    harm(_value_file())
+    with pytest.warns(UserWarning, match=f"cached .*base is damaged and is computed again .*{why}"):
         again = lab.base(SURVEY)
     np.testing.assert_array_equal(again, 2 * np.arange(100))
-    assert lab.computed() == ["base", "base"] and not caplog.records
+    assert lab.computed() == ["base", "base"]
     lab.base(SURVEY)
     assert len(lab.computed()) == 2
+
+
+def test_a_damaged_note_is_noticed(lab):
+    lab.base(SURVEY)
+    _value_file().with_name("note.json").write_text("{")
+    with pytest.warns(UserWarning, match="is damaged and is computed again"):
+        lab.base(SURVEY)
+    assert lab.computed() == ["base", "base"]
+
+
+def test_what_the_machine_refuses_is_no_damage(lab, monkeypatch):
+    lab.base(SURVEY)
+
+    def refuse(*args, **options):
+        raise OSError(24, "too many open files")
+
+    with monkeypatch.context() as patched, pytest.raises(OSError, match="too many open files"):
+        patched.setattr("joblib.load", refuse)
+        lab.base(SURVEY)
+    lab.base(SURVEY)
+    assert lab.computed() == ["base"]
 
 
 def _start(lab, code):
@@ -188,29 +228,32 @@ def _wait_for(condition):
         time.sleep(0.01)
 
 
+def _unfinished():
+    return [path for path in cache.cache_folder().glob("*/*") if path.name.startswith("unfinished")]
+
+
 def test_a_writer_that_is_killed_leaves_no_result(lab):
     size = 400_000_000 // 8
     process = _start(lab, f"lab.slow({size})")
-    _wait_for(lambda: list(store.cache_folder().rglob("output.pkl.*")))
+    _wait_for(_unfinished)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    assert not list(store.cache_folder().rglob("output.pkl"))
     assert not lab.slow.is_cached(size)
-    (left,) = store.cache_info()
+    (left,) = cache.cache_info()
     assert left.product == "unfinished" and left.n_bytes < size * 8
-    assert store.clear_cache() == left.n_bytes
-    assert not list(store.cache_folder().rglob("output.pkl*"))
+    assert lab.slow(1000).sum() == 1000  # the next writer tidies up
+    assert not _unfinished()
 
 
-def test_what_killed_writers_left_goes_after_a_day(lab):
+def test_writers_at_work_are_left_alone(lab):
     lab.base(SURVEY)
-    (file,) = store.cache_folder().rglob("output.pkl")
-    old, new = Path(f"{file}.old-1-1"), Path(f"{file}.new-2-2")
-    for path, age in [(old, 2 * 86_400), (new, 60)]:
-        path.write_bytes(b"half")
-        os.utime(path, (time.time() - age,) * 2)
+    folder = _value_file().parents[1]
+    names = {host: f"unfinished-{host}-{os.getpid()}-a" for host in (socket.gethostname(), "elsewhere")}
+    for name in names.values():
+        (folder / name).mkdir()
     lab.base(SURVEY, scale=2.0)
-    assert new.exists() and not old.exists()
+    assert {path.name for path in _unfinished()} == set(names.values())
+    assert cache.clear_cache(["unfinished"]) == 0 and not _unfinished()
 
 
 def test_two_processes_at_once(lab, tmp_path):
@@ -222,18 +265,17 @@ def test_two_processes_at_once(lab, tmp_path):
     assert [process.wait() for process in processes] == [0, 0]
     assert lab.slow(1000, gate=gate).sum() == 1000
     assert len(lab.computed()) == 2
-    assert not list(store.cache_folder().rglob("output.pkl.*"))
+    assert not _unfinished()
 
 
-def test_a_disk_that_is_full_costs_only_the_cache(lab, monkeypatch):
-    def fail(value, file, **options):
-        file.write(b"a part")
-        raise OSError("no space left on device")
-
-    monkeypatch.setattr("joblib.numpy_pickle.dump", fail)
-    with pytest.warns(Warning, match="no space left"):
-        np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
-    assert not list(store.cache_folder().rglob("output.pkl*"))
+def test_a_disk_that_is_full_is_one_clear_error(lab):
+    """A limit on the size of files stands for the end of the disk."""
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (10**6,) * 2)"
+    code = f"{limit}; import {lab.__name__} as lab; lab.slow(10**6)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    error = done.stderr.strip().splitlines()[-1]
+    assert "slow cannot be kept in" in error and "GB are free. Free space with `himap cache clear`" in error
+    assert not _unfinished() and not cache.cache_info()
 
 
 def test_an_error_of_the_function_is_its_own(lab):
@@ -250,9 +292,9 @@ def test_code_edited_under_a_running_process_is_not_cached(lab):
     path.write_text(MODULE.replace("SCALE = 2.0", "SCALE = 3.0"))
     with pytest.warns(UserWarning, match="changed on disk since it was loaded"):
         assert lab.base(SURVEY)[1] == 2.0
-    assert len(store.cache_info()) == 1
+    assert len(cache.cache_info()) == 1
     assert _start(lab, "from himap.survey import PRESETS\nassert lab.base(PRESETS['ci'])[1] == 3").wait() == 0
-    assert len(store.cache_info()) == 2
+    assert len(cache.cache_info()) == 2
 
 
 def test_the_code_of_a_dataclass_that_is_passed_counts(lab):
@@ -267,14 +309,14 @@ def test_the_code_of_a_dataclass_that_is_passed_counts(lab):
 def test_info_and_clear(lab):
     lab.base(SURVEY, scale=4.0)
     lab.pair(SURVEY)
-    newest, *_, oldest = store.cache_info()
+    newest, *_, oldest = cache.cache_info()
     assert newest.product.endswith("pair") and oldest.product.endswith("base")
     assert "scale=4.0" in oldest.arguments.replace(": ", "=") and "n_channels=100" in oldest.arguments
     assert oldest.n_bytes > 400 and time.time() - oldest.created.timestamp() < 60
-    assert store.clear_cache([newest.product]) == newest.n_bytes
-    assert {entry.product for entry in store.cache_info()} == {oldest.product}
+    assert cache.clear_cache([newest.product]) == newest.n_bytes
+    assert {entry.product for entry in cache.cache_info()} == {oldest.product}
     with pytest.raises(InputError, match=f"no spectra; it holds {oldest.product}"):
-        store.clear_cache(["spectra"])
+        cache.clear_cache(["spectra"])
     lab.pair(SURVEY)
     assert lab.computed() == ["base", "pair", "base", "pair"]
 

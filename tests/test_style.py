@@ -12,17 +12,17 @@ ROOT = Path(__file__).resolve().parents[1]
 # A room (a module or package of himap) may import the rooms before it, and no other.
 # fmt: off
 ROOMS = [
-    "errors", "checks", "numbers", "progress", "parallel", "blocked", "survey",  # no physics
-    "syntax", "fingerprint", "provenance", "store",
+    "errors", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
+    "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
-    "parameters", "notebook_files", "kernels", "reproduce", "cli", "__main__",
+    "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
+    "parameters", "notebook_files", "kernels", "reproduce", "cli_shared", "cli_cache", "cli", "__main__",
 ]
 # fmt: on
 
 # What the order alone does not forbid: a method knows neither the simulations nor where results are kept,
 # and the two halves of a simulation know nothing of each other.
-STRANGERS = {"removal": {"sky", "instrument", "store"}, "instrument": {"sky"}}
+STRANGERS = {"removal": {"sky", "instrument", "cache", "store"}, "instrument": {"sky"}}
 
 # Packages that few modules may import; the templates use healpy only to read FITS maps.
 KEEPERS = {
@@ -31,7 +31,7 @@ KEEPERS = {
     "ducc0": {"sphere"},
     "papermill": {"reproduce", "cli"},
     "jupytext": {"reproduce", "cli", "notebook_files"},
-    "click": {"cli"},
+    "click": {"cli", "cli_cache", "cli_shared"},
     "pysm3": {"sky.galaxy", "sky.templates"},
 }
 

@@ -1,0 +1,107 @@
+"""What the commands of `himap` share: options, errors told in one paragraph, tables."""
+
+import os
+
+import click
+
+from himap import reproduce
+from himap.errors import InputError
+from himap.memory import LIMIT_VARIABLE, parse_size
+from himap.parallel import DASK_VARIABLE, JOBS_VARIABLE
+
+__all__ = ["SETTINGS", "Commands", "debug", "print_table", "size_text", "workers"]
+
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+class _BadInput(click.ClickException):
+    exit_code = 2
+
+
+class Commands(click.Group):
+    """Commands whose errors of the user's making are told in one paragraph."""
+
+    def invoke(self, context):
+        try:
+            return super().invoke(context)
+        except (InputError, reproduce.NotebookError) as error:
+            if context.meta.get("debug"):
+                raise
+            if isinstance(error, InputError):
+                raise _BadInput(str(error)) from None
+            raise click.ClickException(f"{error}\nAdd --debug for the traceback.") from None
+
+
+def _remember_debug(context, parameter, value):
+    context.meta["debug"] = value or context.meta.get("debug", False)
+
+
+debug = click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
+
+
+def _setting(variable, check=str):
+    """A callback that puts an option into the environment, where kernels and worker processes read it."""
+
+    def keep(context, parameter, value):
+        if value is not None:
+            check(str(value))
+            os.environ[variable] = str(value)
+
+    return keep
+
+
+_WORKERS = (
+    click.option(
+        "--jobs",
+        type=click.IntRange(min=1),
+        expose_value=False,
+        callback=_setting(JOBS_VARIABLE),
+        help="Processes that work at once on what is independent; default 1.",
+    ),
+    click.option(
+        "--dask",
+        metavar="ADDRESS",
+        expose_value=False,
+        callback=_setting(DASK_VARIABLE),
+        help="Scheduler of a Dask cluster to share the work, such as tcp://host:8786.",
+    ),
+    click.option(
+        "--max-memory",
+        metavar="SIZE",
+        expose_value=False,
+        callback=_setting(LIMIT_VARIABLE, parse_size),
+        help="What may be used, such as 16GB; default: what is free.",
+    ),
+)
+
+
+def workers(command):
+    """The options that say who does the work of a command, and with how much memory."""
+    for option in reversed(_WORKERS):
+        command = option(command)
+    return command
+
+
+def print_table(header, rows, colours=(None, {})):
+    """Aligned columns; `colours` are a column and the colour of each of its texts."""
+    column, colour_of = colours
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
+    for row in [header, *rows]:
+        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
+        if column is not None:
+            cells[column] = click.style(cells[column], fg=colour_of.get(row[column]))
+        click.echo("  ".join(cells).rstrip())
+
+
+def size_text(n_bytes):
+    for unit in ("B", "kB", "MB"):
+        if n_bytes < 1000:
+            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
+        n_bytes /= 1000
+    return f"{n_bytes:.1f} GB"

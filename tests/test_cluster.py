@@ -1,0 +1,117 @@
+"""Products made by the workers of a Dask cluster."""
+
+import numpy as np
+import pytest
+
+from himap import cache, pipeline
+from himap.errors import InputError
+from himap.parallel import DASK_VARIABLE, make_all
+from himap.removal.base import SeparationWarning
+from himap.removal.gmca import GMCA
+from himap.removal.pca import PCA
+from himap.survey import Survey
+
+distributed = pytest.importorskip("distributed")
+
+CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
+CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3, 4)]
+
+TWO = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two worker processes of one thread on this machine."""
+    with distributed.LocalCluster(**TWO) as two:
+        yield two
+
+
+@pytest.fixture
+def address(cluster, monkeypatch):
+    monkeypatch.setenv(DASK_VARIABLE, cluster.scheduler_address)
+
+
+def test_the_same_results_as_without(address, monkeypatch, tmp_path):
+    found = []
+    for folder in ("with", "without"):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
+        assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
+        assert make_all(pipeline.assessment, CALLS, "test") == 0
+        found.append([pipeline.assessment(*call).spectra.angular.cl for call in CALLS])
+        monkeypatch.delenv(DASK_VARIABLE, raising=False)
+    assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
+
+
+def test_warnings_come_back(address, monkeypatch, tmp_path):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
+    with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
+        make_all(pipeline.assessment, hasty, "test")
+
+
+def test_errors_come_back(address, monkeypatch, tmp_path):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    too_many = [(CASE, PCA(n_sources=30), True, False)]
+    with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20, got 30"):
+        make_all(pipeline.assessment, too_many, "test")
+
+
+KILL = """
+import os, signal
+from pathlib import Path
+from himap.removal.pca import PCA
+
+def patched(separate):
+    def fatal(self, *args, **options):
+        try:
+            Path(os.environ["HIMAP_TEST_VICTIM"]).open("x").close()
+        except FileExistsError:
+            return separate(self, *args, **options)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fatal
+
+if PCA._separate.__name__ != "fatal":  # a worker may load this twice
+    PCA._separate = patched(PCA._separate)
+"""
+
+
+def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
+    """The first worker that cleans kills itself; the results are those of an undisturbed run."""
+    (tmp_path / "fatal.py").write_text(KILL)
+    victim = tmp_path / "victim"
+    monkeypatch.setenv("HIMAP_TEST_VICTIM", str(victim))
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
+    expected = [pipeline.assessment(*call).spectra.angular.cl for call in CALLS]
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=":0",
+        preload=[str(tmp_path / "fatal.py")],
+    ) as two:
+        monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+        assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
+    assert victim.exists()
+    monkeypatch.delenv(DASK_VARIABLE)
+    found = [pipeline.assessment(*call).spectra.angular.cl for call in CALLS]
+    assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
+    assert "unfinished" not in {entry.product for entry in cache.cache_info()}
+
+
+@pytest.mark.filterwarnings("default")  # an error inside the loop of the client would stop it for ever
+def test_no_scheduler(monkeypatch, tmp_path):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setattr("himap.parallel._CONNECT", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        monkeypatch.setenv(DASK_VARIABLE, address)
+        with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):
+            make_all(pipeline.assessment, CALLS, "test")
+
+
+def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
+    """As on machines that do not share a disk: what the workers make does not show up here."""
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setattr(pipeline.assessment, "is_cached", lambda *call: False)
+    with pytest.raises(InputError, match=f"do not share the cache folder {tmp_path}"):
+        make_all(pipeline.assessment, CALLS[:1], "test")

@@ -1,0 +1,92 @@
+"""What a run needs in memory, and the refusal of one that does not fit."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from himap import memory, pipeline
+from himap.errors import InputError
+from himap.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
+from himap.parallel import JOBS_VARIABLE
+from himap.study import Study
+from himap.survey import PRESETS
+
+PAPER = PRESETS["paper"]
+
+
+@pytest.mark.parametrize(
+    ("text", "n_bytes"), [("16GB", 16e9), ("1.5 TB", 1.5e12), ("500M", 5e8), ("7", 7), ("8kB", 8e3)]
+)
+def test_sizes(text, n_bytes):
+    assert parse_size(text) == n_bytes
+
+
+@pytest.mark.parametrize("text", ["", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan"])
+def test_sizes_that_are_none(text):
+    with pytest.raises(InputError, match="such as 16GB"):
+        parse_size(text)
+
+
+def test_what_is_free_is_the_limit_unless_told_otherwise(monkeypatch):
+    monkeypatch.delenv(LIMIT_VARIABLE, raising=False)
+    assert 0 < memory_limit() < 1e14
+    monkeypatch.setenv(LIMIT_VARIABLE, "2GB")
+    assert memory_limit() == 2e9
+
+
+def test_the_paper_fits_24_gb_and_a_box_of_2048_cells_does_not(monkeypatch):
+    monkeypatch.setenv(LIMIT_VARIABLE, "24GB")
+    check_memory(PAPER, jobs=2)
+    with pytest.raises(InputError, match=r"HI light cone needs about 10\d GB .* box_cells=1024 fits"):
+        check_memory(replace(PAPER, box_cells=2048))
+    check_memory(replace(PAPER, box_cells=2048), steps=["cleaning"])
+
+
+def test_ways_out(monkeypatch):
+    monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
+    with pytest.raises(InputError, match="with 2 jobs, and 12 GB may be used: fewer --jobs need less"):
+        check_memory(PAPER, jobs=2, steps=["cleaning"])
+    monkeypatch.setenv(LIMIT_VARIABLE, "5GB")
+    with pytest.raises(InputError, match="a smaller nside or n_channels needs less.*--max-memory"):
+        check_memory(PAPER, steps=["cleaning"])
+
+
+@pytest.mark.parametrize("step", ["sky", "study"])
+def test_long_work_asks_first(monkeypatch, step):
+    """Nothing is computed: the survey is the paper's."""
+    monkeypatch.setenv(LIMIT_VARIABLE, "1GB")
+    monkeypatch.setenv(JOBS_VARIABLE, "1")
+    with pytest.raises(InputError, match="and 1 GB may be used"):
+        if step == "sky":
+            pipeline.hi(PAPER)
+        else:
+            study = Study(preset="paper")
+            study.prepare({"degraded": []})
+
+
+PEAK = """
+import resource
+from himap import memory, pipeline
+from himap.survey import Survey
+survey = Survey(nside=64, n_channels=100, box_cells=256)
+steps = memory.estimate(survey)
+pipeline.hi(Survey(nside=4, n_channels=20, box_cells=16))  # compiles
+pipeline.hi(survey)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, max(steps.values()))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the unit of the peak differs")
+def test_the_estimate_is_near_the_peak():
+    done = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, check=True)
+    peak, expected = map(float, done.stdout.split())
+    assert 0.4 * expected < peak < 1.2 * expected
+
+
+def test_steps_grow_with_what_they_hold():
+    small, large = estimate(PAPER), estimate(replace(PAPER, nside=512), jobs=2)
+    assert large["observing"] - memory._PROCESS == 4 * (small["observing"] - memory._PROCESS)
+    assert large["cleaning"] > 7 * small["cleaning"]
+    assert large["HI light cone"] < 2 * small["HI light cone"]

@@ -1,0 +1,136 @@
+"""Work that is killed at any point goes on where it stopped, and ends as if nothing had happened."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import himap
+from himap import cache
+
+ROOT = Path(himap.__file__).parents[1]
+
+CHAIN = """
+from himap import pipeline
+from himap.removal.gmca import GMCA
+from himap.removal.pca import PCA
+from himap.survey import Survey
+
+for beam in ("degraded", "oscillating"):
+    case = pipeline.Case(survey=Survey(nside=16, n_channels=40, box_cells=32), beam=beam)
+    for remover in (PCA(n_sources=2), GMCA(n_sources=2)):
+        pipeline.assessment(case, remover)
+"""
+
+NOTEBOOK = """\
+# %% [markdown]
+# # A toy
+
+# %% tags=["parameters"]
+preset: str = "ci"  # ci, quick, laptop or paper
+survey: dict = {}  # Survey fields that differ from the preset
+n_sources: int = 2  # components to remove
+
+# %%
+from himap import pipeline
+from himap.removal.pca import PCA
+from himap.survey import Survey
+
+case = pipeline.Case(survey=Survey.preset(preset, **survey))
+found = pipeline.spectra(case, PCA(n_sources=n_sources))
+print(found.angular.mean.tolist(), found.frequency.power.tolist())
+"""
+
+COMMAND = """
+import sys, pathlib
+from himap import cli, reproduce
+reproduce._PACKAGE = pathlib.Path({package!r})
+cli.main()
+"""
+
+
+def environment(folder):
+    return os.environ | {"HIMAP_CACHE": str(folder), "PYTHONPATH": str(ROOT)}
+
+
+def checksums():
+    """{product and key: checksum} of everything in the cache."""
+    notes = cache.cache_folder().glob("*/*/note.json")
+    return {
+        str(note.parent.relative_to(cache.cache_folder())): json.loads(note.read_text()) for note in notes
+    }
+
+
+def kill_when(process, ready):
+    """SIGKILL a process and its children as soon as `ready()`; whether it was still at work."""
+    deadline = time.monotonic() + 120
+    while process.poll() is None and not ready():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    os.killpg(process.pid, signal.SIGKILL)
+    return process.wait() == -signal.SIGKILL
+
+
+def start(command, folder):
+    return subprocess.Popen(
+        [sys.executable, *command], env=environment(folder), start_new_session=True, stdout=subprocess.DEVNULL
+    )
+
+
+def test_products(monkeypatch, tmp_path):
+    """Killed while writing the first product, and after so many; the results are the same, bit for bit."""
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "killed"))
+    unfinished = cache.cache_folder().glob
+
+    def writing(n_whole):
+        return lambda: len(checksums()) >= n_whole and any(unfinished("*/unfinished-*"))
+
+    kills = [kill_when(start(["-c", CHAIN], tmp_path / "killed"), writing(n)) for n in (0, 2, 5, 9)]
+    assert sum(kills) >= 3
+    assert start(["-c", CHAIN], tmp_path / "killed").wait() == 0
+    found = checksums()
+    assert not any(unfinished("*/unfinished-*"))
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
+    assert start(["-c", CHAIN], tmp_path / "undisturbed").wait() == 0
+    expected = checksums()
+    assert found == expected and len(found) > 10
+
+
+def test_all_notebooks(monkeypatch, tmp_path):
+    """`himap run --all`, killed in its second notebook, does not run the first again."""
+    (tmp_path / "notebooks").mkdir()
+    for name, n_sources in (("01_one", 2), ("02_two", 3)):
+        text = NOTEBOOK.replace("n_sources: int = 2", f"n_sources: int = {n_sources}")
+        (tmp_path / "notebooks" / f"{name}.py").write_text(text)
+    script = COMMAND.format(package=str(tmp_path / "himap"))
+    size = ["-p", "nside=16", "-p", "n_channels=40", "-p", "box_cells=32"]
+    command = ["-c", script, "run", "--all", "--preset", "ci", *size]
+    outputs = {}
+    for kind in ("killed", "undisturbed"):
+        (tmp_path / kind).mkdir()
+        monkeypatch.chdir(tmp_path / kind)
+        results = tmp_path / kind / "results"
+        if kind == "killed":
+            kill_when(start(command, tmp_path / kind / "cache"), partial(_one_is_there, results))
+            (first,) = results.glob("*.ipynb")
+            written = first.stat().st_mtime_ns
+        done = subprocess.run(
+            [sys.executable, *command],
+            env=environment(tmp_path / kind / "cache"),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        if kind == "killed":
+            assert done.stdout.splitlines()[0].endswith("(done before)")
+            assert first.stat().st_mtime_ns == written
+        outputs[kind] = [json.loads(path.read_text())["cells"] for path in sorted(results.glob("*.ipynb"))]
+    assert len(outputs["killed"]) == 2 and outputs["killed"] == outputs["undisturbed"]
+
+
+def _one_is_there(results):
+    return any(results.glob("01_*.ipynb"))
