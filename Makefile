@@ -41,11 +41,8 @@ $(HTML)/.complete: .venv/.installed $(INPUTS)
 	@$(BIN)/jupyter-book build . --path-output . -W --keep-going
 	@touch $@
 
-# Two files at a time, but for those that start kernels through ports: two may choose the same, and one dies.
-KERNELS := tests/test_cli.py tests/test_notebooks.py tests/test_reproduce.py
 test: .venv/.installed
-	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks $(KERNELS:%=--ignore=%)
-	@$(BIN)/python -m pytest $(KERNELS)
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks
 
 clean:
 	rm -rf $(BUILD) .pytest_cache .ruff_cache

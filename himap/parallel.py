@@ -90,7 +90,7 @@ def _made(product, call):
 def _on_cluster(product, missing):
     """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
     try:
-        from dask.distributed import Client, as_completed
+        from distributed import Client, as_completed
     except ImportError:
         raise InputError("--dask needs the package `distributed`: pip install distributed.") from None
     address = dask_address()

@@ -275,6 +275,8 @@ def _execute(notebook, parameters, folder):
     import papermill  # slow, and most commands do without
     from nbclient.exceptions import DeadKernelError
 
+    from himap.kernel_manager import AsyncLocalKernelManager
+
     fingerprint = notebook.fingerprint(parameters)  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
@@ -283,7 +285,13 @@ def _execute(notebook, parameters, folder):
     try:
         with kernel_environment(watched):
             done = papermill.execute_notebook(
-                node, None, parameters, cwd=folder, progress_bar=bar, extra_arguments=list(_KERNEL_OPTIONS)
+                node,
+                None,
+                parameters,
+                cwd=folder,
+                progress_bar=bar,
+                extra_arguments=list(_KERNEL_OPTIONS),
+                kernel_manager_class=AsyncLocalKernelManager,
             )
     except papermill.PapermillExecutionError as error:
         if error.ename == InputError.__name__:

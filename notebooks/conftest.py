@@ -6,15 +6,12 @@ executed fails. The numbers that a figure carries must be there and are not comp
 not. All the rest is exact, as in nbval.
 """
 
-import os
 import re
-import tempfile
-from pathlib import Path
-from uuid import uuid4
 
 import nbval.kernel
 from nbval.plugin import IPyNbCell
 
+from himap.kernel_manager import LocalKernelManager
 from himap.notebook_files import has_code
 from himap.numbers import agree
 from himap.plotting import DATA_TYPE
@@ -22,7 +19,6 @@ from himap.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest
-_SOCKETS = tempfile.TemporaryDirectory(prefix="nbval")
 
 
 def compare_outputs(self, test, ref, skip_compare=None):
@@ -57,23 +53,6 @@ def _settled_value(key, test, reference):
     return reference if same else test
 
 
-class LocalKernelManager(nbval.kernel.KernelManager):
-    """Kernels that are spoken to through files, not ports.
-
-    Two kernels that start at the same time may choose the same free port, and one of them dies.
-    """
-
-    def __init__(self, **options):
-        super().__init__(**options)
-        self.transport = "ipc"
-        self.ip = str(Path(_SOCKETS.name, uuid4().hex))
-
-
-def pytest_sessionfinish():
-    _SOCKETS.cleanup()
-
-
-if os.name == "posix":
-    nbval.kernel.KernelManager = LocalKernelManager
+nbval.kernel.KernelManager = LocalKernelManager
 IPyNbCell.compare_outputs = compare_outputs
 IPyNbCell.runtest = runtest

@@ -103,8 +103,7 @@ def workshop(tmp_path):
 
 SETUP = ["fake-python -m venv", "python -m pip install"]
 REFRESH = ["himap run", "python book/readme_figure.py"]
-KERNELS = "tests/test_cli.py tests/test_notebooks.py tests/test_reproduce.py"
-TESTS = ["python -m pytest -n 2", f"python -m pytest {KERNELS}"]
+TESTS = ["python -m pytest -n 2"]
 
 
 def test_make_sets_up_once(workshop):

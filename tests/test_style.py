@@ -16,7 +16,8 @@ ROOMS = [
     "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
     "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
-    "parameters", "notebook_files", "kernels", "reproduce", "cli_shared", "cli_cache", "cli", "__main__",
+    "parameters", "notebook_files", "kernels", "kernel_manager", "reproduce",
+    "cli_shared", "cli_cache", "cli", "__main__",
 ]
 # fmt: on
 
