@@ -1,5 +1,6 @@
 """The benchmarks run, and compare with code that does the same work. No test reads a clock."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -18,7 +19,9 @@ from himap.removal.sdecgmca import TABLE_1
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
-from benchmarks import alternatives, methods
+from benchmarks import __main__ as chain_of_steps
+from benchmarks import alternatives, methods, scaling
+from benchmarks.machine import Machine, Needs
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
 SDECGMCA = {"sdecgmca, stable", "sdecgmca, published"}
@@ -93,3 +96,46 @@ def test_plain_sources_are_those_of_sdecgmca(rng):
     modes = rng.standard_normal((6, 13**2))
     ours = harmonic.project(harmonic.safe_inverse(matrices), modes)
     assert np.allclose(alternatives.plain_sources(matrices, modes), ours)
+
+
+def test_floors_add_up():
+    machine = Machine(
+        bandwidth=1e9, operations=1e10, operations_single=2e10, transform=0.01, transform_single=0.005
+    )
+    needs = Needs(transforms=10, transforms_single=20, n_bytes=3e9, operations=1e10, operations_single=1e10)
+    assert needs.floor(machine) == pytest.approx(0.1 + 0.1 + 3 + 1 + 0.5)
+
+
+def test_what_the_machine_can_do():
+    found = Machine.measured(8)
+    assert 1e8 < found.bandwidth < 1e12 and 1e8 < found.operations < found.operations_single * 3
+    assert found.transform > 0
+
+
+def test_steps_in_processes_of_their_own(tmp_path):
+    """Two of them, as from the shell: the table, and the file with all that it shows."""
+    sizes = [word for pair in TINY.items() for word in ("--survey", *pair)]
+    only = ["--only", "PCA", "--only", "both spectra"]
+    path = tmp_path / "steps.json"
+    outcome = CliRunner().invoke(
+        chain_of_steps.main, ["--preset", "paper", *sizes, *only, "-o", str(path)], catch_exceptions=False
+    )
+    table = [line for line in outcome.output.splitlines() if line.startswith(("PCA", "both spectra"))]
+    assert len(table) == 2 and "20 s" in table[0] and "scikit-learn PCA" in table[0]
+    assert "60 s" in table[1] and "healpy anafast" in table[1]
+    found = json.loads(path.read_text())
+    for row in found["steps"]:
+        assert row["seconds"] > 0 and 0.1 < row["memory_gb"] < 5 and row["floor_seconds"] > 0
+        assert row["alternative"]["seconds"] > 0 and 0 < row["alternative"]["measured_share"] <= 1
+    assert found["about"]["preset"] == "paper" and found["machine"]["bandwidth"] > 0
+
+
+def test_exponents_and_their_figure(tmp_path):
+    sizes = np.array([32, 64, 128])
+    assert scaling.exponents(sizes, 0.1 * sizes**2.5) == pytest.approx(2.5)
+    run = {"sizes": [32, 64, 128], "seconds": [1, 4, 16], "memory_gb": [1, 1, 2], "exponent": 2.0}
+    recorded = tmp_path / "scaling.json"
+    recorded.write_text(json.dumps({"found": {name: {"PCA": run} for name in scaling.SIZES}}))
+    figure = tmp_path / "scaling.png"
+    outcome = CliRunner().invoke(scaling.main, ["--draw", str(recorded), "--figure", str(figure)])
+    assert outcome.exit_code == 0 and figure.stat().st_size > 10_000

@@ -1,0 +1,104 @@
+"""Time and memory of every step of the chain, its floor on this machine, and the usual alternative.
+
+    python -m benchmarks --preset laptop -o steps.json
+
+Each step has a process of its own and starts from what the cache holds of the steps before it; its own
+result is computed, whatever the cache holds. The floor is what the transforms, bytes and operations that a
+step cannot do without take on this machine, measured just before. A ratio above 1 means that the
+alternative takes longer.
+"""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from benchmarks.machine import Machine
+from benchmarks.measure import measured
+from benchmarks.steps import STEPS
+from himap import pipeline
+from himap.parameters import parse_texts
+from himap.provenance import Provenance
+from himap.removal.sdecgmca import TABLE_1
+from himap.sky.galaxy import SOURCES, Galaxy
+from himap.survey import PRESETS, Survey
+
+
+@click.command()
+@click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True)
+@click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value.")
+@click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
+@click.option("--template-dir", help="Folder of the templates.")
+@click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True)
+@click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
+@click.option("--alone", is_flag=True, help="Without the alternatives.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
+def main(preset, pairs, galaxy, template_dir, beam, only, alone, output):
+    """Measure the steps at one preset."""
+    survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
+    case = pipeline.Case(survey=survey, galaxy=Galaxy(source=galaxy, template_dir=template_dir), beam=beam)
+    machine = Machine.measured(survey.nside)
+    click.echo(
+        f"{preset}: nside {survey.nside}, {survey.n_channels} channels, {survey.box_cells}^3 cells, {galaxy} "
+        f"Galaxy, {beam} beam.\nThis machine: {machine.bandwidth / 1e9:.3g} GB/s, "
+        f"{machine.operations / 1e9:.3g} GFlop/s (float32 {machine.operations_single / 1e9:.3g}), "
+        f"a transform {1e3 * machine.transform:.3g} ms (float32 {1e3 * machine.transform_single:.3g})."
+    )
+    header = ("step", "time", "goal", "memory", "goal", "floor", "over it", "channels/s", "alternative")
+    click.echo(_line(header))
+    pipeline.prepare([case])
+    pipeline.peak_masked(case)
+    rows = []
+    for step in STEPS:
+        if only and step.name not in only:
+            continue
+        found = measured(step, case, beside=not alone)
+        rows.append(_row(step, found, machine, survey))
+        click.echo(_line(_texts(rows[-1], preset)))
+    if output:
+        about = asdict(Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": beam}))
+        text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
+        Path(output).write_text(text + "\n")
+
+
+def _row(step, found, machine, survey):
+    row = {
+        "step": step.name,
+        "seconds": found.seconds,
+        "memory_gb": found.memory / 1e9,
+        "goal_seconds": step.target[0],
+        "goal_gb": step.target[1],
+        "floor_seconds": found.needs.floor(machine),
+        "channels_per_second": survey.n_channels / found.seconds,
+    }
+    if found.alternative:
+        name, seconds, share = found.alternative
+        row["alternative"] = {"name": name, "seconds": seconds, "measured_share": share}
+    return row
+
+
+def _texts(row, preset):
+    goals = (f"{row['goal_seconds']} s", f"{row['goal_gb']} GB") if preset == "paper" else ("", "")
+    beside = row.get("alternative")
+    return (
+        row["step"],
+        f"{row['seconds']:.3g} s",
+        goals[0],
+        f"{row['memory_gb']:.2f} GB",
+        goals[1],
+        f"{row['floor_seconds']:.2g} s",
+        f"{row['seconds'] / row['floor_seconds']:.2g} x",
+        f"{row['channels_per_second']:.3g}",
+        f"{beside['seconds'] / row['seconds']:.2g} x  {beside['name']}" if beside else "",
+    )
+
+
+def _line(cells):
+    widths = (26, 9, 6, 9, 6, 8, 8, 11)
+    padded = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=False)]
+    return "  ".join([cells[0].ljust(widths[0]), *padded, cells[-1]]).rstrip()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""A step in a process of its own: its time, the memory of the process and its children, its alternative."""
+
+import threading
+import time
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import psutil
+
+from benchmarks.steps import STEPS
+from himap import pipeline
+from himap.removal.parametric import Parametric
+from himap.survey import Survey
+
+__all__ = ["Measured", "measured"]
+
+_INTERVAL = 0.05  # s between looks at the memory
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Seconds of a step, memory at its peak (bytes, mapped files included), what it needs at least.
+
+    `alternative` is its name, its seconds for the same work, and of how much of it they were measured.
+    """
+
+    seconds: float
+    memory: int
+    needs: object
+    alternative: tuple | None
+
+
+def measured(step, case, *, beside=True):
+    """Run `step` on `case`, and its alternative unless told otherwise; a `Measured`."""
+    here, there = get_context("spawn").Pipe()
+    process = get_context("spawn").Process(target=_child, args=(step.name, case, beside, there))
+    process.start()
+    there.close()
+    try:
+        here.recv()  # it has imported and compiled what it needs
+        with _Peak(process.pid) as peak:
+            here.send("go")
+            seconds, needs = here.recv()
+        here.send("on")
+        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternative=here.recv())
+    except EOFError:
+        raise RuntimeError(f"the process of {step.name} ended before its work was done.") from None
+    finally:
+        process.join()
+
+
+def _child(name, case, beside, pipe):
+    (step,) = (step for step in STEPS if step.name == name)
+    tiny = pipeline.Case(survey=Survey(nside=8, n_channels=30, box_cells=16), beam=case.beam)
+    pipeline.hi_of_sky.compute(tiny.survey.sky)  # compiles
+    pipeline.cleaned.compute(tiny, Parametric())
+    pipe.send("ready")
+    pipe.recv()
+    started = time.perf_counter()
+    found = step.work(case)
+    seconds = time.perf_counter() - started
+    pipe.send((seconds, step.needs(case.survey, found)))
+    del found
+    pipe.recv()
+    pipe.send(_beside(step, case) if beside and step.beside else None)
+
+
+def _beside(step, case):
+    name, work, times = step.beside(case)
+    started = time.perf_counter()
+    work()
+    return name, times * (time.perf_counter() - started), 1 / times
+
+
+class _Peak:
+    """The largest resident memory of a process and its children while the context lasts."""
+
+    def __init__(self, pid):
+        self.memory, self._pid, self._done = 0, pid, threading.Event()
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self):
+        self._watcher.start()
+        return self
+
+    def __exit__(self, *error):
+        self._done.set()
+        self._watcher.join()
+
+    def _watch(self):
+        while True:
+            try:
+                root = psutil.Process(self._pid)
+                tree = [root, *root.children(recursive=True)]
+                self.memory = max(self.memory, sum(one.memory_info().rss for one in tree))
+            except psutil.NoSuchProcess:
+                pass  # one of them has just ended
+            if self._done.wait(_INTERVAL):
+                return

@@ -1,0 +1,295 @@
+"""The steps of the chain, each with what it needs at least and with what people use instead.
+
+A step computes from what the steps before it keep in the cache; its own result is not read from there.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import healpy as hp
+from sklearn import decomposition
+
+from benchmarks.alternatives import (
+    evenly,
+    plain_polynomials,
+    plain_power_laws,
+    plain_residual,
+)
+from benchmarks.machine import Needs
+from himap import pipeline, spectra
+from himap.instrument.beams import BEAM_MODELS
+from himap.removal.fastica import FastICA
+from himap.removal.gmca import GMCA
+from himap.removal.parametric import Parametric
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+
+__all__ = ["STEPS", "Step"]
+
+N_SAMPLES = 6  # channels that an alternative is timed on
+N_LINES = 64  # lines of sight
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One row of the table.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    target
+        (seconds, GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
+    work
+        Called with the `Case`; its time is what is measured.
+    needs
+        Called with the `Survey` and what `work` returned: its `Needs`.
+    beside
+        Called with the `Case`: (name of the alternative, a function, how many times its work is ours).
+    """
+
+    name: str
+    target: tuple
+    work: Callable
+    needs: Callable
+    beside: Callable | None = None
+
+
+def _cube(survey):
+    return 4 * survey.n_channels * survey.n_pix
+
+
+def light_cone(case):
+    """The HI maps, from random numbers."""
+    pipeline.hi_of_sky.compute(case.survey.sky)
+
+
+def needs_of_light_cone(survey, _):
+    """Five transforms of the box (noise, density, three displacements), three passes each; one trace."""
+    box = 4 * survey.box_cells**3
+    return Needs(n_bytes=5 * 3 * 2 * box + 4 * 2 * box + 2 * box + _cube(survey))
+
+
+def observations(case):
+    """All foregrounds, three beams, noise: three observations, from HI maps that are there."""
+    sky = case.survey.sky
+    made = {
+        pipeline.hi_alms_of_sky: (sky,),
+        pipeline.components_of_sky: (sky, case.galaxy),
+        pipeline.foreground_modes_of_sky: (sky, case.galaxy, None),
+        pipeline.noise_alms: (case.survey,),
+    }
+    for product, arguments in made.items():
+        product.forget(*arguments)
+        product(*arguments)
+    for beam in BEAM_MODELS:
+        pipeline.observation.forget(replace(case, beam=beam))
+        pipeline.observation(replace(case, beam=beam))
+
+
+def needs_of_observations(survey, _):
+    """Coefficients of HI and noise with three refinements; HI, noise and foregrounds of three beams."""
+    n = survey.n_channels
+    return Needs(transforms_single=(7 + 7 + 3) * n, transforms=3 * n, n_bytes=3 * 4 * _cube(survey))
+
+
+def beside_observations(case):
+    """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
+    hi = pipeline.hi(case.survey)
+    freqs = evenly(case.survey.n_channels, N_SAMPLES)
+    bright = pipeline.foregrounds(case.survey, case.galaxy)[freqs].astype(float)
+    beams = {beam: replace(case, beam=beam).beam_of_survey() for beam in BEAM_MODELS}
+
+    def smooth(pixels, beam):
+        alm = hp.map2alm(pixels, iter=3)
+        return hp.alm2map(hp.almxfl(alm, beam), case.survey.nside)
+
+    def work():
+        for channel, pixels in zip(freqs, bright, strict=True):
+            for beam in beams.values():
+                smooth(pixels, beam.transfer[channel])
+                smooth(hi[channel].astype(float), beam.transfer[channel])
+                if beam.after is not None:
+                    smooth(pixels, beam.after[channel])
+
+    return "healpy, each beam and component by itself", work, case.survey.n_channels / len(freqs)
+
+
+def peaks(case):
+    """Peak masking of one observation."""
+    pipeline.peak_masked.compute(case)
+
+
+def needs_of_lines(survey, _):
+    """Polynomials of order 6: the cube read twice and written once, two projections."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=3 * _cube(survey), operations=4 * 7 * n)
+
+
+def beside_polynomials(case):
+    """numpy, a float64 block of lines at once and one by one where clipped."""
+    maps = pipeline.observation(case).maps
+    lines = evenly(maps.shape[1], 64 * N_LINES)
+    return "numpy legfit, in blocks", lambda: plain_polynomials(maps[:, lines]), maps.shape[1] / len(lines)
+
+
+def _cleaner(make):
+    """The work of a method with the paper's number of components."""
+
+    def work(case):
+        n_sources = TABLE_1[case.beam]["n_sources"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return pipeline.cleaned.compute(case, make(case.beam, n_sources))
+
+    return work
+
+
+def needs_of_pca(survey, _):
+    """A covariance and two products with the cube; cube centred, read, mixed and subtracted."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=8 * _cube(survey), operations=survey.n_channels * n + 4 * 5 * n)
+
+
+def beside_pca(case):
+    """scikit-learn's, float64."""
+    maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
+    model = decomposition.PCA(TABLE_1[case.beam]["n_sources"])
+    return "scikit-learn PCA", lambda: plain_residual(model, maps, masked), 1
+
+
+def needs_of_fastica(survey, found):
+    """PCA, and in each iteration products of whitened maps, float64."""
+    pca = needs_of_pca(survey, found)
+    each = found.mixing.shape[1] * survey.n_pix * 8
+    return replace(pca, n_bytes=pca.n_bytes + 3 * each * found.n_iterations)
+
+
+def beside_fastica(case):
+    """scikit-learn's with its quicker whitening."""
+    maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
+    n_sources = TABLE_1[case.beam]["n_sources"]
+    model = decomposition.FastICA(n_sources, whiten_solver="eigh", random_state=0)
+    return "scikit-learn FastICA", lambda: plain_residual(model, maps, masked), 1
+
+
+def needs_of_parametric(survey, _):
+    """At least two products of every line with the curves of one index, and the result."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=4 * _cube(survey), operations=2 * 2 * 2 * n)
+
+
+def beside_parametric(case):
+    """scipy, line by line."""
+    masked, one = pipeline.peak_masked(case).maps, Parametric()
+    lines = masked[:, evenly(masked.shape[1], N_LINES)].T.astype(float)
+    x = case.survey.freqs / one.nu0
+    return (
+        "scipy least_squares, line by line",
+        lambda: [plain_power_laws(line, x, one.beta_min, one.beta_max) for line in lines],
+        masked.shape[1] / len(lines),
+    )
+
+
+def needs_of_gmca(survey, found):
+    """In each iteration two products with the cube, float32, and the starlets of the sources and back."""
+    n, n_sources = survey.n_channels * survey.n_pix, found.mixing.shape[1]
+    work = Needs(n_bytes=2 * _cube(survey), operations_single=4 * n_sources * n, transforms=1.4 * n_sources)
+    return Needs(**{name: found.n_iterations * value for name, value in vars(work).items()})
+
+
+def needs_of_sdecgmca(survey, found):
+    """Channels analysed to l = 200 with three refinements; one transform for each common spectrum."""
+    share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
+    n_sources = found.mixing.shape[1]
+    sparse = 2 * n_sources * found.n_iterations * share
+    return Needs(
+        transforms=7 * survey.n_channels * share + sparse + 12 * n_sources, n_bytes=6 * _cube(survey)
+    )
+
+
+def both_spectra(case):
+    """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
+    found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
+    truth = pipeline.observation(case).truth
+    spectra.angular_power_pair(found, truth, truth_alms=pipeline.truth_alms(case))
+    spectra.frequency_power(found, case.survey.channel_width)
+
+
+def needs_of_spectra(survey, _):
+    """The covariance of the difference, some ten maps analysed closely, Fourier transforms of all lines."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(transforms_single=7 * 10 + 40, n_bytes=6 * _cube(survey), operations=survey.n_channels * n)
+
+
+def beside_spectra(case):
+    """healpy's anafast, channel by channel."""
+    found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
+    sample = found[evenly(len(found), N_SAMPLES)].astype(float)
+    return (
+        "healpy anafast, channel by channel",
+        lambda: [hp.anafast(pixels, iter=3) for pixels in sample],
+        len(found) / len(sample),
+    )
+
+
+STEPS = [
+    Step(name="HI light cone", target=(300, 20), work=light_cone, needs=needs_of_light_cone),
+    Step(
+        name="observations, three beams",
+        target=(300, 8),
+        work=observations,
+        needs=needs_of_observations,
+        beside=beside_observations,
+    ),
+    Step(name="peak masking", target=(45, 8), work=peaks, needs=needs_of_lines, beside=beside_polynomials),
+    Step(
+        name="PCA",
+        target=(20, 8),
+        work=_cleaner(lambda beam, n: PCA(n_sources=n)),
+        needs=needs_of_pca,
+        beside=beside_pca,
+    ),
+    Step(
+        name="polynomial",
+        target=(20, 8),
+        work=_cleaner(lambda beam, n: Polynomial()),
+        needs=needs_of_lines,
+        beside=beside_polynomials,
+    ),
+    Step(
+        name="FastICA",
+        target=(30, 8),
+        work=_cleaner(lambda beam, n: FastICA(n_sources=n)),
+        needs=needs_of_fastica,
+        beside=beside_fastica,
+    ),
+    Step(
+        name="parametric",
+        target=(90, 8),
+        work=_cleaner(lambda beam, n: Parametric()),
+        needs=needs_of_parametric,
+        beside=beside_parametric,
+    ),
+    Step(
+        name="GMCA",
+        target=(240, 10),
+        work=_cleaner(lambda beam, n: GMCA(n_sources=n)),
+        needs=needs_of_gmca,
+    ),
+    Step(
+        name="SDecGMCA",
+        target=(60, 8),
+        work=_cleaner(lambda beam, n: SDecGMCA.for_beam(beam)),
+        needs=needs_of_sdecgmca,
+    ),
+    Step(
+        name="both spectra",
+        target=(60, 6),
+        work=both_spectra,
+        needs=needs_of_spectra,
+        beside=beside_spectra,
+    ),
+]
