@@ -316,10 +316,10 @@ masked_truths = {
 }
 table = {}
 for name, power in masked_truths.items():
-    ratio = power.mean / np.interp(power.degrees, full.degrees, full.mean)
     for low, high in ((2, 10), (10, 30), (30, study.l_top)):
         inside = (power.degrees >= low) & (power.degrees < high)
-        table.setdefault(name, {})[f"{low} <= l < {high}"] = (ratio[inside].mean(), 0.005)
+        ratio = power.mean[inside] / np.interp(power.degrees[inside], full.degrees, full.mean)
+        table.setdefault(name, {})[f"{low} <= l < {high}"] = (ratio.mean(), 0.005)
 show_table(table)
 
 # %% [markdown]

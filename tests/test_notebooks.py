@@ -37,6 +37,16 @@ def test_every_notebook_describes_its_parameters():
         assert notebook.parameters and not undescribed, (notebook.name, undescribed)
 
 
+def test_no_committed_notebook_shows_a_warning():
+    """What Python writes to stderr names a path of one machine and a process, and reads like an accident."""
+    for one in reproduce.notebooks(ROOT / "notebooks"):
+        outputs = [
+            output for cell in nbformat.read(one.executed, 4).cells for output in cell.get("outputs", [])
+        ]
+        said = [output.text for output in outputs if output.get("name") == "stderr"]
+        assert not said, f"{one.name}: {said[0]}"
+
+
 def notebook(code, *outputs, executed=True):
     """A notebook of one cell with outputs that a former run is said to have left."""
     cell = nbformat.v4.new_code_cell(code, execution_count=1 if executed else None, outputs=list(outputs))
