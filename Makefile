@@ -41,6 +41,9 @@ $(HTML)/.complete: .venv/.installed $(INPUTS)
 	@$(BIN)/jupyter-book build . --path-output . -W --keep-going
 	@touch $@
 
+# Two files at a time, each on one core: threads would only get into each other's way.
+test: export DUCC0_NUM_THREADS = 1
+test: export OMP_NUM_THREADS = 1
 test: .venv/.installed
 	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks
 

@@ -57,7 +57,10 @@ def main(preset, pairs, galaxy, template_dir, beam, only, alone, output):
         rows.append(_row(step, found, machine, survey))
         click.echo(_line(_texts(rows[-1], preset)))
     if output:
-        about = asdict(Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": beam}))
+        size = {name: getattr(survey, name) for name in ("nside", "n_channels", "box_cells")}
+        about = {"size": size} | asdict(
+            Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": beam})
+        )
         text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
         Path(output).write_text(text + "\n")
 

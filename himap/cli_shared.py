@@ -1,11 +1,12 @@
 """What the commands of `himap` share: options, errors told in one paragraph, tables."""
 
-import os
+import functools
 
 import click
 
 from himap import reproduce
 from himap.errors import InputError
+from himap.kernels import changed_environment
 from himap.memory import LIMIT_VARIABLE, parse_size
 from himap.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
@@ -45,47 +46,50 @@ debug = click.option(
 )
 
 
-def _setting(variable, check=str):
-    """A callback that puts an option into the environment, where kernels and worker processes read it."""
-
-    def keep(context, parameter, value):
-        if value is not None:
-            check(str(value))
-            os.environ[variable] = str(value)
-
-    return keep
+def _checked_size(context, parameter, value):
+    if value is not None:
+        parse_size(value)
+    return value
 
 
-_WORKERS = (
-    click.option(
+_WORKERS = {
+    JOBS_VARIABLE: click.option(
         "--jobs",
+        JOBS_VARIABLE.lower(),
         type=click.IntRange(min=1),
-        expose_value=False,
-        callback=_setting(JOBS_VARIABLE),
         help="Processes that work at once on what is independent; default 1.",
     ),
-    click.option(
+    DASK_VARIABLE: click.option(
         "--dask",
+        DASK_VARIABLE.lower(),
         metavar="ADDRESS",
-        expose_value=False,
-        callback=_setting(DASK_VARIABLE),
         help="Scheduler of a Dask cluster to share the work, such as tcp://host:8786.",
     ),
-    click.option(
+    LIMIT_VARIABLE: click.option(
         "--max-memory",
+        LIMIT_VARIABLE.lower(),
         metavar="SIZE",
-        expose_value=False,
-        callback=_setting(LIMIT_VARIABLE, parse_size),
+        callback=_checked_size,
         help="What may be used, such as 16GB; default: what is free.",
     ),
-)
+}
 
 
 def workers(command):
-    """The options that say who does the work of a command, and with how much memory."""
-    for option in reversed(_WORKERS):
-        command = option(command)
-    return command
+    """The options that say who does the work of a command, and with how much memory.
+
+    Kernels and worker processes read them from the environment, where they are while the command runs.
+    """
+
+    @functools.wraps(command)
+    def wrapped(*args, **options):
+        given = {name: options.pop(name.lower()) for name in _WORKERS}
+        with changed_environment({name: str(value) for name, value in given.items() if value is not None}):
+            return command(*args, **options)
+
+    for option in reversed(_WORKERS.values()):
+        wrapped = option(wrapped)
+    return wrapped
 
 
 def print_table(header, rows, colours=(None, {})):

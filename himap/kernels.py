@@ -8,7 +8,7 @@ from pathlib import Path
 
 from himap.progress import TERMINAL_VARIABLE
 
-__all__ = ["kernel_environment", "terminal"]
+__all__ = ["changed_environment", "kernel_environment", "terminal"]
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -31,11 +31,18 @@ def kernel_environment(terminal):
     }
     if terminal:
         changes[TERMINAL_VARIABLE] = terminal
-    before = {name: os.environ.get(name) for name in changes}
     logging.getLogger("papermill").setLevel(logging.ERROR)
+    with changed_environment(changes):
+        yield
+
+
+@contextlib.contextmanager
+def changed_environment(changes):
+    """Environment variables {name: text}, as they were again afterwards."""
+    before = {name: os.environ.get(name) for name in changes}
     os.environ.update(changes)
     try:
         yield
     finally:
         for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+            os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)

@@ -17,6 +17,7 @@ JOBS_VARIABLE = "HIMAP_JOBS"
 DASK_VARIABLE = "HIMAP_DASK"
 """Environment variable with the address of a Dask scheduler; `himap run --dask` sets it."""
 
+_TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
 _CONNECT = 30  # s to reach the scheduler
 _RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
 
@@ -71,9 +72,7 @@ def make_all(product, calls, description):
     if dask_address():
         done = _on_cluster(product, missing)
     elif n_jobs() > 1 < len(missing):
-        # The processes live on for the next call, so each piece of work brings the settings of this one.
-        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
-        done = joblib.Parallel(n_jobs=min(n_jobs(), len(missing)), return_as="generator_unordered")(work)
+        done = _in_processes(product, missing)
     else:
         done = (_made(product, call) for call in missing)
     for caught in progress(done, description, total=len(missing)):
@@ -85,6 +84,21 @@ def make_all(product, calls, description):
 def _made(product, call):
     product(*call)
     return []
+
+
+def _in_processes(product, missing):
+    """The warnings of each piece of work, as they are done; the cores are shared out among the processes."""
+    jobs = min(n_jobs(), len(missing))
+    # joblib tells this to every other package with threads. New processes read it when they begin.
+    own_choice = os.environ.get(_TRANSFORM_THREADS)
+    os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
+    try:
+        # The processes live on for the next call, so each piece of work brings the settings of this one.
+        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
+        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+    finally:
+        if own_choice is None:
+            del os.environ[_TRANSFORM_THREADS]
 
 
 def _on_cluster(product, missing):

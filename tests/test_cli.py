@@ -129,13 +129,24 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     assert out.splitlines() == ["results/01_toy.ipynb  (done before)", "results/02_other.ipynb  (0 s)"]
 
 
-def test_who_does_the_work(himap_command, runs, monkeypatch):
+def test_who_does_the_work(himap_command, monkeypatch):
+    """Kernels and workers find it in the environment, which is afterwards as it was."""
     variables = [JOBS_VARIABLE, DASK_VARIABLE, LIMIT_VARIABLE]
     for name in variables:
-        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(JOBS_VARIABLE, "3")
+    seen = []
+
+    def run(name, **options):
+        seen.append([os.environ.get(name) for name in variables])
+        return Path("out.ipynb"), True
+
+    monkeypatch.setattr(reproduce, "run", run)
     options = ["--jobs", "2", "--dask", "tcp://host:8786", "--max-memory", "16GB"]
     assert himap_command("run", "01_toy", *options)[0] == 0
-    assert [os.environ[name] for name in variables] == options[1::2]
+    assert himap_command("run", "01_toy")[0] == 0
+    assert seen == [options[1::2], ["3", None, None]]
+    assert [os.environ.get(name) for name in variables] == seen[1]
 
 
 @pytest.mark.parametrize(
@@ -319,9 +330,3 @@ class TestClaims:
         assert message in err
         assert not seen
         assert not list(Path().iterdir())
-
-
-def test_jobs_reach_the_kernels(himap_command, runs, monkeypatch):
-    monkeypatch.setenv(JOBS_VARIABLE, "1")
-    assert himap_command("run", "01_toy", "--jobs", "3")[0] == 0
-    assert os.environ[JOBS_VARIABLE] == "3"

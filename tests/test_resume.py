@@ -58,11 +58,9 @@ def environment(folder):
 
 
 def checksums():
-    """{product and key: checksum} of everything in the cache."""
+    """{(product, key): checksum} of everything in the cache."""
     notes = cache.cache_folder().glob("*/*/note.json")
-    return {
-        str(note.parent.relative_to(cache.cache_folder())): json.loads(note.read_text()) for note in notes
-    }
+    return {note.parts[-3:-1]: json.loads(note.read_text())["checksum"] for note in notes}
 
 
 def kill_when(process, ready):
