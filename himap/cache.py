@@ -36,7 +36,7 @@ __all__ = [
 
 _VALUE, _NOTE, _UNFINISHED = "value.pkl", "note.json", "unfinished"
 _CHUNK = 2**24  # bytes
-_whole = set()  # files of this process's results that were found whole, as (path, time, size)
+_whole = set()  # files that this process wrote or found whole, as (path, time, size)
 
 
 class Damaged(Exception):
@@ -104,6 +104,7 @@ def save(product, key, value, *, arguments, seconds):
         (part / _NOTE).write_text(json.dumps(note, indent=1))
         with contextlib.suppress(FileExistsError):
             _rename(part, part.with_name(key))
+            _whole.add(_identity(part.with_name(key) / _VALUE))
     except OSError as error:
         raise InputError(_refused(home, product, error)) from None
     finally:
@@ -137,15 +138,19 @@ def _refused(home, product, error):
 
 def _check(file, n_bytes, checksum):
     """Raise where a file is not the one that was written."""
-    found = file.stat()
-    identity = (str(file), found.st_mtime_ns, found.st_size)
+    identity = _identity(file)
     if identity in _whole:
         return
-    if found.st_size != n_bytes:
-        raise ValueError(f"it has {found.st_size} of {n_bytes} bytes")
+    if identity[-1] != n_bytes:
+        raise ValueError(f"it has {identity[-1]} of {n_bytes} bytes")
     if _checksum(file) != checksum:
         raise ValueError("its checksum is another than when it was written")
     _whole.add(identity)
+
+
+def _identity(file):
+    found = file.stat()
+    return str(file), found.st_mtime_ns, found.st_size
 
 
 def _checksum(file):
