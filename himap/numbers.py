@@ -104,16 +104,21 @@ class Numbers:
 def agree(text, reference):
     """Whether two texts are the same but for numbers within the tolerance stated behind them.
 
-    Where both say ``value ± tolerance``, with the same tolerance, the values may differ by it.
-    All the rest, numbers without a tolerance included, must be equal.
+    Where both say ``value ± tolerance`` the values may differ by the tolerance of the reference. A tolerance
+    that is a share of its value moves with it, and may itself differ by a tenth. All the rest, numbers
+    without a tolerance included, must be equal.
     """
     if _WITH_TOLERANCE.sub("±", text) != _WITH_TOLERANCE.sub("±", reference):
         return False
     pairs = zip(_WITH_TOLERANCE.findall(text), _WITH_TOLERANCE.findall(reference), strict=True)
     return all(
-        tolerance == stated and abs(float(value) - float(expected)) <= float(stated) * (1 + 1e-9)
+        _near(tolerance, stated, 0.1 * float(stated)) and _near(value, expected, float(stated))
         for (value, tolerance), (expected, stated) in pairs
     )
+
+
+def _near(text, reference, most):
+    return abs(float(text) - float(reference)) <= most * (1 + 1e-9)
 
 
 def _row(name, entry):

@@ -20,7 +20,7 @@ from himap.removal.sdecgmca import TABLE_1
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 from benchmarks import __main__ as chain_of_steps
-from benchmarks import alternatives, methods, report, scaling
+from benchmarks import alternatives, methods, scaling
 from benchmarks.machine import Machine, Needs
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
@@ -139,13 +139,3 @@ def test_exponents_and_their_figure(tmp_path):
     figure = tmp_path / "scaling.png"
     outcome = CliRunner().invoke(scaling.main, ["--draw", str(recorded), "--figure", str(figure)])
     assert outcome.exit_code == 0 and figure.stat().st_size > 10_000
-
-
-def test_the_page_on_scale_shows_what_was_measured():
-    text = report.PAGE.read_text()
-    assert report.filled(text) == text, "run `python -m benchmarks.report`"
-    assert text.count("<!-- begin ") == 4 and "| SDecGMCA |" in text
-
-
-def test_tables():
-    assert report.table(("a", "b"), [("1", "2")]) == "| a | b |\n| --- | ---: |\n| 1 | 2 |\n"
