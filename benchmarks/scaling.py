@@ -62,7 +62,7 @@ def measure(steps):
 
 def draw(found, path):
     """Two panels, cost against what grows, a line for each step with its exponent in the legend."""
-    figure, axes = plt.subplots(1, 2, figsize=(10.4, 5.6), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(10.4, 7), sharey=True, layout="constrained")
     shades = plt.get_cmap("viridis")(np.linspace(0, 0.9, len(STEPS)))
     for axis, (name, steps) in zip(axes, found.items(), strict=True):
         for (step, run), marker, shade in zip(steps.items(), _MARKERS, shades, strict=False):
@@ -72,7 +72,9 @@ def draw(found, path):
         axis.set_xticks(run["sizes"], [str(size) for size in run["sizes"]], minor=False)
         axis.minorticks_off()
         axis.grid(alpha=0.3)
-        axis.legend(title="step, exponent", fontsize=8, ncols=1)
+        axis.legend(
+            title="step, exponent", fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12)
+        )
     axes[0].set_ylabel("time [s]")
     figure.savefig(path, dpi=110)
     plt.close(figure)

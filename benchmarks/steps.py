@@ -18,13 +18,12 @@ from benchmarks.alternatives import (
 )
 from benchmarks.machine import Needs
 from himap import pipeline, spectra
+from himap.evidence import methods_for
 from himap.instrument.beams import BEAM_MODELS
-from himap.removal.fastica import FastICA
-from himap.removal.gmca import GMCA
+from himap.removal.base import SeparationWarning
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
-from himap.removal.polynomial import Polynomial
-from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca import TABLE_1
 
 __all__ = ["STEPS", "Step"]
 
@@ -98,8 +97,8 @@ def needs_of_observations(survey, _):
 def beside_observations(case):
     """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
     hi = pipeline.hi(case.survey)
-    freqs = evenly(case.survey.n_channels, N_SAMPLES)
-    bright = pipeline.foregrounds(case.survey, case.galaxy)[freqs].astype(float)
+    channels = evenly(case.survey.n_channels, N_SAMPLES)
+    bright = pipeline.foregrounds(case.survey, case.galaxy)[channels].astype(float)
     beams = {beam: replace(case, beam=beam).beam_of_survey() for beam in BEAM_MODELS}
 
     def smooth(pixels, beam):
@@ -107,14 +106,14 @@ def beside_observations(case):
         return hp.alm2map(hp.almxfl(alm, beam), case.survey.nside)
 
     def work():
-        for channel, pixels in zip(freqs, bright, strict=True):
+        for channel, pixels in zip(channels, bright, strict=True):
             for beam in beams.values():
                 smooth(pixels, beam.transfer[channel])
                 smooth(hi[channel].astype(float), beam.transfer[channel])
                 if beam.after is not None:
                     smooth(pixels, beam.after[channel])
 
-    return "healpy, each beam and component by itself", work, case.survey.n_channels / len(freqs)
+    return "healpy, each beam and component by itself", work, case.survey.n_channels / len(channels)
 
 
 def peaks(case):
@@ -135,14 +134,14 @@ def beside_polynomials(case):
     return "numpy legfit, in blocks", lambda: plain_polynomials(maps[:, lines]), maps.shape[1] / len(lines)
 
 
-def _cleaner(make):
-    """The work of a method with the paper's number of components."""
+def _cleaner(name):
+    """The work of the method called `name`, as the paper uses it."""
 
     def work(case):
-        n_sources = TABLE_1[case.beam]["n_sources"]
+        (method,) = (one for one in methods_for(case.beam) if one.name == name)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return pipeline.cleaned.compute(case, make(case.beam, n_sources))
+            warnings.simplefilter("ignore", SeparationWarning)
+            return pipeline.cleaned.compute(case, method)
 
     return work
 
@@ -248,41 +247,41 @@ STEPS = [
     Step(
         name="PCA",
         target=(20, 8),
-        work=_cleaner(lambda beam, n: PCA(n_sources=n)),
+        work=_cleaner("pca"),
         needs=needs_of_pca,
         beside=beside_pca,
     ),
     Step(
         name="polynomial",
         target=(20, 8),
-        work=_cleaner(lambda beam, n: Polynomial()),
+        work=_cleaner("polynomial"),
         needs=needs_of_lines,
         beside=beside_polynomials,
     ),
     Step(
         name="FastICA",
         target=(30, 8),
-        work=_cleaner(lambda beam, n: FastICA(n_sources=n)),
+        work=_cleaner("fastica"),
         needs=needs_of_fastica,
         beside=beside_fastica,
     ),
     Step(
         name="parametric",
         target=(90, 8),
-        work=_cleaner(lambda beam, n: Parametric()),
+        work=_cleaner("parametric"),
         needs=needs_of_parametric,
         beside=beside_parametric,
     ),
     Step(
         name="GMCA",
         target=(240, 10),
-        work=_cleaner(lambda beam, n: GMCA(n_sources=n)),
+        work=_cleaner("gmca"),
         needs=needs_of_gmca,
     ),
     Step(
         name="SDecGMCA",
         target=(60, 8),
-        work=_cleaner(lambda beam, n: SDecGMCA.for_beam(beam)),
+        work=_cleaner("sdecgmca"),
         needs=needs_of_sdecgmca,
     ),
     Step(

@@ -75,7 +75,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
 # ```
 #
-# and is stored with the book, because it takes an hour.
+# and is stored with the book, because it takes more than an hour.
 
 # %%
 recorded, about = read_ledger(RECORDED)

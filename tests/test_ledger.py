@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from ledgers import entry
 
+from himap import pipeline
 from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.errors import InputError
 from himap.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
@@ -104,9 +105,19 @@ def test_bad_settings_are_refused_before_any_work(options, message):
         realisations(**({"preset": "ci"} | options))
 
 
-def test_a_tiny_sky_is_judged_from_end_to_end():
-    """Every row, from simulation to verdict; what lies beyond the maps is not evaluated."""
-    entries = evaluate(realisations(**TINY, n_realisations=1))
+def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
+    """Every row, from simulation to verdict; what lies beyond the maps is not evaluated.
+
+    Of the cubes those that were there before are left, and no other.
+    """
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    (sky,) = realisations(**TINY, n_realisations=1)
+    before, *others = dict.fromkeys(case for case, *_ in sky.cases.values())
+    pipeline.observation(before)
+    entries = evaluate([sky])
+    assert pipeline.observation.is_cached(before) and pipeline.hi_of_sky.is_cached(sky.survey.sky)
+    assert others and not any(pipeline.observation.is_cached(case) for case in others)
+    assert not any(pipeline.peak_masked.is_cached(case) for case in [before, *others])
     assert [one.claim["id"] for one in entries] == list(CLAIMS)
     by_id = {one.claim["id"]: one for one in entries}
     assert [id for id, one in by_id.items() if one.verdict == UNDECIDED] == ["O6", "N1", "N2", "N3"]

@@ -1,5 +1,7 @@
 """Products made several at a time."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,31 @@ def test_processes_that_live_on_follow_the_settings(monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "two"))
     assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
     assert all(pipeline.assessment.is_cached(*call) for call in CALLS)
+
+
+@pytest.mark.parametrize(("own_choice", "threads"), [(None, "1"), ("3", "3")])
+def test_processes_share_the_cores(monkeypatch, tmp_path, own_choice, threads):
+    """New processes find how many threads a transform may have, and it is gone afterwards."""
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setenv(JOBS_VARIABLE, "2")
+    monkeypatch.delenv("DUCC0_NUM_THREADS", raising=False)
+    if own_choice:
+        monkeypatch.setenv("DUCC0_NUM_THREADS", own_choice)
+    seen = []
+
+    class InThisProcess:
+        def __init__(self, **options):
+            seen.append(options["n_jobs"])
+
+        def __call__(self, work):
+            seen.append(os.environ["DUCC0_NUM_THREADS"])
+            return [[] for _ in work]
+
+    monkeypatch.setattr("joblib.Parallel", InThisProcess)
+    monkeypatch.setattr("joblib.cpu_count", lambda: 2)
+    make_all(pipeline.assessment, CALLS, "test")
+    assert seen == [2, threads]
+    assert os.environ.get("DUCC0_NUM_THREADS") == own_choice
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])
