@@ -32,7 +32,7 @@ class Rays:
     step: float
 
 
-def plan_rays(nside, cell, distance_min, distance_max, *, oversample=2.0):
+def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     """Rays no further apart than `cell` / `oversample`, with steps half as long, across a band.
 
     `cell`, `distance_min` and `distance_max` in Mpc/h; a margin for matter displaced into the band is added.
@@ -65,7 +65,8 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     maps
         (n_channels, n_pix) float32, RING: the mean of 1 + delta over channel and pixel.
     """
-    maps = np.zeros((len(distance_edges) - 1, 12 * nside**2), dtype=np.float32)
+    edges = np.asarray(distance_edges, dtype=float)
+    maps = np.zeros((len(edges) - 1, 12 * nside**2), dtype=np.float32)
     still = displacement is None
     ring = sphere.nest_to_ring(nside)
     for level, (start, stop) in enumerate(zip(rays.bounds[:-1], rays.bounds[1:], strict=True)):
@@ -80,81 +81,114 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
             _trace_shell(
                 density,
                 density if still else displacement,
-                0.0 if still else 1.0,
+                not still,
                 vectors[pixels],
                 ring[pixels],
                 np.linspace(start, stop, n_steps + 1),
-                np.asarray(distance_edges, dtype=float),
+                edges,
                 density.shape[0] / box_size,
                 maps,
             )
-    maps /= np.diff(distance_edges)[:, None]
+    maps /= np.diff(edges)[:, None]
     return maps
 
 
 @njit(parallel=True, fastmath=True, cache=True)
-def _trace_shell(density, displacement, move, vectors, ring, radii, edges, per_cell, maps):
+def _trace_shell(density, displacement, moving, vectors, ring, radii, edges, per_cell, maps):
     """Add the shell between radii[0] and radii[-1] to `maps`, as integrals over each channel.
 
     `vectors` (n_pixels, n_rays, 3) are ray directions, `ring` the RING index of each pixel. One thread
     owns a pixel: the sums are the same for any number of threads.
     """
     n_rays = vectors.shape[1]
+    nodes = (radii * per_cell).astype(np.float32)
+    middles = (0.5 * (radii[:-1] + radii[1:]) * per_cell).astype(np.float32)
     for pixel in prange(len(ring)):
         row = np.zeros(len(edges) - 1)
+        moved, inside = np.zeros_like(nodes), np.empty_like(middles)
+        cells, weights = np.empty((6, len(nodes)), np.int32), np.empty((3, len(nodes)), np.float32)
         for ray in range(n_rays):
-            x, y, z = vectors[pixel, ray]
-            channel = 0
-            near = radii[0] + move * _interpolate(displacement, x, y, z, radii[0] * per_cell)
-            for i in range(1, len(radii)):
-                far = radii[i] + move * _interpolate(displacement, x, y, z, radii[i] * per_cell)
-                step = radii[i] - radii[i - 1]
-                middle = 0.5 * (radii[i - 1] + radii[i]) * per_cell
-                mass = step * _interpolate(density, x, y, z, middle)
-                channel = _deposit(row, edges, min(near, far), max(near, far), mass, channel)
-                near = far
+            if moving:
+                _interpolate(displacement, vectors[pixel, ray], nodes, cells, weights, moved)
+            _interpolate(density, vectors[pixel, ray], middles, cells, weights, inside)
+            _deposit(row, edges, radii, moved, inside)
         for channel in range(len(row)):
             maps[channel, ring[pixel]] += row[channel] / n_rays
 
 
-@njit(fastmath=True, inline="always")
-def _deposit(row, edges, low, high, mass, hint):
-    """Share `mass`, spread evenly over low..high, among the channels between `edges`.
+@njit(fastmath=True)
+def _deposit(row, edges, radii, moved, density):
+    """Share the mass of every step along a ray among the channels that it lands in.
 
-    The search for the first channel starts from `hint`; returns it, as the next hint.
+    `moved` displaces the ends of the steps, `radii`; `density` is that of each step, which is spread evenly
+    over where it lands. Most steps land whole in the channel of the step before.
     """
-    if high <= edges[0] or low >= edges[-1]:
-        return hint
-    while hint > 0 and edges[hint] > low:
-        hint -= 1
-    while edges[hint + 1] <= low:
-        hint += 1
-    per_width = mass / max(high - low, 1e-6)
-    channel = hint
-    while channel < len(row) and edges[channel] < high:
-        row[channel] += per_width * (min(high, edges[channel + 1]) - max(low, edges[channel]))
-        channel += 1
-    return hint
+    channel, inside = 0, 0.0
+    near = radii[0] + moved[0]
+    for i in range(len(density)):
+        far = radii[i + 1] + moved[i + 1]
+        mass = (radii[i + 1] - radii[i]) * density[i]
+        low, high = (near, far) if near < far else (far, near)
+        near = far
+        if low >= edges[channel] and high <= edges[channel + 1]:
+            inside += mass
+        elif low < edges[-1] and high > edges[0]:
+            row[channel] += inside
+            inside = 0.0
+            while channel > 0 and edges[channel] > low:
+                channel -= 1
+            while edges[channel + 1] <= low:
+                channel += 1
+            per_width = mass / max(high - low, 1e-6)
+            row[channel] += per_width * (min(high, edges[channel + 1]) - max(low, edges[channel]))
+            while high > edges[channel + 1] and channel + 2 < len(edges):
+                channel += 1
+                row[channel] += per_width * (min(high, edges[channel + 1]) - edges[channel])
+    row[channel] += inside
+
+
+@njit(fastmath=True)
+def _interpolate(field, direction, radii, cells, weights, out):
+    """`field` at `radii` cells from the centre towards `direction`: trilinear, periodic.
+
+    `cells` (6, n) and `weights` (3, n) are room to work in. Places are found for the whole ray first, in
+    a loop that the compiler turns into vector instructions, as it cannot with the lookups of the cells
+    within it; that is 2.5 times faster.
+    """
+    n = np.uint64(field.shape[0])
+    flat = field.ravel()
+    for axis in range(3):
+        _neighbours(direction[axis], radii, len(field), cells[2 * axis], cells[2 * axis + 1], weights[axis])
+    for i in range(len(radii)):
+        # Unsigned, or every lookup would first ask whether it counts from the end.
+        row, next_row = np.uint64(cells[0, i]) * n, np.uint64(cells[1, i]) * n
+        j, next_j = np.uint64(cells[2, i]), np.uint64(cells[3, i])
+        k, next_k = np.uint64(cells[4, i]), np.uint64(cells[5, i])
+        near = _between(flat, (row + j) * n, (row + next_j) * n, k, next_k, weights[1, i], weights[2, i])
+        far = _between(
+            flat, (next_row + j) * n, (next_row + next_j) * n, k, next_k, weights[1, i], weights[2, i]
+        )
+        out[i] = near + weights[0, i] * (far - near)
 
 
 @njit(fastmath=True, inline="always")
-def _interpolate(field, x, y, z, radius):
-    """`field` at `radius` cells from the centre towards (x, y, z): trilinear, periodic."""
-    n = field.shape[0]
-    i0, i1, u = _neighbours(radius * x + 0.5 * n - 0.5, n)
-    j0, j1, v = _neighbours(radius * y + 0.5 * n - 0.5, n)
-    k0, k1, w = _neighbours(radius * z + 0.5 * n - 0.5, n)
-    near = (1 - v) * ((1 - w) * field[i0, j0, k0] + w * field[i0, j0, k1])
-    near += v * ((1 - w) * field[i0, j1, k0] + w * field[i0, j1, k1])
-    far = (1 - v) * ((1 - w) * field[i1, j0, k0] + w * field[i1, j0, k1])
-    far += v * ((1 - w) * field[i1, j1, k0] + w * field[i1, j1, k1])
-    return (1 - u) * near + u * far
+def _between(flat, line, next_line, k, next_k, across, along):
+    """Bilinear between four cells: `k` and `next_k` of the line that starts at `line`, and of the next."""
+    first = flat[line + k] + along * (flat[line + next_k] - flat[line + k])
+    second = flat[next_line + k] + along * (flat[next_line + next_k] - flat[next_line + k])
+    return first + across * (second - first)
 
 
-@njit(fastmath=True, inline="always")
-def _neighbours(position, n):
-    """The cells on either side of `position`, wrapped once around, and the weight of the second."""
-    floor = int(np.floor(position))
-    weight = position - floor
-    low = floor + n if floor < 0 else floor - n if floor >= n else floor
-    return low, (low + 1 if low + 1 < n else 0), weight
+@njit(fastmath=True)
+def _neighbours(component, radii, n, low, high, weight):
+    """The cells on either side of every position, wrapped once around, and the weight of the second."""
+    half, n = np.float32(0.5 * n - 0.5), np.int32(n)
+    for i in range(len(radii)):
+        position = radii[i] * component + half
+        floor = np.floor(position)
+        weight[i] = position - floor
+        cell = np.int32(floor)
+        cell = cell + n if cell < 0 else cell
+        cell = cell - n if cell >= n else cell
+        low[i] = cell
+        high[i] = cell + np.int32(1) if cell + np.int32(1) < n else np.int32(0)
