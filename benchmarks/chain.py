@@ -76,7 +76,9 @@ def main(preset):
 
     sample = foregrounds[:N_SAMPLES].astype(float)
     ours = per_map(sphere.analyse, sample)
-    report("analysis of a map", ours, "healpy.map2alm, iter=3", per_map(hp.map2alm, sample) / ours)
+    report(
+        "analysis of a map", ours, "healpy.map2alm, iter=sphere.N_ITER", per_map(hp.map2alm, sample) / ours
+    )
     alms = sphere.analyse(sample)
     ours = per_map(lambda alm: sphere.synthesise(alm, survey.nside), alms)
     theirs = per_map(lambda alm: hp.alm2map(alm, survey.nside), alms)
@@ -87,7 +89,9 @@ def main(preset):
     report("PCA", ours, "scikit-learn, fit_transform in float64", theirs / ours)
 
     _, ours = timed(spectra.angular_power, cleaned.residual)
-    theirs = per_map(lambda pixels: hp.anafast(pixels, iter=3), cleaned.residual) * survey.n_channels
+    theirs = (
+        per_map(lambda pixels: hp.anafast(pixels, iter=sphere.N_ITER), cleaned.residual) * survey.n_channels
+    )
     report("angular power spectra", ours, f"healpy.anafast ({N_SAMPLES} maps, scaled)", theirs / ours)
     _, ours = timed(spectra.frequency_power, cleaned.residual, survey.channel_width)
     _, theirs = timed(plain_frequency_power, cleaned.residual, survey.channel_width)

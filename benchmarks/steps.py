@@ -17,7 +17,7 @@ from benchmarks.alternatives import (
     plain_residual,
 )
 from benchmarks.machine import Needs
-from himap import pipeline, spectra
+from himap import pipeline, spectra, sphere
 from himap.evidence import methods_for
 from himap.instrument.beams import BEAM_MODELS
 from himap.removal.base import SeparationWarning
@@ -102,7 +102,7 @@ def beside_observations(case):
     beams = {beam: replace(case, beam=beam).beam_of_survey() for beam in BEAM_MODELS}
 
     def smooth(pixels, beam):
-        alm = hp.map2alm(pixels, iter=3)
+        alm = hp.map2alm(pixels, iter=sphere.N_ITER)
         return hp.alm2map(hp.almxfl(alm, beam), case.survey.nside)
 
     def work():
@@ -229,7 +229,7 @@ def beside_spectra(case):
     sample = found[evenly(len(found), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",
-        lambda: [hp.anafast(pixels, iter=3) for pixels in sample],
+        lambda: [hp.anafast(pixels, iter=sphere.N_ITER) for pixels in sample],
         len(found) / len(sample),
     )
 

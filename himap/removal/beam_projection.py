@@ -35,12 +35,17 @@ def through_beams(maps, space, beams):
     bases = _bases(space, beams[:, : lmax + 1])
     spectra, seen = _principal(_common(bases), maps)
     within = np.einsum("cv,lcn->lvn", spectra, bases)
-    modes = _analysed(seen, lmax)
-    seen -= sphere.synthesise(harmonic.from_modes(modes), nside)  # now what lies beyond the transform
+    beyond = within[-1] @ within[-1].T
+    size = seen.std(axis=1)
+    bright = size > _BRIGHT * size.min()
+    modes = _analysed(seen, bright, size.min() / size, lmax)
+    # P_l of what the transform holds, and the last P of the rest: P_l m less P_last m, and P_last of it all.
     for basis, block in zip(within, harmonic.blocks(modes), strict=True):
-        block[:] = basis @ (basis.T @ block)
-    found = sphere.synthesise(harmonic.from_modes(modes), nside)
-    found += within[-1] @ (within[-1].T @ seen)
+        block[:] = basis @ (basis.T @ block) - beyond @ block
+    found = beyond @ seen
+    for pixels, mode, high in zip(found, modes, bright, strict=True):
+        alm = harmonic.from_modes(mode).astype(complex if high else np.complex64)
+        pixels += sphere.synthesise(alm, nside)
     return mixture(spectra, found)
 
 
@@ -51,16 +56,15 @@ def _principal(spectra, maps):
     return spectra @ axes, axes.T @ seen
 
 
-def _analysed(seen, lmax):
+def _analysed(seen, bright, floors, lmax):
     """Real modes of the maps; of those that stand out from the rest, the foreground, down to the rest."""
-    size = seen.std(axis=1)
-    floor = size.min()
     modes = np.empty((len(seen), (lmax + 1) ** 2))
-    for pixels, height, out in zip(progress(seen, "sdecgmca: foreground"), size, modes, strict=True):
-        if height > _BRIGHT * floor:
-            alm = sphere.analyse_closely(pixels, lmax, max(floor / height, _DIGITS))
+    maps = progress(seen, "sdecgmca: foreground")
+    for pixels, high, floor, out in zip(maps, bright, floors, modes, strict=True):
+        if high:
+            alm = sphere.analyse_closely(pixels, lmax, max(floor, _DIGITS))
         else:
-            alm = sphere.analyse(pixels, lmax, n_iter=2)  # a third moves C_l by less than 1e-5
+            alm = sphere.analyse(pixels.astype(np.float32), lmax)
         out[:] = harmonic.to_modes(alm)
     return modes
 

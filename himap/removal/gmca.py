@@ -12,13 +12,12 @@ from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
 from himap.removal.harmonic import safe_inverse
-from himap.removal.pca import channel_covariance, principal_axes
+from himap.removal.pca import bright_axes, channel_covariance, principal_axes
 from himap.removal.sparsity import NORMAL, share_threshold
 from himap.starlets import starlet_bands
 
 __all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
 
-_BRIGHT = 1e3  # variance over that of HI and noise, where float32 products still have digits to spare
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
 
@@ -76,7 +75,7 @@ class GMCA(ForegroundRemover):
         """The iterations one by one: a `Step` after each, on maps less their channel means."""
         covariance = channel_covariance(maps)
         mixing = principal_axes(covariance, self.n_sources)
-        cube = SplitCube(maps, principal_axes(covariance, self._n_bright(covariance)))
+        cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
         for n_iterations in range(1, self.max_iterations + 1):
             share = min(1, n_iterations / self.n_falling)
             sources = details(cube.projection(_inverse(mixing)), self.n_scales)
@@ -88,11 +87,6 @@ class GMCA(ForegroundRemover):
             yield Step(n_iterations=n_iterations, mixing=mixing, thresholds=limits, converged=converged)
             if converged:
                 return
-
-    def _n_bright(self, covariance):
-        """How many principal components hold what is much brighter than the typical one."""
-        values = np.linalg.eigvalsh(covariance)
-        return max(self.n_sources, int(np.sum(values > _BRIGHT * np.median(values))))
 
 
 @dataclass(frozen=True, kw_only=True)

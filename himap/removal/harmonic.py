@@ -6,12 +6,14 @@ a slice, sums over m are plain dot products, and what depends on l alone is done
 """
 
 from functools import lru_cache
-from hashlib import sha256
+from zlib import adler32, crc32
 
 import numpy as np
 
 from himap import sphere
+from himap.blocked import projection
 from himap.progress import progress
+from himap.removal.pca import bright_axes, channel_covariance
 
 __all__ = [
     "blocks",
@@ -45,6 +47,16 @@ def _order(lmax):
     return index, factor
 
 
+@lru_cache(maxsize=4)
+def _places(lmax):
+    """For every real number of the coefficients its mode and its factor, 0 where it has none."""
+    index, factor = _order(lmax)
+    places, factors = np.zeros(2 * sphere.alm_size(lmax), dtype=np.int64), np.zeros(2 * sphere.alm_size(lmax))
+    places[index], factors[index] = np.arange(len(index)), 1 / factor
+    places.flags.writeable = factors.flags.writeable = False
+    return places, factors
+
+
 def degrees(lmax):
     """The degree l of every mode, ((lmax + 1)^2,)."""
     return np.repeat(np.arange(lmax + 1), 2 * np.arange(lmax + 1) + 1)
@@ -59,24 +71,29 @@ def to_modes(alms):
 
 def from_modes(modes):
     """healpy's coefficients of real modes, the inverse of `to_modes`; complex128."""
-    lmax = round(np.sqrt(modes.shape[-1])) - 1
-    index, factor = _order(lmax)
-    parts = np.zeros((*modes.shape[:-1], 2 * sphere.alm_size(lmax)))
-    parts[..., index] = modes / factor
-    real, imag = np.split(parts, 2, axis=-1)
-    return real + 1j * imag
+    n_alm = sphere.alm_size(round(np.sqrt(modes.shape[-1])) - 1)
+    places, factors = _places(sphere.lmax_of_size(n_alm))
+    alms = np.empty((*modes.shape[:-1], n_alm), dtype=complex)
+    alms.real = modes[..., places[:n_alm]] * factors[:n_alm]
+    alms.imag = modes[..., places[n_alm:]] * factors[n_alm:]
+    return alms
 
 
 def modes_of_maps(maps, lmax, *, label):
     """Real modes of HEALPix maps, (n_maps, n_pix) to (n_maps, (lmax + 1)^2), in float64; read-only.
 
-    Those of the last maps are remembered by what the maps hold, for scans of a parameter on the same maps.
+    What is bright is a few spectra times maps, analysed in float64, the rest in float32. Those of the last
+    maps are remembered by what the maps hold, for scans of a parameter on the same maps.
     """
-    key = (sha256(np.ascontiguousarray(maps)).digest(), lmax)
+    maps = np.ascontiguousarray(maps)
+    key = (crc32(maps), adler32(maps), maps.shape, lmax)
     if key not in _LAST:
-        modes = np.empty((len(maps), (lmax + 1) ** 2))
-        for channel, out in zip(progress(maps, label), modes, strict=True):
-            out[:] = to_modes(sphere.analyse(np.asarray(channel, dtype=np.float64), lmax))
+        spectra = bright_axes(channel_covariance(maps))
+        bright = projection(spectra.T, maps)
+        modes = spectra @ to_modes(sphere.analyse(bright, lmax))
+        for pixels, spectrum, out in zip(progress(maps, label), spectra, modes, strict=True):
+            rest = (pixels - spectrum @ bright).astype(np.float32)
+            out += to_modes(sphere.analyse(rest, lmax))
         modes.flags.writeable = False
         _LAST.clear()
         _LAST[key] = modes
@@ -109,7 +126,20 @@ def safe_inverse(matrices, ridge=None):
         rows = np.sqrt(ridge)[..., None] * np.eye(n_sources)
         matrices = np.concatenate([matrices, rows], axis=-2)
     q, r = np.linalg.qr(matrices)
-    return np.linalg.pinv(r, rcond=_RANK) @ np.swapaxes(q[..., :n_channels, :], -1, -2)
+    return _inverses(r) @ np.swapaxes(q[..., :n_channels, :], -1, -2)
+
+
+def _inverses(square):
+    """Pseudo-inverses of square matrices (n, m, m); without singular values where all are above rounding."""
+    try:
+        inverses = np.linalg.inv(square)
+    except np.linalg.LinAlgError:  # one of them has a zero on the diagonal
+        return np.linalg.pinv(square, rcond=_RANK)
+    size = np.linalg.norm(square, axis=(1, 2)) * np.linalg.norm(inverses, axis=(1, 2))
+    close = ~(size < 1 / _RANK)  # the product is no less than the condition number
+    if close.any():
+        inverses[close] = np.linalg.pinv(square[close], rcond=_RANK)
+    return inverses
 
 
 def project(inverses, modes):

@@ -9,7 +9,9 @@ from scipy import linalg
 from himap.blocked import blocks, mixture, projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
-__all__ = ["PCA", "channel_covariance", "principal_axes"]
+__all__ = ["PCA", "bright_axes", "channel_covariance", "principal_axes"]
+
+_BRIGHT = 1e3  # variance over that of HI and noise
 
 
 @dataclass(kw_only=True)
@@ -51,3 +53,12 @@ def principal_axes(covariance, n_axes):
     vectors = vectors[:, ::-1]
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(n_axes)]
     return vectors * np.sign(largest)
+
+
+def bright_axes(covariance, *, least=1):
+    """Principal axes of what float32 cannot hold together with HI, and `least` of them in any case.
+
+    What is left has no axis with more than 1000 times the typical variance, the median: six digits do.
+    """
+    values = np.linalg.eigvalsh(covariance)
+    return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))
