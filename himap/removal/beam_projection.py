@@ -35,14 +35,16 @@ def through_beams(maps, space, beams):
     bases = _bases(space, beams[:, : lmax + 1])
     spectra, seen = _principal(_common(bases), maps)
     within = np.einsum("cv,lcn->lvn", spectra, bases)
-    beyond = within[-1] @ within[-1].T
     size = seen.std(axis=1)
     bright = size > _BRIGHT * size.min()
     modes = _analysed(seen, bright, size.min() / size, lmax)
-    # P_l of what the transform holds, and the last P of the rest: P_l m less P_last m, and P_last of it all.
+    # P_l of what the transform holds and the last P of the rest: P_l m less P_last m, and P_last of it all.
+    last = within[-1]
+    beyond = last @ (last.T @ modes)
     for basis, block in zip(within, harmonic.blocks(modes), strict=True):
-        block[:] = basis @ (basis.T @ block) - beyond @ block
-    found = beyond @ seen
+        block[:] = basis @ (basis.T @ block)
+    modes -= beyond
+    found = last @ (last.T @ seen)
     for pixels, mode, high in zip(found, modes, bright, strict=True):
         alm = harmonic.from_modes(mode).astype(complex if high else np.complex64)
         pixels += sphere.synthesise(alm, nside)
