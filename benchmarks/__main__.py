@@ -14,34 +14,26 @@ from pathlib import Path
 
 import click
 
+from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
 from himap import pipeline
-from himap.parameters import parse_texts
 from himap.provenance import Provenance
-from himap.removal.sdecgmca import TABLE_1
-from himap.sky.galaxy import SOURCES, Galaxy
-from himap.survey import PRESETS, Survey
 
 
 @click.command()
-@click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True)
-@click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value.")
-@click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
-@click.option("--template-dir", help="Folder of the templates.")
-@click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True)
+@case_options
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 @click.option("--alone", is_flag=True, help="Without the alternatives.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
-def main(preset, pairs, galaxy, template_dir, beam, only, alone, output):
+def main(preset, case, only, alone, output):
     """Measure the steps at one preset."""
-    survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
-    case = pipeline.Case(survey=survey, galaxy=Galaxy(source=galaxy, template_dir=template_dir), beam=beam)
+    survey, galaxy = case.survey, case.galaxy.source
     machine = Machine.measured(survey.nside)
     click.echo(
         f"{preset}: nside {survey.nside}, {survey.n_channels} channels, {survey.box_cells}^3 cells, {galaxy} "
-        f"Galaxy, {beam} beam.\nThis machine: {machine.bandwidth / 1e9:.3g} GB/s, "
+        f"Galaxy, {case.beam} beam.\nThis machine: {machine.bandwidth / 1e9:.3g} GB/s, "
         f"{machine.operations / 1e9:.3g} GFlop/s (float32 {machine.operations_single / 1e9:.3g}), "
         f"a transform {1e3 * machine.transform:.3g} ms (float32 {1e3 * machine.transform_single:.3g})."
     )
@@ -59,7 +51,7 @@ def main(preset, pairs, galaxy, template_dir, beam, only, alone, output):
     if output:
         size = {name: getattr(survey, name) for name in ("nside", "n_channels", "box_cells")}
         about = {"size": size} | asdict(
-            Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": beam})
+            Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": case.beam})
         )
         text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
         Path(output).write_text(text + "\n")

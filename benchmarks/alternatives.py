@@ -3,6 +3,7 @@
 What takes too long is timed on a sample and scaled up; the printed line says so.
 """
 
+import time
 import warnings
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +14,6 @@ from scipy.optimize import least_squares
 from sklearn.decomposition import PCA, FastICA
 from sklearn.exceptions import ConvergenceWarning
 
-from benchmarks.chain import timed
 from himap import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover
@@ -52,6 +52,13 @@ class Alternative:
         part = f"{self.part} ({self.ours:.2g} s): " if self.part else ""
         sample = f" [sampled: {self.sample}, scaled up]" if self.sample else ""
         return f"{self.seconds / self.ours:12.2f} x  {part}{self.name}{sample}"
+
+
+def timed(function, *args, **kwargs):
+    """Result and seconds of a call."""
+    start = time.perf_counter()
+    result = function(*args, **kwargs)
+    return result, time.perf_counter() - start
 
 
 def alternatives(run):

@@ -7,6 +7,8 @@ get the paper's number of components and find the foreground in the peak-masked 
 that the alternative takes longer. Times depend on the machine, ratios less so.
 """
 
+import resource
+import sys
 import tempfile
 import time
 import warnings
@@ -19,15 +21,13 @@ from pathlib import Path
 import click
 import numpy as np
 
-from benchmarks.alternatives import Run, alternatives
-from benchmarks.chain import peak_memory, timed
+from benchmarks.alternatives import Run, alternatives, timed
+from benchmarks.cases import case_options
 from himap import pipeline, removal
-from himap.parameters import parse_texts
 from himap.removal.base import SeparationWarning
 from himap.removal.peaks import mask_peaks
 from himap.removal.sdecgmca import TABLE_1, SDecGMCA
-from himap.sky.galaxy import SOURCES, Galaxy
-from himap.survey import PRESETS, Survey
+from himap.survey import Survey
 
 PRELOADED = ["benchmarks.alternatives"]  # with all that it imports
 
@@ -47,6 +47,12 @@ class Data:
         for channel in cube:
             channel.sum()
         return cube
+
+
+def peak_memory():
+    """Peak memory of the process so far, GB."""
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB on Linux
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9
 
 
 def alone(function, *args):
@@ -113,20 +119,16 @@ def measure(label, remover, data):
 
 
 @click.command()
-@click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True)
-@click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value.")
-@click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
-@click.option("--template-dir", help="Folder of the templates.")
-@click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True)
-def main(preset, pairs, galaxy, template_dir, beam):
+@case_options
+def main(preset, case):
     """Time all methods on one observation."""
-    survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
-    case = pipeline.Case(survey=survey, galaxy=Galaxy(source=galaxy, template_dir=template_dir), beam=beam)
+    survey, beam = case.survey, case.beam
     size = 4 * survey.n_channels * survey.n_pix / 1e9
     click.echo(
-        f"{preset}: {survey.n_channels} channels, nside {survey.nside}, {galaxy} Galaxy, {beam} beam.\n"
-        f"Memory is the peak above the two cubes given, of {size:.2g} GB each. The time of each iteration is "
-        "all time over\ntheir number. N x: the alternative takes N times as long, on the clock."
+        f"{preset}: {survey.n_channels} channels, nside {survey.nside}, {case.galaxy.source} "
+        f"Galaxy, {beam} beam.\nMemory is the peak above the two cubes given, of {size:.2g} GB each. The "
+        "time of each iteration is all\ntime over their number. N x: the alternative takes N times as long, "
+        "on the clock."
     )
     names = f"{'n_s':>4} {'time':>11s} {'CPU time':>11s} {'memory':>10s} {'iterations':>10s} {'each':>12s}"
     click.echo(f"{'method':20s} {names}")

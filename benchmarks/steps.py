@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import healpy as hp
 from sklearn import decomposition
 
+from benchmarks import floors
 from benchmarks.alternatives import (
     evenly,
     plain_polynomials,
     plain_power_laws,
     plain_residual,
 )
-from benchmarks.machine import Needs
 from himap import pipeline, spectra, sphere
 from himap.evidence import methods_for
 from himap.instrument.beams import BEAM_MODELS
@@ -56,19 +56,9 @@ class Step:
     beside: Callable | None = None
 
 
-def _cube(survey):
-    return 4 * survey.n_channels * survey.n_pix
-
-
 def light_cone(case):
     """The HI maps, from random numbers."""
     pipeline.hi_of_sky.compute(case.survey.sky)
-
-
-def needs_of_light_cone(survey, _):
-    """Five transforms of the box (noise, density, three displacements), three passes each; one trace."""
-    box = 4 * survey.box_cells**3
-    return Needs(n_bytes=5 * 3 * 2 * box + 4 * 2 * box + 2 * box + _cube(survey))
 
 
 def observations(case):
@@ -86,12 +76,6 @@ def observations(case):
     for beam in BEAM_MODELS:
         pipeline.observation.forget(replace(case, beam=beam))
         pipeline.observation(replace(case, beam=beam))
-
-
-def needs_of_observations(survey, _):
-    """Coefficients of HI and noise with three refinements; HI, noise and foregrounds of three beams."""
-    n = survey.n_channels
-    return Needs(transforms_single=(7 + 7 + 3) * n, transforms=3 * n, n_bytes=3 * 4 * _cube(survey))
 
 
 def beside_observations(case):
@@ -121,12 +105,6 @@ def peaks(case):
     pipeline.peak_masked.compute(case)
 
 
-def needs_of_lines(survey, _):
-    """Polynomials of order 6: the cube read twice and written once, two projections."""
-    n = survey.n_channels * survey.n_pix
-    return Needs(n_bytes=3 * _cube(survey), operations=4 * 7 * n)
-
-
 def beside_polynomials(case):
     """numpy, a float64 block of lines at once and one by one where clipped."""
     maps = pipeline.observation(case).maps
@@ -146,24 +124,11 @@ def _cleaner(name):
     return work
 
 
-def needs_of_pca(survey, _):
-    """A covariance and two products with the cube; cube centred, read, mixed and subtracted."""
-    n = survey.n_channels * survey.n_pix
-    return Needs(n_bytes=8 * _cube(survey), operations=survey.n_channels * n + 4 * 5 * n)
-
-
 def beside_pca(case):
     """scikit-learn's, float64."""
     maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
     model = decomposition.PCA(TABLE_1[case.beam]["n_sources"])
     return "scikit-learn PCA", lambda: plain_residual(model, maps, masked), 1
-
-
-def needs_of_fastica(survey, found):
-    """PCA, and in each iteration products of whitened maps, float64."""
-    pca = needs_of_pca(survey, found)
-    each = found.mixing.shape[1] * survey.n_pix * 8
-    return replace(pca, n_bytes=pca.n_bytes + 3 * each * found.n_iterations)
 
 
 def beside_fastica(case):
@@ -172,12 +137,6 @@ def beside_fastica(case):
     n_sources = TABLE_1[case.beam]["n_sources"]
     model = decomposition.FastICA(n_sources, whiten_solver="eigh", random_state=0)
     return "scikit-learn FastICA", lambda: plain_residual(model, maps, masked), 1
-
-
-def needs_of_parametric(survey, _):
-    """At least two products of every line with the curves of one index, and the result."""
-    n = survey.n_channels * survey.n_pix
-    return Needs(n_bytes=4 * _cube(survey), operations=2 * 2 * 2 * n)
 
 
 def beside_parametric(case):
@@ -192,35 +151,12 @@ def beside_parametric(case):
     )
 
 
-def needs_of_gmca(survey, found):
-    """In each iteration two products with the cube, float32, and the starlets of the sources and back."""
-    n, n_sources = survey.n_channels * survey.n_pix, found.mixing.shape[1]
-    work = Needs(n_bytes=2 * _cube(survey), operations_single=4 * n_sources * n, transforms=1.4 * n_sources)
-    return Needs(**{name: found.n_iterations * value for name, value in vars(work).items()})
-
-
-def needs_of_sdecgmca(survey, found):
-    """Channels analysed to l = 200 with three refinements; one transform for each common spectrum."""
-    share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
-    n_sources = found.mixing.shape[1]
-    sparse = 2 * n_sources * found.n_iterations * share
-    return Needs(
-        transforms=7 * survey.n_channels * share + sparse + 12 * n_sources, n_bytes=6 * _cube(survey)
-    )
-
-
 def both_spectra(case):
     """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
     found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
     truth = pipeline.observation(case).truth
     spectra.angular_power_pair(found, truth, truth_alms=pipeline.truth_alms(case))
     spectra.frequency_power(found, case.survey.channel_width)
-
-
-def needs_of_spectra(survey, _):
-    """The covariance of the difference, some ten maps analysed closely, Fourier transforms of all lines."""
-    n = survey.n_channels * survey.n_pix
-    return Needs(transforms_single=7 * 10 + 40, n_bytes=6 * _cube(survey), operations=survey.n_channels * n)
 
 
 def beside_spectra(case):
@@ -235,60 +171,60 @@ def beside_spectra(case):
 
 
 STEPS = [
-    Step(name="HI light cone", target=(300, 20), work=light_cone, needs=needs_of_light_cone),
+    Step(name="HI light cone", target=(300, 20), work=light_cone, needs=floors.light_cone),
     Step(
         name="observations, three beams",
         target=(300, 8),
         work=observations,
-        needs=needs_of_observations,
+        needs=floors.observations,
         beside=beside_observations,
     ),
-    Step(name="peak masking", target=(45, 8), work=peaks, needs=needs_of_lines, beside=beside_polynomials),
+    Step(name="peak masking", target=(45, 8), work=peaks, needs=floors.lines, beside=beside_polynomials),
     Step(
         name="PCA",
         target=(20, 8),
         work=_cleaner("pca"),
-        needs=needs_of_pca,
+        needs=floors.pca,
         beside=beside_pca,
     ),
     Step(
         name="polynomial",
         target=(20, 8),
         work=_cleaner("polynomial"),
-        needs=needs_of_lines,
+        needs=floors.lines,
         beside=beside_polynomials,
     ),
     Step(
         name="FastICA",
         target=(30, 8),
         work=_cleaner("fastica"),
-        needs=needs_of_fastica,
+        needs=floors.fastica,
         beside=beside_fastica,
     ),
     Step(
         name="parametric",
         target=(90, 8),
         work=_cleaner("parametric"),
-        needs=needs_of_parametric,
+        needs=floors.parametric,
         beside=beside_parametric,
     ),
     Step(
         name="GMCA",
         target=(240, 10),
         work=_cleaner("gmca"),
-        needs=needs_of_gmca,
+        needs=floors.gmca,
     ),
     Step(
         name="SDecGMCA",
         target=(60, 8),
         work=_cleaner("sdecgmca"),
-        needs=needs_of_sdecgmca,
+        needs=floors.sdecgmca,
     ),
     Step(
         name="both spectra",
         target=(60, 6),
         work=both_spectra,
-        needs=needs_of_spectra,
+        needs=floors.spectra,
         beside=beside_spectra,
     ),
 ]

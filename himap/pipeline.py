@@ -105,13 +105,13 @@ def hi_of_sky(survey):
 @product
 def hi_alms_of_sky(survey):
     """Harmonic coefficients of `hi`, to 3 nside - 1, complex64: the beams share them."""
-    return sphere.analyse(hi_of_sky(survey))
+    return sphere.analyse(hi_of_sky(survey), n_iter=sphere.N_ITER_FLAT)
 
 
 @product
 def noise_alms(survey):
     """Harmonic coefficients of the noise before any smoothing, to 3 nside - 1, complex64."""
-    return sphere.analyse(noise_maps(survey, survey.rng("noise")))
+    return sphere.analyse(noise_maps(survey, survey.rng("noise")), n_iter=sphere.N_ITER_FLAT)
 
 
 def components(survey, galaxy):

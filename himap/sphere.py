@@ -38,9 +38,12 @@ __all__ = [
     "synthesise_grid",
 ]
 
-N_ITER = 2
-"""Refinements of the HEALPix quadrature. An even number: of a map with power to l = 3 nside the three of
-healpy's map2alm leave more beyond 2 nside than two do, and no less below it."""
+N_ITER = 3
+"""Refinements of the HEALPix quadrature, as in healpy's map2alm."""
+
+N_ITER_FLAT = 2
+"""Refinements for maps with much power up to l = 3 nside, such as HI and noise: a third makes them worse
+beyond 2 nside (there C_l are 1 to 10 % off, 0.2 to 2 % with two) and little better below."""
 
 
 def nside_of(maps):

@@ -31,7 +31,7 @@ def test_full_sky_against_healpy(rng):
     maps = rng.standard_normal((2, N_PIX))
     power = spectra.angular_power(maps)
     assert power.degrees == pytest.approx(np.arange(LMAX + 1))
-    assert power.cl[1][1:] == pytest.approx(hp.anafast(maps[1], iter=sphere.N_ITER)[1:], rel=1e-6)
+    assert power.cl[1][1:] == pytest.approx(hp.anafast(maps[1], iter=3)[1:], rel=1e-6)
     assert power.mean == pytest.approx(power.cl.mean(axis=0))
 
 

@@ -66,7 +66,7 @@ def _analysed(seen, bright, floors, lmax):
         if high:
             alm = sphere.analyse_closely(pixels, lmax, max(floor, _DIGITS))
         else:
-            alm = sphere.analyse(pixels.astype(np.float32), lmax)
+            alm = sphere.analyse(pixels.astype(np.float32), lmax, n_iter=sphere.N_ITER_FLAT)
         out[:] = harmonic.to_modes(alm)
     return modes
 

@@ -93,7 +93,7 @@ def modes_of_maps(maps, lmax, *, label):
         modes = spectra @ to_modes(sphere.analyse(bright, lmax))
         for pixels, spectrum, out in zip(progress(maps, label), spectra, modes, strict=True):
             rest = (pixels - spectrum @ bright).astype(np.float32)
-            out += to_modes(sphere.analyse(rest, lmax))
+            out += to_modes(sphere.analyse(rest, lmax, n_iter=sphere.N_ITER_FLAT))
         modes.flags.writeable = False
         _LAST.clear()
         _LAST[key] = modes

@@ -1,0 +1,35 @@
+"""The options of the commands that say which observation is measured."""
+
+from functools import wraps
+
+import click
+
+from himap import pipeline
+from himap.parameters import parse_texts
+from himap.removal.sdecgmca import TABLE_1
+from himap.sky.galaxy import SOURCES, Galaxy
+from himap.survey import PRESETS, Survey
+
+__all__ = ["case_options"]
+
+_OPTIONS = [
+    click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True),
+    click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value."),
+    click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True),
+    click.option("--template-dir", help="Folder of the templates."),
+    click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True),
+]
+
+
+def case_options(command):
+    """A command that takes the name of a preset and a `Case` gets the options that make them."""
+
+    @wraps(command)
+    def with_case(preset, pairs, galaxy, template_dir, beam, **others):
+        survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
+        sky = Galaxy(source=galaxy, template_dir=template_dir)
+        return command(preset, pipeline.Case(survey=survey, galaxy=sky, beam=beam), **others)
+
+    for option in reversed(_OPTIONS):
+        with_case = option(with_case)
+    return with_case

@@ -1,0 +1,96 @@
+"""What every step of the chain needs at least: transforms, bytes moved, operations of matrix products."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.machine import Needs
+from himap import sphere
+from himap.cosmology import Cosmology, redshift
+from himap.sky.light_cone import plan_rays
+
+_ANALYSIS = 2 * sphere.N_ITER_FLAT + 1  # transforms
+
+
+def _cube(survey):
+    return 4 * survey.n_channels * survey.n_pix
+
+
+def light_cone(survey, _):
+    """Five transforms of the box (noise, density, three displacements), three passes each; the rays.
+
+    Of the rays two trilinear interpolations in every step, of seven times two operations.
+    """
+    box = 4 * survey.box_cells**3
+    return Needs(
+        n_bytes=5 * 3 * 2 * box + 4 * 2 * box + 2 * box + _cube(survey),
+        operations_single=2 * 7 * 2 * _n_ray_steps(survey),
+    )
+
+
+def _n_ray_steps(survey):
+    """Steps of all rays through the box."""
+    far, near = Cosmology().comoving_distance(redshift(survey.freq_edges[[0, -1]]))
+    rays = plan_rays(survey.nside, survey.box_size / survey.box_cells, near, far)
+    lengths = np.diff(rays.bounds) / rays.step
+    return survey.n_pix * float(lengths @ 4.0 ** np.arange(len(lengths)))
+
+
+def observations(survey, _):
+    """Coefficients of HI and noise; HI, noise and foregrounds of three beams."""
+    n = survey.n_channels
+    return Needs(transforms_single=(2 * _ANALYSIS + 3) * n, transforms=3 * n, n_bytes=3 * 4 * _cube(survey))
+
+
+def lines(survey, _):
+    """Polynomials of order 6: the cube read twice and written once, two projections."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=3 * _cube(survey), operations=4 * 7 * n)
+
+
+def pca(survey, _):
+    """A covariance and two products with the cube; cube centred, read, mixed and subtracted."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=8 * _cube(survey), operations=survey.n_channels * n + 4 * 5 * n)
+
+
+def fastica(survey, found):
+    """PCA, and in each iteration products of whitened maps, float64."""
+    shared = pca(survey, found)
+    each = found.mixing.shape[1] * survey.n_pix * 8
+    return replace(shared, n_bytes=shared.n_bytes + 3 * each * found.n_iterations)
+
+
+def parametric(survey, _):
+    """At least two products of every line with the curves of one index, and the result."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(n_bytes=4 * _cube(survey), operations=2 * 2 * 2 * n)
+
+
+def gmca(survey, found):
+    """In each iteration two products with the cube, float32, and the starlets of the sources and back."""
+    n, n_sources = survey.n_channels * survey.n_pix, found.mixing.shape[1]
+    work = Needs(n_bytes=2 * _cube(survey), operations_single=4 * n_sources * n, transforms=1.4 * n_sources)
+    return Needs(**{name: found.n_iterations * value for name, value in vars(work).items()})
+
+
+def sdecgmca(survey, found):
+    """Channels analysed to l = 200; some transforms for each of the common spectra."""
+    share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
+    n_sources = found.mixing.shape[1]
+    sparse = 2 * n_sources * found.n_iterations * share
+    return Needs(
+        transforms=sparse + 12 * n_sources,
+        transforms_single=_ANALYSIS * survey.n_channels * share,
+        n_bytes=6 * _cube(survey),
+    )
+
+
+def spectra(survey, _):
+    """The covariance of the difference, some ten maps analysed closely, Fourier transforms of all lines."""
+    n = survey.n_channels * survey.n_pix
+    return Needs(
+        transforms_single=(2 * sphere.N_ITER + 1) * 10 + 40,
+        n_bytes=6 * _cube(survey),
+        operations=survey.n_channels * n,
+    )
