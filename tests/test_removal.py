@@ -17,7 +17,8 @@ FREQS = np.linspace(902.5, 1397.5, 30)
 N_PIX = 12 * 8**2
 BEAMS = np.ones((len(FREQS), 24))
 METHODS = removal.available()
-SPATIAL = {"gmca", "sdecgmca"}  # methods that look at the sky as a sky, not as a bag of pixels
+# They look at the sky as a sky, not as a bag of pixels.
+SPATIAL = {name for name in METHODS if REGISTRY[name].needs_whole_sky}
 
 
 @pytest.fixture
@@ -73,6 +74,14 @@ class TestContract:
         order = rng.permutation(N_PIX)
         shuffled = clean(name, sky[:, order]).residual
         assert shuffled == pytest.approx(clean(name, sky).residual[:, order], abs=2e-3)
+
+    def test_part_of_the_sky(self, name, sky):
+        """Any lines of sight, or an error that says what the method needs."""
+        if name in SPATIAL:
+            with pytest.raises(InputError, match="12 nside"):
+                clean(name, sky[:, 1:])
+        else:
+            assert clean(name, sky[:, 1:]).residual.shape == (len(FREQS), N_PIX - 1)
 
     def test_separating_on_other_maps(self, name, sky, toy):
         """The foreground found in one cube, its means included, is subtracted from another."""

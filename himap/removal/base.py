@@ -89,11 +89,14 @@ class ForegroundRemover(ABC):
         as a fit of power laws, sets it to False and gives the whole foreground.
     needs_beams
         Whether the method uses the beams; the others get None for them.
+    needs_whole_sky
+        Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
     """
 
     name: ClassVar[str]
     centred: ClassVar[bool] = True
     needs_beams: ClassVar[bool] = False
+    needs_whole_sky: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)

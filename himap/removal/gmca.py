@@ -44,6 +44,7 @@ class GMCA(ForegroundRemover):
     """
 
     name: ClassVar[str] = "gmca"
+    needs_whole_sky: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
     n_scales: int = parameter(4, "number of starlet detail scales", minimum=1, maximum=12)
     penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)")

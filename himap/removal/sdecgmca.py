@@ -66,6 +66,7 @@ class SDecGMCA(ForegroundRemover):
 
     name: ClassVar[str] = "sdecgmca"
     needs_beams: ClassVar[bool] = True
+    needs_whole_sky: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
     share: float = parameter(
