@@ -9,7 +9,8 @@ import click
 from himap import __version__, ledger, ledger_table, reproduce
 from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.cli_cache import cache_commands
-from himap.cli_shared import SETTINGS, Commands, debug, print_table, workers
+from himap.cli_cubes import clean, suggest
+from himap.cli_shared import SETTINGS, Commands, debug, named_values, print_table, workers
 from himap.errors import InputError
 from himap.notebook_files import check_output, copy_name
 from himap.parameters import accepts, check_parameters, describe_parameters, parse_texts
@@ -25,7 +26,7 @@ _COLOURS = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: 
 @click.version_option(__version__, message="himap %(version)s")
 @debug
 def main():
-    """Foreground removal in HI intensity mapping: the notebooks of the companion, from the shell.
+    """Foreground removal in HI intensity mapping: the notebooks of the companion, and cubes of your own.
 
     \b
     himap list                     what there is
@@ -33,10 +34,14 @@ def main():
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
     himap run --all --preset laptop --jobs 2
     himap claims --preset laptop   what of the paper is reproduced
+    himap suggest cube.h5          how many sources to remove from a cube of your own
+    himap clean cube.h5 --method pca -p n_sources=4 -o cleaned.h5
     """
 
 
 main.add_command(cache_commands)
+main.add_command(clean)
+main.add_command(suggest)
 
 
 @main.command("list")
@@ -87,7 +92,7 @@ def run(names, preset, pairs, output, stale, every):
     names = [one.name for one in reproduce.notebooks()] if every else names
     if output and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
-    values = _values(names, preset, _split(pairs), some_accept=every)
+    values = _values(names, preset, named_values(pairs), some_accept=every)
     for name in names:
         started = time.monotonic()
         path, done = reproduce.run(
@@ -126,7 +131,7 @@ def claims(preset, pairs, output):
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
     declared = reproduce.find("15_claims").parameters
-    values = check_parameters(declared, parse_texts(declared, _split(pairs)), preset)
+    values = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     defaults = {parameter.name: parameter.default for parameter in declared}
     preset = values.get("preset", defaults["preset"])
     name = copy_name("claims", preset, values, suffix=".json")
@@ -153,18 +158,3 @@ def _refresh(names):
     done = reproduce.refresh(names or None, report=lambda name, why: click.echo(f"{name}: {why}"))
     if not done:
         click.echo("every notebook is fresh")
-
-
-def _split(pairs):
-    """{name: text} from NAME=VALUE."""
-    texts = {}
-    for pair in pairs:
-        name, equals, text = pair.partition("=")
-        if not (equals and name.isidentifier()):
-            raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
-        if name in texts:
-            raise InputError(
-                f"the parameter {name} is given twice, as {texts[name]} and as {text}; give one."
-            )
-        texts[name] = text
-    return texts

@@ -10,7 +10,7 @@ from himap.kernels import changed_environment
 from himap.memory import LIMIT_VARIABLE, parse_size
 from himap.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
-__all__ = ["SETTINGS", "Commands", "debug", "print_table", "size_text", "workers"]
+__all__ = ["SETTINGS", "Commands", "debug", "named_values", "print_table", "size_text", "workers"]
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
@@ -90,6 +90,21 @@ def workers(command):
     for option in reversed(_WORKERS.values()):
         wrapped = option(wrapped)
     return wrapped
+
+
+def named_values(pairs):
+    """{name: text} of texts NAME=VALUE."""
+    texts = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not (equals and name.isidentifier()):
+            raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
+        if name in texts:
+            raise InputError(
+                f"the parameter {name} is given twice, as {texts[name]} and as {text}; give one."
+            )
+        texts[name] = text
+    return texts
 
 
 def print_table(header, rows, colours=(None, {})):

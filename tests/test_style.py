@@ -16,8 +16,8 @@ ROOMS = [
     "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
     "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
-    "parameters", "notebook_files", "kernels", "kernel_manager", "reproduce",
-    "cli_shared", "cli_cache", "cli", "__main__",
+    "cubes", "parameters", "notebook_files", "kernels", "kernel_manager", "reproduce",
+    "cli_shared", "cli_cache", "cli_cubes", "cli", "__main__",
 ]
 # fmt: on
 
@@ -25,14 +25,14 @@ ROOMS = [
 # and the two halves of a simulation know nothing of each other.
 STRANGERS = {"removal": {"sky", "instrument", "cache", "store"}, "instrument": {"sky"}}
 
-# Packages that few modules may import; the templates use healpy only to read FITS maps.
+# Packages that few modules may import; the templates and cubes use healpy for FITS.
 KEEPERS = {
     "matplotlib": {"plotting"},
-    "healpy": {"sphere", "sky.templates"},
+    "healpy": {"sphere", "sky.templates", "cubes.files", "cubes.writing"},
     "ducc0": {"sphere"},
     "papermill": {"reproduce", "cli"},
     "jupytext": {"reproduce", "cli", "notebook_files"},
-    "click": {"cli", "cli_cache", "cli_shared"},
+    "click": {"cli", "cli_cache", "cli_cubes", "cli_shared"},
     "pysm3": {"sky.galaxy", "sky.templates"},
 }
 

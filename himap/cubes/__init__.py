@@ -1,0 +1,10 @@
+"""Cubes of one's own: read, cleaned by any of the methods, judged, and written as they came."""
+
+from himap.cubes.beams import beams_of
+from himap.cubes.cleaning import clean_cube
+from himap.cubes.cube import read_cube
+from himap.cubes.report import write_report
+from himap.cubes.suggestion import suggest
+from himap.cubes.writing import save_cleaned
+
+__all__ = ["beams_of", "clean_cube", "read_cube", "save_cleaned", "suggest", "write_report"]

@@ -1,0 +1,216 @@
+"""A cube of channel maps of one's own, as himap works with it: mK, RING, float32, frequencies ascending."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from himap import sphere
+from himap.checks import checked_freqs, real_array
+from himap.cubes.files import read_freqs, read_raw
+from himap.errors import InputError
+
+__all__ = ["Cube", "Layout", "make_cube", "read_cube"]
+
+_LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
+_MILLIKELVIN = {"k": 1e3, "kelvin": 1e3, "mk": 1.0, "millikelvin": 1.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How the cube was given, so that what is made of it can be given back alike.
+
+    Attributes
+    ----------
+    channels
+        For each channel of the `Cube` its place in the file, (n_channels,).
+    n_channels
+        In the file, those without a seen pixel included.
+    factor
+        mK in one unit of the file.
+    unit
+        "K" or "mK".
+    nested
+        Whether its pixels are in NESTED order.
+    """
+
+    channels: np.ndarray
+    n_channels: int
+    factor: float
+    unit: str
+    nested: bool
+
+    def as_given(self, maps, mask):
+        """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
+        out = np.full((self.n_channels, len(mask)), np.nan, dtype=np.float32)
+        whole = np.full(len(mask), np.nan, dtype=np.float32)
+        ring = sphere.nest_to_ring(sphere.nside_of(mask)) if self.nested else slice(None)
+        for place, pixels in zip(self.channels, maps, strict=True):
+            whole[mask] = pixels / self.factor
+            out[place] = whole[ring]
+        return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cube:
+    """Channel maps, of the whole sky or of a part.
+
+    Attributes
+    ----------
+    maps
+        The seen pixels, (n_channels, n_seen) float32, mK, by RING index.
+    freqs
+        Channel centres, MHz, ascending, (n_channels,).
+    mask
+        Which pixels of the sphere are seen in every channel, (n_pix,) bool, RING.
+    layout
+        How it was given, a `Layout`.
+    remarks
+        What was taken for granted or left out, for the user to read.
+    """
+
+    maps: np.ndarray
+    freqs: np.ndarray
+    mask: np.ndarray
+    layout: Layout
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def nside(self):
+        return sphere.nside_of(self.mask)
+
+    @property
+    def whole(self):
+        """Whether the whole sphere is seen."""
+        return bool(self.mask.all())
+
+    @property
+    def channel_width(self):
+        """MHz; the mean distance of two channels."""
+        return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
+
+    def on_sphere(self, maps):
+        """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen."""
+        out = np.zeros((len(maps), len(self.mask)), dtype=maps.dtype)
+        out[:, self.mask] = maps
+        return out
+
+
+def read_cube(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None):
+    """A `Cube` from a file; see `read_raw` for the formats.
+
+    Parameters
+    ----------
+    path
+        File, or folder of files.
+    freqs
+        Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
+        one number a line; for files that do not tell them.
+    unit
+        "K" or "mK", if the file does not say.
+    order
+        "RING" or "NESTED", if the file does not say; RING unless given.
+    maps_name, freqs_name
+        Datasets of an HDF5 file.
+
+    Raises
+    ------
+    InputError
+        What is missing or contradicts the file, and how to give it.
+    """
+    raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name)
+    if freqs is not None:
+        freqs = read_freqs(freqs) if isinstance(freqs, str) or hasattr(freqs, "__fspath__") else freqs
+        raw = replace(raw, freqs=real_array("freqs", freqs).astype(float))
+    if raw.freqs is None:
+        raise InputError(f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz.")
+    return make_cube(raw, unit=unit, order=order)
+
+
+def make_cube(raw, *, unit=None, order=None):
+    """The `Cube` of a `RawCube`: sorted, in mK, RING, with the pixels that are seen in every channel.
+
+    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out.
+    """
+    remarks = []
+    factor, unit = _unit(raw.unit, unit)
+    nested = _is_nested(raw.nested, order, remarks)
+    sphere.nside_of(raw.maps)
+    freqs = np.asarray(raw.freqs, dtype=float)
+    if freqs.shape != (len(raw.maps),):
+        raise InputError(
+            f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
+        )
+    channels = _seen_channels(raw.maps, np.argsort(freqs, kind="stable"), remarks)
+    freqs = checked_freqs(freqs[channels], len(channels))
+    mask = np.ones(raw.maps.shape[1], dtype=bool)
+    for place in channels:
+        mask &= _seen(raw.maps[place])
+    if not mask.any():
+        raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
+    if nested:
+        mask = _to_ring(mask)
+    maps = np.empty((len(channels), int(mask.sum())), dtype=np.float32)
+    for place, out in zip(channels, maps, strict=True):
+        pixels = raw.maps[place]
+        out[:] = (_to_ring(pixels) if nested else pixels)[mask] * factor
+    if not mask.all():
+        remarks.append(f"{mask.mean():.1%} of the sky is seen in every channel; the rest is masked.")
+    layout = Layout(channels=channels, n_channels=len(raw.maps), factor=factor, unit=unit, nested=nested)
+    return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
+
+
+def _seen(pixels):
+    return np.abs(pixels) < _LARGEST  # False for NaN
+
+
+def _seen_channels(maps, order, remarks):
+    """Of the channels in `order` those that see anything."""
+    seen = np.array([_seen(maps[place]).any() for place in order])
+    if seen.sum() < 2:
+        raise InputError(f"a cube needs two channels with seen pixels, got {seen.sum()} of {len(maps)}.")
+    if not seen.all():
+        remarks.append(f"{(~seen).sum()} of {len(maps)} channels see nothing and are left out.")
+    return order[seen]
+
+
+def _to_ring(pixels):
+    out = np.empty_like(pixels)
+    out[sphere.nest_to_ring(sphere.nside_of(pixels))] = pixels
+    return out
+
+
+def _unit(said, given):
+    """mK in one unit, and its name, from what the file and the user say."""
+    factors = {text: _millikelvin(text) for text in (said, given) if text is not None}
+    if not factors:
+        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
+    if len(set(factors.values())) > 1:
+        raise InputError(
+            f"the file says {said}, but the unit given is {given}; leave it out, or mend the file."
+        )
+    factor = next(iter(factors.values()))
+    return factor, "K" if factor == 1e3 else "mK"
+
+
+def _millikelvin(text):
+    # Case tells milli from mega, but nobody has maps in MK, and "MK" is written for mK.
+    factor = _MILLIKELVIN.get(str(text).strip().lower())
+    if factor is None:
+        raise InputError(f"maps must be brightness temperatures in K or mK, got {text!r}.")
+    return factor
+
+
+def _is_nested(said, given, remarks):
+    if given is None:
+        if said is None:
+            remarks.append(
+                "the file does not say the order of its pixels: taken as RING (--order to change it)."
+            )
+        return bool(said)
+    name = str(given).strip().upper()
+    if name not in ("RING", "NESTED", "NEST"):
+        raise InputError(f"order must be RING or NESTED, got {given!r}.")
+    nested = name != "RING"
+    if said is not None and said != nested:
+        raise InputError(f"the file says {'NESTED' if said else 'RING'}, but the order given is {given}.")
+    return nested

@@ -1,0 +1,267 @@
+"""Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import healpy as hp
+import numpy as np
+from astropy import units as u
+
+from himap.errors import InputError
+
+__all__ = ["RawCube", "read_array", "read_freqs", "read_numbers", "read_raw"]
+
+_HDF5, _FITS = (".h5", ".hdf5", ".hdf"), (".fits", ".fit", ".fits.gz")
+_FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*MHz", re.IGNORECASE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawCube:
+    """What a file says; None for what it does not.
+
+    Attributes
+    ----------
+    maps
+        (n_channels, n_pix), in the order, unit and pixelisation of the file.
+    freqs
+        Channel centres, MHz, (n_channels,).
+    unit
+        Of the maps, as text.
+    nested
+        Whether pixels are in NESTED order.
+    """
+
+    maps: np.ndarray
+    freqs: np.ndarray | None = None
+    unit: str | None = None
+    nested: bool | None = None
+
+
+def read_raw(path, *, maps_name=None, freqs_name=None):
+    """The `RawCube` of an HDF5 or FITS file, of a folder of FITS files (one for each channel), or of .npy.
+
+    Parameters
+    ----------
+    path
+        File or folder.
+    maps_name, freqs_name
+        Datasets of an HDF5 file; found by their shapes and names unless given.
+
+    Raises
+    ------
+    InputError
+        No such file, another format, or a file that does not hold one cube of HEALPix maps.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"there is no file {path}.")
+    if path.is_dir():
+        return _fits_files(path)
+    readers = {_HDF5: lambda: _hdf5(path, maps_name, freqs_name), _FITS: lambda: _fits_columns(path)}
+    readers[(".npy",)] = lambda: _npy(path)
+    for suffixes, reader in readers.items():
+        if path.name.lower().endswith(suffixes):
+            if suffixes is not _HDF5 and (maps_name or freqs_name):
+                raise InputError(f"names of datasets are for HDF5 files; {path} is none.")
+            return reader()
+    raise InputError(
+        f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
+    )
+
+
+def read_array(path):
+    """The array of a .npy file; object arrays, which could run code, are refused."""
+    try:
+        return np.load(path, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise InputError(f"{path} is no .npy file of plain numbers ({error}).") from None
+
+
+def read_freqs(path):
+    """Frequencies of a .npy file or a text file with one number a line, (n,), in MHz."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"there is no file of frequencies {path}.")
+    return read_numbers(path).ravel()
+
+
+def read_numbers(path):
+    """The numbers of a .npy file, or of a text file with columns parted by blanks or commas."""
+    if path.suffix == ".npy":
+        return read_array(path)
+    try:
+        return np.loadtxt(path.read_text().replace(",", " ").splitlines(), ndmin=1)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is no table of numbers ({error}).") from None
+
+
+def _npy(path):
+    maps = read_array(path)
+    if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not _sphere_sizes(maps.shape):
+        raise InputError(
+            f"{path} must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2, "
+            f"got {maps.dtype} {maps.shape}."
+        )
+    return RawCube(maps=pixels_last(maps))
+
+
+def _hdf5(path, maps_name, freqs_name):
+    try:
+        with h5py.File(path, "r") as file:
+            arrays = {}
+            file.visititems(lambda name, item: arrays.update({name: item} if _is_numeric(item) else {}))
+            maps = arrays[_the_maps(path, arrays, maps_name)]
+            values = pixels_last(maps[...])
+            name = _the_freqs(path, arrays, freqs_name, len(values))
+            return RawCube(
+                maps=values,
+                freqs=None if name is None else _in_mhz(arrays[name][...], _attribute(arrays[name], "unit")),
+                unit=_attribute(maps, "unit") or _attribute(file, "unit"),
+                nested=_nested(_attribute(maps, "order") or _attribute(file, "order")),
+            )
+    except OSError as error:
+        raise InputError(f"{path} cannot be read as HDF5 ({error}).") from None
+
+
+def _is_numeric(item):
+    return isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu"
+
+
+def _sphere_sizes(shape):
+    """The numbers among `shape` that are those of the pixels of a sphere."""
+    return [n for n in shape if n >= 12 and hp.isnpixok(n) and hp.isnsideok(hp.npix2nside(n), nest=True)]
+
+
+def pixels_last(maps):
+    """`maps` as (n_channels, n_pix): the larger of the two sizes that a sphere can have is the pixels."""
+    sizes = _sphere_sizes(maps.shape)
+    return maps if sizes and maps.shape[1] == max(sizes) else maps.T
+
+
+def _the_maps(path, arrays, name):
+    if name is not None:
+        if name not in arrays:
+            raise InputError(f"{path} has no dataset {name}; it has {_listing(arrays)}.")
+        if arrays[name].ndim != 2 or not _sphere_sizes(arrays[name].shape):
+            raise InputError(
+                f"{name} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, "
+                f"got {arrays[name].shape}."
+            )
+        return name
+    fitting = [one for one, item in arrays.items() if item.ndim == 2 and _sphere_sizes(item.shape)]
+    if len(fitting) != 1:
+        found = f"{len(fitting)} are: {', '.join(fitting)}" if fitting else f"it has {_listing(arrays)}"
+        raise InputError(
+            f"{path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but {found}. "
+            "Name it with --maps."
+        )
+    return fitting[0]
+
+
+def _the_freqs(path, arrays, name, n_channels):
+    if name is not None:
+        if name not in arrays or arrays[name].shape != (n_channels,):
+            raise InputError(
+                f"{path} must have a dataset {name} of {n_channels} frequencies; it has {_listing(arrays)}."
+            )
+        return name
+    lines = [one for one, item in arrays.items() if item.shape == (n_channels,)]
+    named = [one for one in lines if re.match(r"freq|nu", one.rpartition("/")[2], re.IGNORECASE)]
+    return named[0] if len(named) == 1 else lines[0] if len(lines) == 1 else None
+
+
+def _listing(arrays):
+    return "; ".join(f"{name} {item.shape}" for name, item in arrays.items()) or "no arrays of numbers"
+
+
+def _attribute(item, start):
+    """The text of the attribute whose name starts like `start`, or None."""
+    for name, value in item.attrs.items():
+        if name.lower().startswith(start):
+            return value.decode() if isinstance(value, bytes) else str(value)
+    return None
+
+
+def _nested(order):
+    """Whether the text of an ordering means NESTED; None where there is none."""
+    if order is None:
+        return None
+    if order.strip().upper() not in ("RING", "NEST", "NESTED"):
+        raise InputError(f"the order of pixels must be RING or NESTED, the file says {order!r}.")
+    return order.strip().upper().startswith("NEST")
+
+
+def _in_mhz(values, unit):
+    """Frequencies of a file in MHz; without a unit they are taken to be that."""
+    try:
+        return np.asarray(values, dtype=float) * u.Unit(unit or "MHz").to(u.MHz)
+    except (ValueError, u.UnitConversionError):
+        raise InputError(f"frequencies must be in Hz, MHz or GHz, the file says {unit!r}.") from None
+
+
+def _fits_maps(path):
+    """Maps (n, n_pix) of the table of a FITS file, NaN or UNSEEN where there are none, and its header."""
+    try:
+        maps, header = hp.read_map(path, field=None, dtype=None, nest=None, h=True)
+    except Exception as error:  # healpy and astropy raise all kinds for a file that is something else
+        raise InputError(f"{path} cannot be read as HEALPix maps in FITS ({error}).") from None
+    return np.atleast_2d(maps), dict(header)
+
+
+def _fits_columns(path):
+    """One file with a column for each channel, as healpy writes a list of maps."""
+    maps, header = _fits_maps(path)
+    names = [str(header.get(f"TTYPE{n + 1}", "")) for n in range(len(maps))]
+    if header.get("INDXSCHM") == "EXPLICIT":  # the first column tells the pixels, and is no map
+        names = [str(header.get(f"TTYPE{n + 2}", "")) for n in range(len(maps))]
+    return RawCube(
+        maps=maps,
+        freqs=_from_texts(names),
+        unit=header.get("TUNIT1") or header.get("TUNIT2") or None,
+        nested=_nested(header.get("ORDERING")),
+    )
+
+
+def _fits_files(folder):
+    """A folder with a file for each channel, in the order of their names."""
+    paths = sorted(path for path in folder.iterdir() if path.name.lower().endswith(_FITS))
+    if not paths:
+        raise InputError(f"the folder {folder} holds no .fits file.")
+    maps, headers = [], []
+    for path in paths:
+        found, header = _fits_maps(path)
+        if len(found) != 1 or (maps and found[0].shape != maps[0].shape):
+            raise InputError(
+                f"{path} must hold one map of the size of the others, "
+                f"got {len(found)} of {found.shape[1]} pixels."
+            )
+        maps.append(found[0])
+        headers.append(header)
+    orders, units = ({header.get(key) for header in headers} for key in ("ORDERING", "TUNIT1"))
+    if len(orders) > 1 or len(units) > 1:
+        raise InputError(
+            f"the files in {folder} must have one order of pixels and one unit, got "
+            f"{', '.join(map(str, orders))} and {', '.join(map(str, units))}."
+        )
+    return RawCube(
+        maps=np.array(maps),
+        freqs=_from_headers(headers) if all("FREQ" in header for header in headers) else _from_paths(paths),
+        unit=units.pop() or None,
+        nested=_nested(orders.pop()),
+    )
+
+
+def _from_headers(headers):
+    return np.array([float(header["FREQ"]) for header in headers])
+
+
+def _from_paths(paths):
+    return _from_texts([path.name for path in paths])
+
+
+def _from_texts(texts):
+    """The frequencies that texts such as "map_950.5MHz.fits" tell, if all do."""
+    found = [_FREQUENCY.search(text) for text in texts]
+    return np.array([float(match[1]) for match in found]) if all(found) else None

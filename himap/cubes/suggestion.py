@@ -1,0 +1,197 @@
+"""How many sources to remove, without knowing the truth: three views of a cube, and a range.
+
+Eigenvalues
+    Of the channel covariance: HI and noise decline slowly and evenly with the number of the component,
+    foregrounds stand above that line.
+Information criterion
+    Bayesian (BIC), for any method: ln of the variance left, in the mean over channels, plus ln(n_pix) / n_pix
+    for each number in the mixing matrix and the sources, over the number of channels. It falls while a source
+    explains more than it costs.
+Stability
+    How much both recovered spectra move from one n_s to the next. They fall steeply while foreground is left,
+    then hardly, and fall slowly for good as signal is taken.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap import plotting
+from himap.cubes import page
+from himap.cubes.cleaning import clean_cube, method_for
+from himap.cubes.report import recovered_spectra
+from himap.errors import InputError
+from himap.progress import progress
+from himap.removal.pca import channel_covariance
+
+__all__ = ["Suggestion", "advice", "suggest", "write_suggestion"]
+
+_STANDS_OUT = 3.0  # times the line of HI and noise: an eigenvalue with foreground in it
+_STABLE = 0.1  # relative change of a spectrum, in the mean over its scales
+_BULK = (0.2, 0.8)  # of the components: HI and noise for sure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suggestion:
+    """What `suggest` found for each number of sources.
+
+    Attributes
+    ----------
+    n_sources
+        The numbers that were tried, (n,).
+    eigenvalues, line
+        Of the channel covariance and the line of HI and noise below them, (n_channels,), mK^2.
+    n_bright
+        How many eigenvalues stand above the line.
+    criterion
+        BIC over the number of pixels and channels, less its least, (n,).
+    change
+        Largest relative change of C_l and P(k), in the mean over scales, to the next n_s, (n - 1,).
+    stable
+        The first number from which the spectra hardly move to the next, or None.
+    """
+
+    n_sources: np.ndarray
+    eigenvalues: np.ndarray
+    line: np.ndarray
+    n_bright: int
+    criterion: np.ndarray
+    change: np.ndarray
+    stable: int | None
+
+    @property
+    def range(self):
+        """(low, high): from the least to the largest number that one of the three views is for, or None."""
+        if self.stable is None:
+            return None
+        best = int(self.n_sources[self.criterion.argmin()])
+        views = np.clip([self.stable, best, self.n_bright], *self.n_sources[[0, -1]])
+        return int(views.min()), int(views.max())
+
+
+def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **parameters):
+    """Which numbers of sources to consider for a cube, without the truth.
+
+    Recommended is the range of what the three views say: eigenvalues that stand out, the least criterion, and
+    the first number from which both spectra move by less than 10 % to the next.
+
+    Parameters
+    ----------
+    cube
+        A `Cube`.
+    method
+        Name of a method that has a number of sources.
+    n_sources
+        The numbers to try, ascending, two at least.
+    beams
+        b_l, for methods that use them.
+    parameters
+        Other parameters of the method.
+
+    Returns
+    -------
+    Suggestion
+
+    Raises
+    ------
+    InputError
+        A method without sources, numbers that do not ascend, or what the method refuses.
+    """
+    counts = np.array(list(n_sources))
+    if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
+        raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
+    method_for(cube, method, n_sources=int(counts[-1]), **parameters)  # refused now, not after the others
+    values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
+    line = _line(values)
+    left, spectra = [], []
+    for count in progress(counts, "numbers of sources"):
+        cleaned = clean_cube(cube, method, beams=beams, n_sources=int(count), **parameters)
+        left.append(cleaned.residual.var(axis=1, dtype=np.float64))
+        found = recovered_spectra(cleaned)
+        spectra.append((found.angular, found.frequency))
+    change = np.array([_change(one, two) for one, two in zip(spectra[:-1], spectra[1:], strict=True)])
+    n_bright = int(np.argmin(values > _STANDS_OUT * line))
+    stable = change < _STABLE
+    return Suggestion(
+        n_sources=counts,
+        eigenvalues=values,
+        line=line,
+        n_bright=n_bright,
+        criterion=_criterion(np.array(left), counts, cube.maps.shape[1]),
+        change=change,
+        stable=int(counts[stable.argmax()]) if stable.any() else None,
+    )
+
+
+def _line(values):
+    """A straight line through the logarithms of the eigenvalues of HI and noise, carried on to the others."""
+    number = np.arange(len(values))
+    first, last = (int(share * len(values)) for share in _BULK)
+    bulk = slice(first, max(last, first + 2))
+    slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], np.finfo(float).tiny)), 1)
+    return np.exp(offset + slope * number)
+
+
+def _criterion(left, counts, n_pix):
+    """BIC over n_pix n_channels, less its least; `left` (n, n_channels) are the variances that are left."""
+    n_channels = left.shape[1]
+    found = np.log(left).mean(axis=1) + counts * np.log(n_pix) / n_pix * (n_channels + n_pix) / n_channels
+    return found - found.min()
+
+
+def _change(one, two):
+    return max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(one, two, strict=True))
+
+
+def advice(found):
+    """The recommendation of a `Suggestion` in words."""
+    if found.range is None:
+        return (
+            f"No number from {found.n_sources[0]} to {found.n_sources[-1]} leaves both spectra as they are "
+            "with one more: try larger ones, or a method that knows the beam."
+        )
+    low, high = found.range
+    return f"Consider n_sources = {low if low == high else f'{low} to {high}'}, and look at the page of each."
+
+
+def write_suggestion(found, path):
+    """Write a page with the three views of a `Suggestion`."""
+    number = np.arange(1, len(found.eigenvalues) + 1)
+    common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
+    blue, orange = {"color": "#0072B2", "marker": "o"}, {"color": "#D55E00"}
+    panels = [
+        {
+            "title": "Eigenvalues",
+            "xlabel": "component",
+            "ylabel": r"variance [mK$^2$]",
+            "xscale": "log",
+            "yscale": "log",
+            "curves": [
+                (number, found.eigenvalues, orange | {"label": "of the cube"}),
+                (number, found.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
+            ],
+        },
+        common
+        | {
+            "title": "Information criterion",
+            "ylabel": "BIC per voxel, less its least",
+            "yscale": "symlog",
+            "curves": [(found.n_sources, found.criterion, blue)],
+        },
+        common
+        | {
+            "title": "Change of the spectra with one more",
+            "ylabel": "mean relative change",
+            "yscale": "log",
+            "curves": [
+                (found.n_sources[:-1], found.change, blue),
+                (found.n_sources[[0, -2]], np.full(2, _STABLE), {"color": "black", "linestyle": "--"}),
+            ],
+        },
+    ]
+    text = (
+        "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
+        "Spectra that hardly move with one more source, below the dashed line, do not hang on the choice."
+    )
+    picture = page.figure(plotting.lines(panels, columns=3, size=(4, 3.4)), "Three views of the choice", text)
+    path.write_text(page.page("How many sources?", [f"<p>{advice(found)}</p>", picture]), encoding="utf-8")

@@ -1,0 +1,309 @@
+"""Cubes of one's own: whatever way they are stored, the same maps come in, and come back as they were."""
+
+import json
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from himap import removal, sphere
+from himap.cli import main
+from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggestion
+from himap.cubes.beams import meerkat_fwhm
+from himap.instrument.beams import diffraction_fwhm
+from himap.removal.peaks import mask_peaks
+
+NSIDE = 16
+N_PIX = 12 * NSIDE**2
+FREQS = np.linspace(950, 1050, 24)
+
+
+@pytest.fixture
+def maps(rng):
+    """Two power laws and noise, mK, RING, by frequency; (24, 3072) float32."""
+    amplitudes = 1e3 * np.exp(rng.standard_normal((2, N_PIX)))
+    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+    return (spectra @ amplitudes + rng.standard_normal((len(FREQS), N_PIX))).astype(np.float32)
+
+
+@pytest.fixture
+def shuffled(rng):
+    return rng.permutation(len(FREQS))
+
+
+def write_hdf5(path, maps, **attributes):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("sky/cube", data=maps)
+        file.create_dataset("sky/freq", data=FREQS)
+        file.attrs.update(attributes)
+    return path
+
+
+def himap(*words):
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+class TestReading:
+    def test_hdf5(self, maps, tmp_path):
+        cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, units="mK", ordering="RING"))
+        assert np.array_equal(cube.maps, maps) and cube.freqs == pytest.approx(FREQS)
+        assert cube.whole and not cube.remarks
+
+    def test_hdf5_with_pixels_first_in_ghz_and_kelvin(self, maps, shuffled, tmp_path):
+        path = tmp_path / "a.hdf5"
+        with h5py.File(path, "w") as file:
+            file.create_dataset("maps", data=maps[shuffled].T / 1e3).attrs["units"] = "K"
+            file.create_dataset("nu", data=FREQS[shuffled] / 1e3).attrs["unit"] = "GHz"
+            file.create_dataset("weights", data=np.ones(24))
+        cube = read_cube(path, order="ring")
+        assert cube.maps == pytest.approx(maps, rel=1e-6)
+        assert cube.freqs == pytest.approx(FREQS)
+
+    def test_fits_with_many_columns_nested_kelvin_shuffled(self, maps, shuffled, tmp_path):
+        nested = np.array([hp.reorder(row, r2n=True) for row in maps[shuffled]])
+        path = tmp_path / "a.fits"
+        hp.write_map(path, nested / 1e3, nest=True, column_units="K", dtype=np.float64)
+        cube = read_cube(path, freqs=FREQS[shuffled])
+        assert cube.maps == pytest.approx(maps, rel=1e-6)
+        assert cube.layout.nested and cube.layout.unit == "K"
+
+    def test_folder_of_fits_with_frequencies_in_their_names(self, maps, tmp_path):
+        for freq, row in zip(FREQS, maps, strict=True):
+            hp.write_map(tmp_path / f"map_{freq:.4f}MHz.fits", row, column_units="mK", dtype=np.float32)
+        cube = read_cube(tmp_path)
+        assert np.array_equal(cube.maps, maps) and cube.freqs == pytest.approx(FREQS, abs=1e-4)
+
+    def test_npy_with_a_file_of_frequencies(self, maps, shuffled, tmp_path):
+        np.save(tmp_path / "a.npy", maps[shuffled])
+        np.savetxt(tmp_path / "freqs.txt", FREQS[shuffled])
+        cube = read_cube(tmp_path / "a.npy", freqs=tmp_path / "freqs.txt", unit="mK")
+        assert np.array_equal(cube.maps, maps)
+        assert "taken as RING" in cube.remarks[0]
+
+    def test_partial_fits(self, maps, tmp_path):
+        """healpy's files with a column of pixel numbers."""
+        seen = maps.copy()
+        seen[:, : N_PIX // 3] = hp.UNSEEN
+        hp.write_map(tmp_path / "a.fits", seen, partial=True, column_units="mK", dtype=np.float32)
+        cube = read_cube(tmp_path / "a.fits", freqs=FREQS)
+        assert np.array_equal(cube.maps, maps[:, N_PIX // 3 :])
+
+    @pytest.mark.parametrize("missing", [np.nan, np.inf, hp.UNSEEN])
+    def test_pixels_that_one_channel_does_not_see_are_masked_in_all(self, maps, missing, tmp_path):
+        maps[3, 7] = missing
+        maps[20, :] = missing
+        cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING"))
+        assert cube.mask.sum() == N_PIX - 1 and not cube.mask[7]
+        assert len(cube.freqs) == 23 and "1 of 24 channels see nothing" in cube.remarks[0]
+
+
+class TestCleaning:
+    def test_the_same_as_the_library_call(self, maps, tmp_path):
+        cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING"))
+        masked = mask_peaks(maps, FREQS).maps
+        for name, beams in (("pca", None), ("sdecgmca", beams_of(cube, "evolving"))):
+            cleaned = clean_cube(cube, name, beams=beams, n_sources=2)
+            expected = removal.create(name, n_sources=2).clean(
+                maps, freqs=FREQS, beams=beams, separate_on=masked
+            )
+            assert np.array_equal(cleaned.residual, expected.residual)
+
+    def test_kelvin_nested_shuffled_partial_through_the_command(self, maps, shuffled, rng, tmp_path):
+        """As healpy writes it; the residual is that of the library on the seen lines of sight."""
+        seen = np.sort(rng.permutation(N_PIX)[: int(0.7 * N_PIX)])
+        holes = np.full_like(maps, hp.UNSEEN)
+        holes[:, seen] = maps[:, seen] / 1e3
+        nested = np.array([hp.reorder(row, r2n=True) for row in holes[shuffled]])
+        hp.write_map(tmp_path / "a.fits", nested, nest=True, column_units="K", dtype=np.float32)
+        np.savetxt(tmp_path / "nu.txt", FREQS[shuffled])
+        options = ["--freqs", tmp_path / "nu.txt", "--method", "pca", "-p", "n_sources=2"]
+        done = himap("clean", tmp_path / "a.fits", *options, "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        lines = (maps[:, seen] / 1e3).astype(np.float32) * 1e3
+        expected = removal.create("pca", n_sources=2).clean(
+            lines, freqs=FREQS, separate_on=mask_peaks(lines, FREQS).maps
+        )
+        found = np.array(hp.read_map(tmp_path / "c.fits", field=None, dtype=None))  # RING
+        assert 1e3 * found[np.argsort(shuffled)][:, seen] == pytest.approx(expected.residual, abs=1e-3)
+        assert (np.delete(found, seen, axis=1) == hp.UNSEEN).all()
+
+    def test_what_is_written_adds_up(self, maps, tmp_path):
+        path = write_hdf5(tmp_path / "a.h5", maps / 1e3, unit="K", ordering="RING")
+        options = ["--method", "polynomial", "-p", "order=4", "--truth", path]
+        done = himap("clean", path, *options, "-o", tmp_path / "c.h5")
+        assert done.exit_code == 0, done.output
+        with h5py.File(tmp_path / "c.h5") as file:
+            assert file["residual"][...] + file["foreground"][...] == pytest.approx(maps / 1e3, rel=1e-6)
+            assert file["mixing"].shape == (24, 5) and file["residual"].attrs["unit"] == "K"
+            assert json.loads(file.attrs["parameters"])["order"] == 4
+        page = (tmp_path / "c.html").read_text()
+        assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
+
+    def test_npy_and_its_companions(self, maps, tmp_path):
+        np.save(tmp_path / "a.npy", maps)
+        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        cleaned = clean_cube(cube, "pca", n_sources=2)
+        written = save_cleaned(cleaned, tmp_path / "c.npy")
+        assert [path.name for path in written] == ["c.npy", "c_foreground.npy", "c_mixing.txt"]
+        assert np.array_equal(np.load(written[0]), cleaned.residual)
+        assert np.loadtxt(written[2]).shape == (24, 3)
+
+
+class TestBeams:
+    @pytest.fixture
+    def cube(self, maps, shuffled, tmp_path):
+        np.save(tmp_path / "a.npy", maps[shuffled])
+        return read_cube(tmp_path / "a.npy", freqs=FREQS[shuffled], unit="mK", order="RING")
+
+    def test_by_dish(self, cube):
+        expected = sphere.gaussian_beam(diffraction_fwhm(FREQS, 20), 3 * NSIDE - 1)
+        assert beams_of(cube, "evolving", dish=20) == pytest.approx(expected)
+        worst = beams_of(cube, "degraded", dish=20)
+        assert worst[-1] == pytest.approx(expected[0])
+
+    def test_meerkat(self, cube):
+        """Of the order of 1.16 lambda / D, and falling."""
+        widths = meerkat_fwhm([900.0, 1000.0, 1100.0])
+        assert (np.diff(widths) < 0).all()
+        assert widths == pytest.approx(1.16 * diffraction_fwhm([900.0, 1000.0, 1100.0], 13.5), rel=0.05)
+        assert beams_of(cube, "meerkat").shape == (24, 3 * NSIDE)
+
+    @pytest.mark.parametrize("ending", ["txt", "npy"])
+    def test_file_of_widths_in_the_order_of_the_cube(self, cube, shuffled, ending, tmp_path):
+        widths = 1 + np.arange(24) / 100
+        path = tmp_path / f"fwhm.{ending}"
+        (np.save if ending == "npy" else np.savetxt)(path, widths[shuffled])
+        expected = sphere.gaussian_beam(np.deg2rad(widths), 3 * NSIDE - 1)
+        assert beams_of(cube, path) == pytest.approx(expected)
+
+    def test_file_of_transfer_functions(self, cube, shuffled, tmp_path):
+        beams = sphere.gaussian_beam(np.deg2rad(np.linspace(2, 1, 24)), 60)
+        np.save(tmp_path / "bl.npy", beams[shuffled])
+        assert beams_of(cube, tmp_path / "bl.npy") == pytest.approx(beams[:, : 3 * NSIDE])
+
+
+MALFORMED = {
+    "no such file": (None, [], "there is no file"),
+    "another format": ("cube.txt", [], "a cube is a"),
+    "text that says it is HDF5": ("text.h5", [], "cannot be read as HDF5"),
+    "text that says it is FITS": ("text.fits", [], "cannot be read as HEALPix maps"),
+    "an empty folder": ("empty", [], "holds no .fits file"),
+    "a pickle": ("pickle.npy", [], "no .npy file of plain numbers"),
+    "a flat array": ("flat.npy", [], "(n_channels, n_pix)"),
+    "no sphere": ("short.npy", [], "12 nside^2"),
+    "complex maps": ("complex.npy", [], "must hold numbers"),
+    "no unit": ("good.npy", ["--freqs", "nu.txt"], "K or mK"),
+    "a wrong unit": ("good.npy", ["--freqs", "nu.txt", "--unit", "Jy"], "brightness temperatures"),
+    "no frequencies": ("good.npy", ["--unit", "mK"], "does not tell its frequencies"),
+    "too few frequencies": ("good.npy", ["--unit", "mK", "--freqs", "three.txt"], "one frequency for each"),
+    "frequencies in Hz": ("good.npy", ["--unit", "mK", "--freqs", "hz.txt"], "another unit"),
+    "equal frequencies": ("good.npy", ["--unit", "mK", "--freqs", "equal.txt"], "ascending"),
+    "frequencies that are words": ("good.npy", ["--unit", "mK", "--freqs", "words.txt"], "table of numbers"),
+    "a wrong order": ("good.h5", ["--order", "SPIRAL"], "RING or NESTED"),
+    "an order that contradicts the file": ("good.h5", ["--order", "NESTED"], "the file says RING"),
+    "a unit that contradicts the file": ("good.h5", ["--unit", "K"], "the file says mK"),
+    "a dataset that is not there": ("good.h5", ["--maps", "cubes"], "has no dataset cubes"),
+    "two cubes in one file": ("two.h5", [], "Name it with --maps"),
+    "nothing seen": ("blind.npy", ["--unit", "mK", "--freqs", "nu.txt"], "two channels with seen pixels"),
+    "an unknown method": ("good.h5", ["--method", "magic"], "unknown method"),
+    "an unknown parameter": ("good.h5", ["-p", "n_sorces=3"], "did you mean n_sources"),
+    "more sources than channels": ("good.h5", ["-p", "n_sources=30"], "at most the number of channels"),
+    "no beam": ("good.h5", ["--method", "sdecgmca"], "give --beam"),
+    "an unknown beam": ("good.h5", ["--method", "sdecgmca", "--beam", "square"], "unknown beam"),
+    "beams for other channels": ("good.h5", ["--method", "sdecgmca", "--beam", "three.txt"], "got (3,)"),
+    "a dish of no size": ("good.h5", ["--beam", "evolving", "--dish", "0"], "diameter in m"),
+    "part of the sky": ("part.h5", ["--method", "gmca"], "cannot work on"),
+    "another truth": ("good.h5", ["--truth", "other.h5"], "the truth must have the channels"),
+    "an output of no kind": ("good.h5", ["-o", "c.txt"], "the output is a"),
+    "an output in no folder": ("good.h5", ["-o", "nowhere/c.h5"], "cannot be written"),
+    "an output that is there": ("good.h5", ["-o", "two.h5"], "give --overwrite"),
+}
+
+
+@pytest.fixture
+def pantry(maps, tmp_path, monkeypatch):
+    """A folder with a cube that is right, and with all that can be wrong."""
+    monkeypatch.chdir(tmp_path)
+    np.save("good.npy", maps)
+    np.save("flat.npy", maps.ravel())
+    np.save("short.npy", maps[:, 1:])
+    np.save("complex.npy", maps.astype(complex))
+    np.save("blind.npy", np.full_like(maps, np.nan))
+    np.save("pickle.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    for name in ("text.h5", "text.fits", "cube.txt"):
+        (tmp_path / name).write_text("no cube")
+    (tmp_path / "empty").mkdir()
+    freqs = {"nu": FREQS, "three": [1.0, 1.1, 1.2], "hz": 1e6 * FREQS, "equal": np.full(24, 1000.0)}
+    for name, values in freqs.items():
+        np.savetxt(f"{name}.txt", values)
+    (tmp_path / "words.txt").write_text("high\nlow\n")
+    said = {"unit": "mK", "order": "RING"}
+    write_hdf5("good.h5", maps, **said)
+    holes = maps.copy()
+    holes[:, 5] = np.nan
+    write_hdf5("part.h5", holes, **said)
+    write_hdf5("other.h5", np.ones((24, 12 * 8**2)), **said)
+    with h5py.File(write_hdf5("two.h5", maps, **said), "a") as file:
+        file["again"] = maps
+    return tmp_path
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_malformed_input_is_one_clear_error_and_leaves_nothing(case, pantry):
+    path, options, message = MALFORMED[case]
+    before = sorted(pantry.rglob("*"))
+    words = ["clean", path or "nothing.h5", *options]
+    for option, default in (("--method", "pca"), ("-o", "cleaned.h5")):
+        words += [] if option in options else [option, default]
+    done = himap(*words)
+    assert done.exit_code == 2, done.output
+    assert message in done.output and "Traceback" not in done.output
+    assert sorted(pantry.rglob("*")) == before
+
+
+class TestSuggestion:
+    """On skies whose number of foreground components is known."""
+
+    @pytest.mark.parametrize("n_components", [2, 4])
+    def test_all_views_find_the_number(self, n_components, rng, tmp_path):
+        smooth = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
+        bright = smooth @ (1e3 * rng.standard_normal((n_components, N_PIX)))
+        np.save(tmp_path / "a.npy", bright + rng.standard_normal((24, N_PIX)))
+        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        found = suggestion.suggest(cube, "pca", n_sources=range(1, 8))
+        assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
+        assert found.range == (n_components, n_components)
+        assert f"n_sources = {n_components}," in suggestion.advice(found)
+
+    def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
+        falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))
+        np.save(tmp_path / "a.npy", (np.linalg.qr(rng.standard_normal((24, 24)))[0] @ falling).astype("f4"))
+        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        found = suggestion.suggest(cube, "pca", n_sources=range(1, 4))
+        assert found.range is None and "try larger ones" in suggestion.advice(found)
+
+    def test_from_the_shell(self, maps, tmp_path):
+        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+        page = tmp_path / "n.html"
+        done = himap("suggest", path, "--to", 4, "-o", page)
+        assert done.exit_code == 0 and "Consider n_sources = 2," in done.output
+        assert page.read_text().count("<img alt=") == 1
+        again = himap("suggest", path, "-o", page)
+        assert again.exit_code == 2 and "give --overwrite" in again.output
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--from", 5, "--to", 5], "two or more numbers"),
+            (["--method", "polynomial"], "no parameter 'n_sources'"),
+            (["--method", "sdecgmca"], "give --beam"),
+            (["--to", 30], "at most the number of channels"),
+            (["-o", "n.txt"], "is a .html file"),
+        ],
+    )
+    def test_what_it_refuses(self, options, message, maps, tmp_path):
+        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+        done = himap("suggest", path, *options)
+        assert done.exit_code == 2 and message in done.output
