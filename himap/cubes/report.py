@@ -10,7 +10,14 @@ from himap.errors import InputError
 from himap.removal.pca import channel_covariance
 from himap.spectra import angular_power, frequency_power
 
-__all__ = ["Recovered", "recovered_spectra", "write_report"]
+__all__ = [
+    "Recovered",
+    "maps_figure",
+    "modes_figure",
+    "recovered_spectra",
+    "spectra_figure",
+    "write_report",
+]
 
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
 
@@ -111,40 +118,42 @@ def _rms(maps):
     return float(np.sqrt(np.mean([pixels.var(dtype=np.float64) for pixels in maps])))
 
 
-def _spectra_part(found):
+def spectra_figure(found):
+    """Both spectra of a `Recovered`, with their ratios to the truth where that is known."""
     style = {"label": "cleaned", "color": "#0072B2"}
-    true = {"label": "truth", "color": "black", "linestyle": "--"}
-    panels = [
-        {
-            "xlabel": r"$\ell$",
-            "ylabel": r"$C_\ell$ [mK$^2$]",
-            "curves": [(found.degrees, found.angular, style)],
-        },
-        {
-            "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
-            "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]",
-            "curves": [(found.k, found.frequency, style)],
-        },
+    sides = [
+        ((r"multipole $\ell$", r"$C_\ell$ [mK$^2$]", r"$C_\ell / C_\ell^\mathrm{true}$"), found.degrees),
+        ((r"$k_\nu$ [MHz$^{-1}$]", r"$P$ [mK$^2$ MHz]", r"$P / P^\mathrm{true}$"), found.k),
     ]
+    values = [(found.angular, found.true_angular), (found.frequency, found.true_frequency)]
+    panels = []
+    for ((xlabel, ylabel, ratio_label), x), (cleaned, true) in zip(sides, values, strict=True):
+        panel = {"xlabel": xlabel, "ylabel": ylabel}
+        if true is None:
+            panel |= {"curves": [(x, cleaned, style)], "xscale": "log", "yscale": "log"}
+        else:
+            panel |= {"title": "", "true": (x, true), "ratio_label": ratio_label}
+            panel["curves"] = [(style, x, cleaned, true)]
+        panels.append(panel)
+    return plotting.lines(panels) if found.true_angular is None else plotting.spectrum(panels)
+
+
+def _spectra_part(found):
     text = (
         "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
         "was taken. A bump at one k is a ripple of the instrument."
     )
-    if found.true_angular is not None:
-        panels[0]["curves"].append((found.degrees, found.true_angular, true))
-        panels[1]["curves"].append((found.k, found.true_frequency, true))
-    for panel in panels:
-        panel |= {"xscale": "log", "yscale": "log"}
     parts = [
         "<h2>Spectra</h2>",
-        page.figure(plotting.lines(panels), "Angular and frequency power spectrum", text),
+        page.figure(spectra_figure(found), "Angular and frequency power spectrum", text),
     ]
     if found.true_angular is not None:
+        angular, frequency = found.angular / found.true_angular, found.frequency / found.true_frequency
         rows = [
-            ("C/C0, l < 10", _mean(found.degrees, found.angular / found.true_angular, 0, 10)),
-            ("C/C0, beyond", _mean(found.degrees, found.angular / found.true_angular, 10, np.inf)),
-            ("P/P0, k < 0.03 / MHz", _mean(found.k, found.frequency / found.true_frequency, 0, 0.03)),
-            ("P/P0, beyond", _mean(found.k, found.frequency / found.true_frequency, 0.03, np.inf)),
+            ("C/C0, l < 10", _mean(found.degrees, angular, 0, 10)),
+            ("C/C0, beyond", _mean(found.degrees, angular, 10, np.inf)),
+            ("P/P0, k < 0.03 / MHz", _mean(found.k, frequency, 0, 0.03)),
+            ("P/P0, beyond", _mean(found.k, frequency, 0.03, np.inf)),
         ]
         parts += ["<h3>Over the truth</h3>", page.table(rows)]
     return parts
@@ -155,7 +164,8 @@ def _mean(x, values, low, high):
     return f"{values[inside].mean():.3f}" if inside.any() else "no such scale"
 
 
-def _modes_part(cleaned):
+def modes_figure(cleaned):
+    """Eigenvalues of the channel covariance before and after, and the mixing matrix."""
     cube = cleaned.cube
     before, after = (
         np.linalg.eigvalsh(channel_covariance(maps))[::-1] for maps in (cube.maps, cleaned.residual)
@@ -178,6 +188,7 @@ def _modes_part(cleaned):
             "title": "Spectra of the sources",
             "xlabel": r"$\nu$ [MHz]",
             "ylabel": "column of A",
+            "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
             "curves": [
                 (cube.freqs, column, style)
                 for column, style in zip(
@@ -186,35 +197,37 @@ def _modes_part(cleaned):
             ],
         },
     ]
+    return plotting.lines(panels)
+
+
+def _modes_part(cleaned):
     text = (
         "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
         "out still mean too few sources; columns of A that are one spike mean too many."
     )
     return [
         "<h2>Leading modes</h2>",
-        page.figure(plotting.lines(panels), "Eigenvalues and mixing matrix", text),
+        page.figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", text),
     ]
 
 
-def _maps_part(cleaned):
-    cube = cleaned.cube
-    middle = len(cube.freqs) // 2
-    rms = np.sqrt(np.mean(np.square(cleaned.residual, dtype=np.float64), axis=0))
+def maps_figure(cleaned):
+    """What is left in the channel in the middle, and its rms over channels."""
+    cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
     maps = {
         f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
-        "rms over channels": rms,
+        "rms over channels": np.sqrt(np.mean(np.square(cleaned.residual, dtype=np.float64), axis=0)),
     }
-    whole = {title: _with_gaps(cube, pixels) for title, pixels in maps.items()}
-    limits = {title: (1, 99) for title in maps}
-    spans = {title: tuple(np.percentile(pixels, limits[title])) for title, pixels in maps.items()}
+    spans = {title: tuple(np.percentile(pixels, (1, 99))) for title, pixels in maps.items()}
+    return plotting.sky_maps({title: _with_gaps(cube, one) for title, one in maps.items()}, span=spans)
+
+
+def _maps_part(cleaned):
     text = (
         "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "
         "foreground; lines of sight whose rms stands out can be left out of the spectra."
     )
-    return [
-        "<h2>What is left</h2>",
-        page.figure(plotting.sky_maps(whole, span=spans), "Maps of the residual", text),
-    ]
+    return ["<h2>What is left</h2>", page.figure(maps_figure(cleaned), "Maps of the residual", text)]
 
 
 def _with_gaps(cube, pixels):

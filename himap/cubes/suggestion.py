@@ -24,7 +24,7 @@ from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.pca import channel_covariance
 
-__all__ = ["Suggestion", "advice", "suggest", "write_suggestion"]
+__all__ = ["Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
 
 _STANDS_OUT = 3.0  # times the line of HI and noise: an eigenvalue with foreground in it
 _STABLE = 0.1  # relative change of a spectrum, in the mean over its scales
@@ -154,8 +154,8 @@ def advice(found):
     return f"Consider n_sources = {low if low == high else f'{low} to {high}'}, and look at the page of each."
 
 
-def write_suggestion(found, path):
-    """Write a page with the three views of a `Suggestion`."""
+def views_figure(found):
+    """The three views of a `Suggestion`."""
     number = np.arange(1, len(found.eigenvalues) + 1)
     common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
     blue, orange = {"color": "#0072B2", "marker": "o"}, {"color": "#D55E00"}
@@ -189,9 +189,14 @@ def write_suggestion(found, path):
             ],
         },
     ]
+    return plotting.lines(panels, columns=3, size=(4, 3.4))
+
+
+def write_suggestion(found, path):
+    """Write a page with the three views of a `Suggestion`."""
     text = (
         "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
         "Spectra that hardly move with one more source, below the dashed line, do not hang on the choice."
     )
-    picture = page.figure(plotting.lines(panels, columns=3, size=(4, 3.4)), "Three views of the choice", text)
+    picture = page.figure(views_figure(found), "Three views of the choice", text)
     path.write_text(page.page("How many sources?", [f"<p>{advice(found)}</p>", picture]), encoding="utf-8")
