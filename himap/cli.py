@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from himap import __version__, ledger, ledger_table, reproduce
-from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap import __version__, reproduce
 from himap.cli_cache import cache_commands
 from himap.cli_cubes import clean, suggest
 from himap.cli_shared import SETTINGS, Commands, debug, named_values, print_table, workers
@@ -19,7 +18,6 @@ from himap.provenance import Provenance
 __all__ = ["main"]
 
 _SEEDS = 5  # of `himap claims`: fewer say little where a verdict depends on the realisation
-_COLOURS = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
 
 
 @click.group(cls=Commands, context_settings=SETTINGS)
@@ -29,12 +27,7 @@ def main():
     """Foreground removal in HI intensity mapping: the notebooks of the companion, and cubes of your own.
 
     \b
-    himap list                     what there is
-    himap list 04_pca              the parameters of one notebook
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
-    himap run --all --preset laptop --jobs 2
-    himap claims --preset laptop   what of the paper is reproduced
-    himap suggest cube.h5          how many sources to remove from a cube of your own
     himap clean cube.h5 --method pca -p n_sources=4 -o cleaned.h5
     """
 
@@ -48,7 +41,11 @@ main.add_command(suggest)
 @click.argument("name", required=False)
 @debug
 def list_(name):
-    """List the notebooks, or the parameters of notebook NAME."""
+    """List the notebooks, or the parameters of notebook NAME.
+
+    \b
+    himap list 04_pca
+    """
     if name is None:
         rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in reproduce.notebooks()]
         print_table(("notebook", "paper", "title"), rows)
@@ -130,6 +127,10 @@ def claims(preset, pairs, output):
     himap claims --preset quick --jobs 2
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
+    # Imported here: other commands need not wait seconds for what does the work.
+    from himap import ledger, ledger_table
+    from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+
     declared = reproduce.find("15_claims").parameters
     values = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     defaults = {parameter.name: parameter.default for parameter in declared}
@@ -148,7 +149,8 @@ def claims(preset, pairs, output):
     )
     ledger.write_ledger(entries, path, asdict(about))
     header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
-    print_table(header, ledger_table.plain_rows(entries), colours=(2, _COLOURS))
+    colours = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
+    print_table(header, ledger_table.plain_rows(entries), colours=(2, colours))
     count = ledger_table.summary(entries)
     click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")

@@ -16,7 +16,12 @@ _OTHER = "other"  # than a preset
 
 @click.group("cache")
 def cache_commands():
-    """Look at, or empty, the folder of computed products."""
+    """Look at, or empty, the folder of computed products.
+
+    \b
+    himap cache info
+    himap cache clear --preset laptop
+    """
 
 
 @cache_commands.command()

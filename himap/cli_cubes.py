@@ -1,4 +1,7 @@
-"""The commands of `himap` for cubes of one's own."""
+"""The commands of `himap` for cubes of one's own.
+
+What does the work is imported when it is needed: `himap --help` need not wait seconds for it.
+"""
 
 import time
 import warnings
@@ -6,25 +9,18 @@ import warnings
 import click
 
 from himap.cli_shared import debug, named_values, print_table
-from himap.cubes import suggestion
-from himap.cubes.beams import BEAM_NAMES, beams_of
-from himap.cubes.cleaning import clean_cube, method_for
-from himap.cubes.cube import read_cube
-from himap.cubes.report import write_report
-from himap.cubes.writing import check_cube_output, check_page, save_cleaned, whole_file
 from himap.errors import InputError
 from himap.parameters import parse_texts
-from himap.removal import available
-from himap.removal.base import REGISTRY, SeparationWarning
 
 __all__ = ["clean", "suggest"]
 
+_BEAM = "degraded, evolving, oscillating, meerkat, or a FILE."
 _READING = [
-    click.option("--freqs", help="File of the channel centres in MHz, one a line, in the file's order."),
-    click.option("--unit", help="K or mK, if the file does not say."),
-    click.option("--order", help="RING or NESTED, if the file does not say."),
-    click.option("--maps", "maps_name", help="Dataset of the maps in an HDF5 file."),
-    click.option("--freqs-name", help="Dataset of the frequencies in an HDF5 file."),
+    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
+    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
+    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
+    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
 ]
 
 
@@ -36,26 +32,34 @@ def _reading(command):
 
 @click.command()
 @click.argument("path", metavar="CUBE")
-@click.option("--method", required=True, help=f"{', '.join(available())}.")
-@click.option("--beam", help=f"{', '.join(BEAM_NAMES)}, or a file of FWHM (deg) or b_l.")
-@click.option("--dish", type=float, help="Diameter in m behind the named beams; default 13.5.")
+@click.option(
+    "--method", required=True, metavar="NAME", help="pca, fastica, gmca, sdecgmca, polynomial, parametric."
+)
+@click.option("--beam", metavar="NAME", help=_BEAM)
+@click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam, 13.5 m unless given.")
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method.")
-@click.option("--truth", help="Cube of what a perfect cleaning would leave, for the report.")
-@click.option("--keep-peaks", is_flag=True, help="Look for the foreground without masking peaks.")
-@click.option("-o", "--output", required=True, help="Cleaned cube: .h5, .fits or .npy.")
+@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
+@click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first.")
+@click.option(
+    "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
+)
 @click.option("--overwrite", is_flag=True, help="Write over what is there.")
 @_reading
 @debug
 def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite, **reading):
     """Remove the foregrounds of the cube of maps in CUBE.
 
-    CUBE is HDF5, FITS (one file with a column for each channel, or a folder with a file for each) or .npy.
-    The page OUTPUT.html says what to look at.
+    CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
 
     \b
-    himap clean cube.h5 --method pca -p n_sources=4 -o cleaned.h5
     himap clean cube.h5 --method sdecgmca --beam oscillating -p n_sources=5 -o cleaned.h5
     """
+    from himap.cubes.cleaning import clean_cube, method_for
+    from himap.cubes.cube import read_cube
+    from himap.cubes.report import write_report
+    from himap.cubes.writing import check_cube_output, save_cleaned, whole_file
+    from himap.removal.base import SeparationWarning
+
     started = time.monotonic()
     output = check_cube_output(output, overwrite=overwrite)
     cube, beams = _cube_and_beams(path, method, beam, dish, reading)
@@ -76,12 +80,12 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
 @click.command()
 @click.argument("path", metavar="CUBE")
 @click.option("--method", default="pca", show_default=True, help="A method with a number of sources.")
-@click.option("--beam", help=f"{', '.join(BEAM_NAMES)}, or a file of FWHM (deg) or b_l.")
-@click.option("--dish", type=float, help="Diameter in m behind the named beams; default 13.5.")
+@click.option("--beam", metavar="NAME", help=_BEAM)
+@click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam, 13.5 m unless given.")
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="Another parameter of the method.")
 @click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
 @click.option("--to", "most", type=int, default=10, show_default=True, help="Largest number of sources.")
-@click.option("-o", "--output", help="Page with the figures, .html.")
+@click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
 @click.option("--overwrite", is_flag=True, help="Write over what is there.")
 @_reading
 @debug
@@ -91,6 +95,10 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
     \b
     himap suggest cube.h5 --method pca -o how_many.html
     """
+    from himap.cubes import suggestion
+    from himap.cubes.writing import check_page, whole_file
+    from himap.removal.base import SeparationWarning
+
     page = None if output is None else check_page(output, overwrite=overwrite)
     cube, remover_beams = _cube_and_beams(path, method, beam, dish, reading)
     parameters = parse_texts([], named_values(pairs))
@@ -113,6 +121,11 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
 
 def _cube_and_beams(path, method, beam, dish, reading):
     """The cube, with its remarks told, and its beams, None where none are named."""
+    from himap.cubes.beams import beams_of
+    from himap.cubes.cube import read_cube
+    from himap.removal import available
+    from himap.removal.base import REGISTRY
+
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
     cube = read_cube(path, **reading)

@@ -96,8 +96,15 @@ def test_help_fits_a_screen_and_shows_an_example(himap_command):
     code, out, _ = himap_command("--help")
     assert code == 0 and len(out.splitlines()) <= 24
     assert "himap run 04_pca --preset laptop -p n_sources=4" in out
-    for command in ["list", "run", "cache"]:
+    for command in main.commands:
         assert f"\n  {command}" in out
+
+
+@pytest.mark.parametrize("command", sorted(main.commands))
+def test_help_of_each_command_fits_a_screen_and_shows_an_example(himap_command, command):
+    code, out, _ = himap_command(command, "--help")
+    assert code == 0 and len(out.splitlines()) <= 28
+    assert re.search(rf"\n  himap {command} ", out)
 
 
 def test_list(himap_command):
@@ -330,3 +337,11 @@ class TestClaims:
         assert message in err
         assert not seen
         assert not list(Path().iterdir())
+
+
+def test_what_is_slow_to_import_waits_until_it_is_needed():
+    """`himap --help` would take seconds."""
+    slow = "{'healpy', 'sklearn', 'camb', 'numba'}"
+    code = f"import sys, himap.cli; print(sorted({slow} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

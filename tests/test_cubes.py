@@ -11,10 +11,11 @@ from click.testing import CliRunner
 from himap import removal, sphere
 from himap.cli import main
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggestion
-from himap.cubes.beams import meerkat_fwhm
+from himap.cubes.beams import BEAM_NAMES, meerkat_fwhm
 from himap.instrument.beams import diffraction_fwhm
 from himap.removal.peaks import mask_peaks
 
+METHODS = removal.available()
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
 FREQS = np.linspace(950, 1050, 24)
@@ -261,6 +262,11 @@ def test_malformed_input_is_one_clear_error_and_leaves_nothing(case, pantry):
     assert done.exit_code == 2, done.output
     assert message in done.output and "Traceback" not in done.output
     assert sorted(pantry.rglob("*")) == before
+
+
+def test_the_help_lists_what_there_is():
+    out = " ".join(himap("clean", "--help").output.split())
+    assert all(name in out for name in (*BEAM_NAMES, *METHODS))
 
 
 class TestSuggestion:
