@@ -98,7 +98,7 @@ def line_errors(recovered, true):
 
 
 def flagged_lines(errors):
-    """Lines of sight with |mean(MSE) - MSE| > sigma(MSE), (n_pix,) bool (paper, Sect. 5.1)."""
+    """Lines of sight with ``|mean(MSE) - MSE| > sigma(MSE)``, (n_pix,) bool (paper, Sect. 5.1)."""
     return np.abs(errors.mean() - errors) > errors.std()
 
 

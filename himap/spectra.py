@@ -223,7 +223,7 @@ def _weights(mask, n_pix):
 def frequency_power(maps, channel_width, *, mask=None):
     """Frequency power spectrum, averaged over lines of sight.
 
-    P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu) at k = 2 pi n / (n_channels dnu), n from 0 to
+    ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n from 0 to
     n_channels // 2, with the mean over the sky of each channel.
 
     Parameters

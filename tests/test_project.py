@@ -1,6 +1,7 @@
 """The project around the library: what the pages promise exists, and the files agree with each other."""
 
 import ast
+import os
 import re
 import runpy
 import shlex
@@ -236,3 +237,43 @@ def test_the_method_shown_to_contributors_works(rng):
         assert "mean_spectrum" in REGISTRY
     finally:
         REGISTRY.pop("mean_spectrum", None)
+
+
+def workflow(name):
+    """A workflow of GitHub Actions; YAML reads its key `on` as true."""
+    return yaml.safe_load((ROOT / ".github/workflows" / f"{name}.yml").read_text())
+
+
+def steps_of(name):
+    return [step for job in workflow(name)["jobs"].values() for step in job["steps"]]
+
+
+@pytest.mark.parametrize("name", ["test", "book"])
+def test_workflows_run_what_there_is(name):
+    """Targets of the Makefile, actions with a version, weekly, and never without a limit of time."""
+    found = workflow(name)
+    assert {"push", "pull_request", "schedule", "workflow_dispatch"} == set(found[True])
+    for step in steps_of(name):
+        assert re.fullmatch(r"actions/[\w-]+@v\d+", step["uses"]) if "uses" in step else step["run"]
+        for target in re.findall(r"^make (\w+)", step.get("run", "")):
+            assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), flags=re.M)
+    assert all("timeout-minutes" in job for job in found["jobs"].values() if "strategy" in job)
+
+
+def test_workflow_tests_every_python_that_the_readme_promises():
+    low, high = re.search(r"Python (3\.\d+) to (3\.\d+)", (ROOT / "README.md").read_text()).groups()
+    promised = [f"3.{minor}" for minor in range(int(low[2:]), int(high[2:]) + 1)]
+    assert workflow("test")["jobs"]["test"]["strategy"]["matrix"]["python"] == promised
+
+
+def test_hooks_are_commands_that_the_set_up_installs():
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
+    packages = {line.split(">=")[0] for line in (ROOT / "requirements.txt").read_text().splitlines()}
+    for hook in hooks:
+        assert re.match(r"\.venv/bin/(\w+)", hook["entry"])[1] in packages
+
+
+def test_binder_installs_the_project():
+    binder = ROOT / ".binder"
+    assert (binder / "requirements.txt").read_text() == "-r ../requirements.txt\n"
+    assert os.access(binder / "postBuild", os.X_OK) and "install" in (binder / "postBuild").read_text()

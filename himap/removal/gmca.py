@@ -25,7 +25,7 @@ _RANK = 1e-12  # directions of S S^T below this share of the largest are roundin
 class GMCA(ForegroundRemover):
     """Sources that are sparse in starlets (Bobin et al. 2007; Carucci et al. 2020).
 
-    Minimises sum_i lambda_i |S_i^wt|_1 + |X^wt - A S^wt|^2 (Eq. 17), wt being the starlet detail scales,
+    Minimises ``sum_i lambda_i |S_i^wt|_1 + |X^wt - A S^wt|^2`` (Eq. 17), wt being the starlet detail scales,
     in turns: S = A^+ X with its coefficients below the thresholds lambda dropped, then
     A = X^wt S^T (S S^T)^-1 with columns of unit length. A starts from PCA. The thresholds fall while the
     sources take shape: the share of coefficients kept, among those above `n_sigma` times the noise, grows
