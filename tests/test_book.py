@@ -1,21 +1,32 @@
-"""The book renders without a warning and without network, and make does nothing twice."""
+"""The book renders without warning or network, a browser finds it whole, and make does nothing twice."""
 
+import functools
 import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
 import time
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+HEAVIEST = 3e6  # bytes of a page with all that it loads
+PHONE = {"width": 390, "height": 800}
+NOT_LOADED = "[...document.images].filter(one => !(one.complete && one.naturalWidth)).map(one => one.src)"
+SILENT = "[...document.images].filter(one => !one.alt.trim()).map(one => one.src)"
+BYTES = """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+    .reduce((sum, one) => sum + one.transferSize, 0)"""
 
 
 @pytest.fixture(scope="module")
-def book(tmp_path_factory):
-    """The pages of the book, rendered from what is committed; a warning is an error."""
+def html(tmp_path_factory):
+    """The folder of the book, rendered from what is committed; a warning is an error."""
     folder = tmp_path_factory.mktemp("book")
     for name in ("_config.yml", "_toc.yml"):
         shutil.copy(ROOT / name, folder)
@@ -25,7 +36,13 @@ def book(tmp_path_factory):
     options = ["build", str(folder), "-W", "--keep-going"]
     outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return {path: path.read_text() for path in (folder / "_build" / "html").rglob("*.html")}
+    return folder / "_build" / "html"
+
+
+@pytest.fixture(scope="module")
+def book(html):
+    """{path: text} of the pages."""
+    return {path: path.read_text() for path in html.rglob("*.html")}
 
 
 def test_book_needs_no_network(book):
@@ -53,6 +70,105 @@ def test_figures_of_the_paper_offer_their_numbers(book):
             assert text.startswith("panel,curve,x,y\n"), target
             found += 1
     assert found > 30
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture(scope="module")
+def address(html):
+    """Where a server of the book listens."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=html))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    with sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def visit(browser, address):
+    """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
+    pages = []
+
+    def opened(path, **options):
+        page = browser.new_page(**options)
+        pages.append(page)
+        page.complaints, page.elsewhere = [], []
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
+        page.on(
+            "request",
+            lambda asked: (
+                None
+                if asked.url.startswith((address, "data:", "blob:"))
+                else page.elsewhere.append(asked.url)
+            ),
+        )
+        page.goto(f"{address}/{path}", wait_until="networkidle")
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+
+
+def chapters(html):
+    return sorted(
+        path.relative_to(html).as_posix()
+        for part in ("book", "notebooks")
+        for path in html.glob(f"{part}/*.html")
+    )
+
+
+def test_every_page_is_whole_and_fits_a_phone(html, visit):
+    names = chapters(html)
+    assert len(names) >= 20
+    for name in names:
+        page = visit(name, viewport=PHONE)
+        assert not page.complaints, f"{name}: {page.complaints}"
+        assert not page.elsewhere, f"{name} asks {page.elsewhere}"
+        assert not page.evaluate(NOT_LOADED), name
+        assert not page.evaluate(SILENT), f"{name} has figures without a text in place of them"
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"], name
+        assert page.evaluate(BYTES) < HEAVIEST, name
+        page.close()
+
+
+def test_equations_are_typeset(visit):
+    page = visit("notebooks/13_dimmed_galaxy.html")
+    page.wait_for_selector("mjx-container")
+    count = {name: page.locator(name).count() for name in (".math", "mjx-container", "mjx-merror")}
+    assert count[".math"] == count["mjx-container"] > 5 and count["mjx-merror"] == 0
+
+
+def test_search_finds_a_method(visit):
+    page = visit("search.html?q=SDecGMCA")
+    page.wait_for_selector("#search-results li a")
+    assert page.locator("#search-results li a", has_text="SDecGMCA").count() >= 1
+
+
+def test_dark_mode_goes_on_and_off(visit):
+    page = visit("book/intro.html", color_scheme="light")
+    theme = "document.documentElement.dataset.theme"
+    seen = {page.evaluate(theme)}
+    background = {page.evaluate("getComputedStyle(document.body).backgroundColor")}
+    for _ in range(3):
+        page.locator(".theme-switch-button").first.click()
+        seen.add(page.evaluate(theme))
+        background.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+    assert seen == {"light", "dark"} and len(background) == 2
 
 
 FAKE_PYTHON = """#!/bin/sh
