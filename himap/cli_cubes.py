@@ -10,12 +10,16 @@ import click
 
 from himap.cli_shared import debug, named_values, print_table
 from himap.errors import InputError
+from himap.outputs import whole_file
 from himap.parameters import parse_texts
 
 __all__ = ["clean", "suggest"]
 
-_BEAM = "degraded, evolving, oscillating, meerkat, or a FILE."
-_READING = [
+_OPTIONS = [
+    click.option("--beam", metavar="NAME", help="degraded, evolving, oscillating, meerkat, or a FILE."),
+    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
     click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
     click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
@@ -24,27 +28,31 @@ _READING = [
 ]
 
 
-def _reading(command):
-    for option in reversed(_READING):
+class _Methods(click.Option):
+    """The option of a method; its help lists all there are, found when it is asked for."""
+
+    def get_help_record(self, context):
+        from himap.removal import available
+
+        self.help = f"{', '.join(available())}."
+        return super().get_help_record(context)
+
+
+def _cube_options(command):
+    for option in reversed(_OPTIONS):
         command = option(command)
     return command
 
 
 @click.command()
 @click.argument("path", metavar="CUBE")
-@click.option(
-    "--method", required=True, metavar="NAME", help="pca, fastica, gmca, sdecgmca, polynomial, parametric."
-)
-@click.option("--beam", metavar="NAME", help=_BEAM)
-@click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam, 13.5 m unless given.")
-@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method.")
+@click.option("--method", cls=_Methods, required=True, metavar="NAME")
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
 @click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first.")
 @click.option(
     "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
 )
-@click.option("--overwrite", is_flag=True, help="Write over what is there.")
-@_reading
+@_cube_options
 @debug
 def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite, **reading):
     """Remove the foregrounds of the cube of maps in CUBE.
@@ -57,13 +65,15 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.cube import read_cube
     from himap.cubes.report import write_report
-    from himap.cubes.writing import check_cube_output, save_cleaned, whole_file
+    from himap.cubes.writing import check_cube_output, save_cleaned
+    from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     started = time.monotonic()
     output = check_cube_output(output, overwrite=overwrite)
-    cube, beams = _cube_and_beams(path, method, beam, dish, reading)
-    remover = method_for(cube, method, **parse_texts([], named_values(pairs)))
+    remover = create(method, **parse_texts([], named_values(pairs)))
+    cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
+    method_for(cube, remover)  # before the truth is read
     true = None if truth is None else read_cube(truth, **reading)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
@@ -79,15 +89,11 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
 
 @click.command()
 @click.argument("path", metavar="CUBE")
-@click.option("--method", default="pca", show_default=True, help="A method with a number of sources.")
-@click.option("--beam", metavar="NAME", help=_BEAM)
-@click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam, 13.5 m unless given.")
-@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="Another parameter of the method.")
+@click.option("--method", cls=_Methods, default="pca", show_default=True, metavar="NAME")
 @click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
 @click.option("--to", "most", type=int, default=10, show_default=True, help="Largest number of sources.")
 @click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
-@click.option("--overwrite", is_flag=True, help="Write over what is there.")
-@_reading
+@_cube_options
 @debug
 def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **reading):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
@@ -96,17 +102,16 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
     himap suggest cube.h5 --method pca -o how_many.html
     """
     from himap.cubes import suggestion
-    from himap.cubes.writing import check_page, whole_file
+    from himap.cubes.writing import check_page
+    from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     page = None if output is None else check_page(output, overwrite=overwrite)
-    cube, remover_beams = _cube_and_beams(path, method, beam, dish, reading)
     parameters = parse_texts([], named_values(pairs))
+    cube, beams = _cube_and_beams(path, create(method, **parameters), beam, dish, reading)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)
-        found = suggestion.suggest(
-            cube, method, n_sources=range(least, most + 1), beams=remover_beams, **parameters
-        )
+        found = suggestion.suggest(cube, method, n_sources=range(least, most + 1), beams=beams, **parameters)
     rows = [
         (str(n), f"{value:.4f}", f"{change:.1%}" if change is not None else "")
         for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
@@ -119,18 +124,16 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
         click.echo(page)
 
 
-def _cube_and_beams(path, method, beam, dish, reading):
+def _cube_and_beams(path, remover, beam, dish, reading):
     """The cube, with its remarks told, and its beams, None where none are named."""
     from himap.cubes.beams import beams_of
     from himap.cubes.cube import read_cube
-    from himap.removal import available
-    from himap.removal.base import REGISTRY
 
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
+    if beam is None and remover.needs_beams:
+        raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
     cube = read_cube(path, **reading)
     for remark in cube.remarks:
         click.echo(remark, err=True)
-    if beam is None and method in available() and REGISTRY[method].needs_beams:
-        raise InputError(f"{method} needs the beam of the cube; give --beam.")
     return cube, None if beam is None else beams_of(cube, beam, dish=dish)

@@ -1,6 +1,5 @@
 """The ledger: what of the paper is reproduced, over several realisations of sky and noise."""
 
-import contextlib
 import json
 import math
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ from himap.checks import whole_number
 from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED, Finding
 from himap.errors import InputError
 from himap.evidence import Realisation, make_realisations
+from himap.outputs import whole_file
 from himap.parallel import dask_address
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
@@ -167,16 +167,8 @@ def write_ledger(entries, path, about):
         | {"realisations": [{"seed": seed} | found for seed, found in entry.findings.items()]}
         for entry in entries
     ]
-    path = Path(path)
-    unfinished = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.write_text(json.dumps({"about": about, "claims": rows}, indent=1) + "\n")
-        unfinished.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            unfinished.unlink()
-        raise InputError(f"{path} cannot be written ({error.strerror}); give another place.") from None
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps({"about": about, "claims": rows}, indent=1) + "\n")
 
 
 def read_ledger(path):

@@ -19,6 +19,7 @@ import nbformat
 from PIL import Image
 
 from himap.errors import InputError
+from himap.outputs import whole_file
 
 __all__ = [
     "KERNEL",
@@ -163,10 +164,5 @@ def check_output(path, suffix=".ipynb"):
 
 def write_notebook(node, path):
     """Write a notebook under another name, then rename it: whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with whole_file(path) as temporary:
         temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)

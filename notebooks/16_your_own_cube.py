@@ -52,7 +52,7 @@ import numpy as np
 
 from himap import diagnostics
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggest
-from himap.cubes.report import maps_figure, modes_figure, recovered_spectra, spectra_figure
+from himap.cubes.report import compared, maps_figure, modes_figure, spectra_figure
 from himap.cubes.suggestion import advice, views_figure
 from himap.errors import InputError
 from himap.numbers import show, show_table
@@ -168,8 +168,7 @@ print(
 
 # %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below. With a mask C_l are decoupled, in bins."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
-spectra = recovered_spectra(cleaned, truth)
-study.stamped(spectra_figure(spectra), beam=beam, n_sources=n_sources, missing=missing)
+study.stamped(spectra_figure(compared(cleaned, truth)), beam=beam, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
 # And did the advice help? Here are the errors for each number of sources; nobody with a real sky could make this table.
@@ -177,8 +176,8 @@ study.stamped(spectra_figure(spectra), beam=beam, n_sources=n_sources, missing=m
 # %%
 rows = {}
 for n in range(max(n_sources - 2, 1), n_sources + 3):
-    one = recovered_spectra(clean_cube(cube, "pca", n_sources=n), truth)
-    angular, frequency = one.angular / one.true_angular, one.frequency / one.true_frequency
+    one = compared(clean_cube(cube, "pca", n_sources=n), truth)
+    angular, frequency = one.angular_ratio, one.frequency_ratio
     low = diagnostics.band_mean(one.degrees, angular, 0, 10)
     high = diagnostics.band_mean(one.degrees, angular, 10, 2 * nside)
     smooth = diagnostics.band_mean(one.k, frequency, 0, 0.05)

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # A room (a module or package of himap) may import the rooms before it, and no other.
 # fmt: off
 ROOMS = [
-    "errors", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
+    "errors", "outputs", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
     "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
     "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",

@@ -89,7 +89,9 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def on_sphere(self, maps):
-        """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen."""
+        """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen; themselves if all is."""
+        if self.whole:
+            return maps
         out = np.zeros((len(maps), len(self.mask)), dtype=maps.dtype)
         out[:, self.mask] = maps
         return out
@@ -140,11 +142,8 @@ def make_cube(raw, *, unit=None, order=None):
         raise InputError(
             f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
         )
-    channels = _seen_channels(raw.maps, np.argsort(freqs, kind="stable"), remarks)
+    channels, mask = _seen(raw.maps, np.argsort(freqs, kind="stable"), remarks)
     freqs = checked_freqs(freqs[channels], len(channels))
-    mask = np.ones(raw.maps.shape[1], dtype=bool)
-    for place in channels:
-        mask &= _seen(raw.maps[place])
     if not mask.any():
         raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
     if nested:
@@ -159,18 +158,19 @@ def make_cube(raw, *, unit=None, order=None):
     return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
 
 
-def _seen(pixels):
-    return np.abs(pixels) < _LARGEST  # False for NaN
-
-
-def _seen_channels(maps, order, remarks):
-    """Of the channels in `order` those that see anything."""
-    seen = np.array([_seen(maps[place]).any() for place in order])
-    if seen.sum() < 2:
-        raise InputError(f"a cube needs two channels with seen pixels, got {seen.sum()} of {len(maps)}.")
-    if not seen.all():
-        remarks.append(f"{(~seen).sum()} of {len(maps)} channels see nothing and are left out.")
-    return order[seen]
+def _seen(maps, order, remarks):
+    """Of the channels in `order` those that see anything, and the pixels that all of these see."""
+    channels, mask = [], np.ones(maps.shape[1], dtype=bool)
+    for place in order:
+        seen = np.abs(maps[place]) < _LARGEST  # False for NaN
+        if seen.any():
+            channels.append(place)
+            mask &= seen
+    if len(channels) < 2:
+        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(maps)}.")
+    if len(channels) < len(maps):
+        remarks.append(f"{len(maps) - len(channels)} of {len(maps)} channels see nothing and are left out.")
+    return np.array(channels), mask
 
 
 def _to_ring(pixels):

@@ -1,45 +1,34 @@
 """A page on a cleaned cube: spectra, leading modes, maps of what is left, and what to look at."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
 from himap import plotting
 from himap.cubes import page
 from himap.errors import InputError
+from himap.evidence import Comparison
 from himap.removal.pca import channel_covariance
-from himap.spectra import angular_power, frequency_power
+from himap.results import Spectra
+from himap.spectra import angular_power, angular_power_pair, frequency_power
 
-__all__ = [
-    "Recovered",
-    "maps_figure",
-    "modes_figure",
-    "recovered_spectra",
-    "spectra_figure",
-    "write_report",
-]
+__all__ = ["compared", "maps_figure", "modes_figure", "spectra_figure", "spectra_of", "write_report"]
 
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recovered:
-    """C_l averaged over channels and P(k) of cleaned maps, and of the truth where it is known.
-
-    `degrees`, `angular` and `true_angular` (n_l,), mK^2; `k`, `frequency` and `true_frequency` (n_k,), 1/MHz
-    and mK^2 MHz. The true ones are None without a truth.
-    """
-
-    degrees: np.ndarray
-    angular: np.ndarray
-    k: np.ndarray
-    frequency: np.ndarray
-    true_angular: np.ndarray | None = None
-    true_frequency: np.ndarray | None = None
+def spectra_of(cleaned):
+    """The `Spectra` of a `CleanedCube`; with a mask C_l are decoupled."""
+    cube = cleaned.cube
+    mask = None if cube.whole else cube.mask
+    return Spectra(
+        angular=angular_power(cube.on_sphere(cleaned.residual), mask=mask),
+        frequency=frequency_power(cleaned.residual, cube.channel_width),
+    )
 
 
-def recovered_spectra(cleaned, truth=None):
-    """Both spectra of a `CleanedCube`, 2 <= l <= 2 nside and k > 0; with a mask C_l are decoupled.
+def compared(cleaned, truth):
+    """Both spectra of a `CleanedCube` beside those of the truth, an `evidence.Comparison`.
 
     Parameters
     ----------
@@ -54,20 +43,15 @@ def recovered_spectra(cleaned, truth=None):
         A truth of another resolution, other channels, or that does not see what was cleaned.
     """
     cube = cleaned.cube
-    degrees, angular, k, frequency = _spectra(cube, cleaned.residual)
-    if truth is None:
-        return Recovered(degrees=degrees, angular=angular, k=k, frequency=frequency)
     _check_truth(cube, truth)
-    seen = truth.maps[:, cube.mask[truth.mask]]
-    _, true_angular, _, true_frequency = _spectra(cube, seen)
-    return Recovered(
-        degrees=degrees,
-        angular=angular,
-        k=k,
-        frequency=frequency,
-        true_angular=true_angular,
-        true_frequency=true_frequency,
+    maps = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
+    mask = None if cube.whole else cube.mask
+    angular = angular_power_pair(*(cube.on_sphere(one) for one in maps), mask=mask)
+    found, true = (
+        Spectra(angular=power, frequency=frequency_power(one, cube.channel_width))
+        for power, one in zip(angular, maps, strict=True)
     )
+    return Comparison.of(found, true, l_top=2 * cube.nside)
 
 
 def _check_truth(cube, truth):
@@ -80,18 +64,9 @@ def _check_truth(cube, truth):
         raise InputError("the truth must see all pixels of the cube.")
 
 
-def _spectra(cube, maps):
-    """(l, C_l averaged over channels, k, P) of seen maps."""
-    mask = None if cube.whole else cube.mask
-    power = angular_power(cube.on_sphere(maps), mask=mask)
-    inside = (power.degrees >= 2) & (power.degrees <= 2 * cube.nside)
-    lines = frequency_power(maps, cube.channel_width)
-    return power.degrees[inside], power.mean[inside], lines.k[1:], lines.power[1:]
-
-
 def write_report(cleaned, path, *, truth=None):
     """Write the page, one HTML file that needs nothing else."""
-    found = recovered_spectra(cleaned, truth)
+    found = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [*_head(cleaned), *_spectra_part(found), *_modes_part(cleaned), *_maps_part(cleaned)]
     path.write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
@@ -119,23 +94,33 @@ def _rms(maps):
 
 
 def spectra_figure(found):
-    """Both spectra of a `Recovered`, with their ratios to the truth where that is known."""
+    """Both spectra, `Spectra`, or with their ratios to the truth, a `Comparison`."""
     style = {"label": "cleaned", "color": "#0072B2"}
-    sides = [
-        ((r"multipole $\ell$", r"$C_\ell$ [mK$^2$]", r"$C_\ell / C_\ell^\mathrm{true}$"), found.degrees),
-        ((r"$k_\nu$ [MHz$^{-1}$]", r"$P$ [mK$^2$ MHz]", r"$P / P^\mathrm{true}$"), found.k),
+    axes = [
+        {"xlabel": r"multipole $\ell$", "ylabel": r"$C_\ell$ [mK$^2$]"},
+        {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P$ [mK$^2$ MHz]"},
     ]
-    values = [(found.angular, found.true_angular), (found.frequency, found.true_frequency)]
-    panels = []
-    for ((xlabel, ylabel, ratio_label), x), (cleaned, true) in zip(sides, values, strict=True):
-        panel = {"xlabel": xlabel, "ylabel": ylabel}
-        if true is None:
-            panel |= {"curves": [(x, cleaned, style)], "xscale": "log", "yscale": "log"}
-        else:
-            panel |= {"title": "", "true": (x, true), "ratio_label": ratio_label}
-            panel["curves"] = [(style, x, cleaned, true)]
-        panels.append(panel)
-    return plotting.lines(panels) if found.true_angular is None else plotting.spectrum(panels)
+    if isinstance(found, Spectra):
+        shown = (found.angular.degrees, found.angular.mean), (found.frequency.k, found.frequency.power)
+        scales = {"xscale": "log", "yscale": "log"}
+        return plotting.lines(
+            [
+                one | scales | {"curves": [(x[x > 0], y[x > 0], style)]}
+                for one, (x, y) in zip(axes, shown, strict=True)
+            ]
+        )
+    ratios = r"$C_\ell / C_\ell^\mathrm{true}$", r"$P / P^\mathrm{true}$"
+    values = (
+        (found.degrees, found.angular, found.true_angular),
+        (found.k, found.frequency, found.true_frequency),
+    )
+    return plotting.spectrum(
+        [
+            one
+            | {"title": "", "true": (x, true), "ratio_label": label, "curves": [(style, x, cleaned, true)]}
+            for one, label, (x, cleaned, true) in zip(axes, ratios, values, strict=True)
+        ]
+    )
 
 
 def _spectra_part(found):
@@ -147,13 +132,12 @@ def _spectra_part(found):
         "<h2>Spectra</h2>",
         page.figure(spectra_figure(found), "Angular and frequency power spectrum", text),
     ]
-    if found.true_angular is not None:
-        angular, frequency = found.angular / found.true_angular, found.frequency / found.true_frequency
+    if isinstance(found, Comparison):
         rows = [
-            ("C/C0, l < 10", _mean(found.degrees, angular, 0, 10)),
-            ("C/C0, beyond", _mean(found.degrees, angular, 10, np.inf)),
-            ("P/P0, k < 0.03 / MHz", _mean(found.k, frequency, 0, 0.03)),
-            ("P/P0, beyond", _mean(found.k, frequency, 0.03, np.inf)),
+            ("C/C0, l < 10", _mean(found.degrees, found.angular_ratio, 0, 10)),
+            ("C/C0, beyond", _mean(found.degrees, found.angular_ratio, 10, np.inf)),
+            ("P/P0, k < 0.03 / MHz", _mean(found.k, found.frequency_ratio, 0, 0.03)),
+            ("P/P0, beyond", _mean(found.k, found.frequency_ratio, 0.03, np.inf)),
         ]
         parts += ["<h3>Over the truth</h3>", page.table(rows)]
     return parts
@@ -216,7 +200,7 @@ def maps_figure(cleaned):
     cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
     maps = {
         f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
-        "rms over channels": np.sqrt(np.mean(np.square(cleaned.residual, dtype=np.float64), axis=0)),
+        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
     }
     spans = {title: tuple(np.percentile(pixels, (1, 99))) for title, pixels in maps.items()}
     return plotting.sky_maps({title: _with_gaps(cube, one) for title, one in maps.items()}, span=spans)

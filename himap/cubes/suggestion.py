@@ -19,7 +19,7 @@ import numpy as np
 from himap import plotting
 from himap.cubes import page
 from himap.cubes.cleaning import clean_cube, method_for
-from himap.cubes.report import recovered_spectra
+from himap.cubes.report import spectra_of
 from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.pca import channel_covariance
@@ -106,9 +106,8 @@ def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **paramet
     left, spectra = [], []
     for count in progress(counts, "numbers of sources"):
         cleaned = clean_cube(cube, method, beams=beams, n_sources=int(count), **parameters)
-        left.append(cleaned.residual.var(axis=1, dtype=np.float64))
-        found = recovered_spectra(cleaned)
-        spectra.append((found.angular, found.frequency))
+        left.append([channel.var(dtype=np.float64) for channel in cleaned.residual])
+        spectra.append(_scales(spectra_of(cleaned), cube.nside))
     change = np.array([_change(one, two) for one, two in zip(spectra[:-1], spectra[1:], strict=True)])
     n_bright = int(np.argmin(values > _STANDS_OUT * line))
     stable = change < _STABLE
@@ -137,6 +136,12 @@ def _criterion(left, counts, n_pix):
     n_channels = left.shape[1]
     found = np.log(left).mean(axis=1) + counts * np.log(n_pix) / n_pix * (n_channels + n_pix) / n_channels
     return found - found.min()
+
+
+def _scales(found, nside):
+    """C_l for 2 <= l <= 2 nside, and P(k) for k > 0."""
+    inside = (found.angular.degrees >= 2) & (found.angular.degrees <= 2 * nside)
+    return found.angular.mean[inside], found.frequency.power[1:]
 
 
 def _change(one, two):

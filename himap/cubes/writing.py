@@ -2,8 +2,7 @@
 
 import json
 import os
-import tempfile
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,8 +12,9 @@ import numpy as np
 
 from himap import __version__
 from himap.errors import InputError
+from himap.outputs import whole_file
 
-__all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned", "whole_file"]
+__all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned"]
 
 OUTPUTS = (".h5", ".fits", ".npy")
 
@@ -74,19 +74,14 @@ def save_cleaned(cleaned, path):
         The paths that were written.
     """
     path, cube = Path(path), cleaned.cube
-    layout = cube.layout
-    cubes = {
-        name: layout.as_given(maps, cube.mask)
-        for name, maps in (("residual", cleaned.residual), ("foreground", cleaned.foreground))
-    }
     if path.suffix == ".h5":
         with whole_file(path) as temporary:
-            _write_hdf5(cleaned, cubes, temporary)
+            _write_hdf5(cleaned, temporary)
         return [path]
     paths = [path, path.with_name(f"{path.stem}_foreground{path.suffix}"), _named(path, "_mixing.txt")]
     with ExitStack() as stack:  # all of them or none
         *targets, table = [stack.enter_context(whole_file(one)) for one in paths]
-        for target, (name, maps) in zip(targets, cubes.items(), strict=True):
+        for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
             if path.suffix == ".npy":
                 np.save(target, maps)
             else:
@@ -96,20 +91,14 @@ def save_cleaned(cleaned, path):
     return paths
 
 
-@contextmanager
-def whole_file(path):
-    """A name to write to that becomes `path` when all is written, and vanishes if that fails."""
-    with tempfile.TemporaryDirectory(dir=path.resolve().parent, prefix=".himap-") as folder:
-        temporary = Path(folder) / path.name
-        try:
-            yield temporary
-            os.replace(temporary, path)
-        except OSError as error:
-            raise InputError(f"{path} cannot be written ({error}).") from None
-
-
 def _named(path, ending):
     return path.with_name(path.stem + ending)
+
+
+def _as_given(cleaned):
+    """(name, cube as in the file) of what is written, one at a time."""
+    for name, maps in (("residual", cleaned.residual), ("foreground", cleaned.foreground)):
+        yield name, cleaned.cube.layout.as_given(maps, cleaned.cube.mask)
 
 
 def _freqs_as_given(cube):
@@ -118,10 +107,10 @@ def _freqs_as_given(cube):
     return freqs
 
 
-def _write_hdf5(cleaned, cubes, path):
+def _write_hdf5(cleaned, path):
     cube, found = cleaned.cube, cleaned.separation
     with h5py.File(path, "w") as file:
-        for name, maps in cubes.items():
+        for name, maps in _as_given(cleaned):
             file.create_dataset(name, data=maps).attrs["unit"] = cube.layout.unit
         file.create_dataset("freqs", data=_freqs_as_given(cube)).attrs["unit"] = "MHz"
         file.create_dataset("mixing", data=found.mixing).attrs["rows"] = "channels by frequency, ascending"
@@ -134,9 +123,10 @@ def _write_hdf5(cleaned, cubes, path):
 def _write_fits(name, maps, cleaned, path):
     layout = cleaned.cube.layout
     freqs = _freqs_as_given(cleaned.cube)
+    maps[~np.isfinite(maps)] = hp.UNSEEN
     hp.write_map(
         path,
-        np.where(np.isfinite(maps), maps, hp.UNSEEN).astype(np.float32),
+        maps,
         nest=layout.nested,
         dtype=np.float32,
         column_names=[f"{name} {freq:g} MHz" for freq in freqs],
