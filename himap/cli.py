@@ -12,6 +12,7 @@ from himap.cli_cubes import clean, suggest
 from himap.cli_shared import SETTINGS, Commands, debug, named_values, print_table, workers
 from himap.errors import InputError
 from himap.notebook_files import check_output, copy_name
+from himap.notebooks import find, notebooks
 from himap.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.provenance import Provenance
 
@@ -47,10 +48,10 @@ def list_(name):
     himap list 04_pca
     """
     if name is None:
-        rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in reproduce.notebooks()]
+        rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in notebooks()]
         print_table(("notebook", "paper", "title"), rows)
         return
-    notebook = reproduce.find(name)
+    notebook = find(name)
     click.echo(notebook.title)
     if notebook.section:
         click.echo(f"Paper: Sect. {notebook.section}; figures: {', '.join(notebook.figures) or 'none'}")
@@ -86,7 +87,7 @@ def run(names, preset, pairs, output, stale, every):
         raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
     if not (names or every):
         raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
-    names = [one.name for one in reproduce.notebooks()] if every else names
+    names = [one.name for one in notebooks()] if every else names
     if output and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
     values = _values(names, preset, named_values(pairs), some_accept=every)
@@ -100,7 +101,7 @@ def run(names, preset, pairs, output, stale, every):
 
 def _values(names, preset, texts, *, some_accept):
     """{notebook: parameters}, checked before any runs; with `some_accept`, those that the notebook has."""
-    declared = {name: reproduce.find(name).parameters for name in names}
+    declared = {name: find(name).parameters for name in names}
     for parameter in texts if some_accept else ():
         if not any(accepts(one, parameter) for one in declared.values()):
             raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
@@ -131,7 +132,7 @@ def claims(preset, pairs, output):
     from himap import ledger, ledger_table
     from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 
-    declared = reproduce.find("15_claims").parameters
+    declared = find("15_claims").parameters
     values = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     defaults = {parameter.name: parameter.default for parameter in declared}
     preset = values.get("preset", defaults["preset"])

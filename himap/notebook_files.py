@@ -1,9 +1,9 @@
 """Notebook files: what is kept of an executed notebook, its stamp, and how it is written.
 
 An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
-file only where the content changes, and its pictures are packed. Its stamp holds three things: the
-fingerprint of its code, the parameters that were passed, and a digest of its text, which shows
-whether it was edited since.
+file only where the content changes, and its pictures are packed. Its stamp holds the fingerprint of its
+code, the parameters that were passed, a digest of its text, which shows whether it was edited since, and
+when it was last executed: the commit, the time it took, the versions.
 """
 
 import base64
@@ -50,7 +50,7 @@ _VOLATILE_METADATA = ("papermill", "execution")
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 
 
-def stamped(node, source, *, fingerprint, parameters):
+def stamped(node, source, *, fingerprint, parameters, execution=None):
     """The executed `node`, cleaned and with its stamp.
 
     Parameters
@@ -59,10 +59,10 @@ def stamped(node, source, *, fingerprint, parameters):
         The notebook; it is changed.
     source
         The notebook as read from its ``.py``, for the header.
-    fingerprint, parameters
-        For the stamp.
+    fingerprint, parameters, execution
+        For the stamp; `execution` as `himap.provenance.environment` has it, with "seconds".
     """
-    from himap.plotting import DATA_TYPE  # slow, and most commands do without
+    from himap.figure_data import DATA_TYPES  # slow, and most commands do without
 
     fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
     node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
@@ -75,10 +75,12 @@ def stamped(node, source, *, fingerprint, parameters):
             data = output.get("data", {})
             if "image/png" in data:
                 data["image/png"] = _smaller(data["image/png"])
-            if len(data.get(DATA_TYPE, "")) > _LARGEST_DATA:
-                del data[DATA_TYPE]
+            for kind in DATA_TYPES:
+                if len(data.get(kind, "")) > _LARGEST_DATA:
+                    del data[kind]
     number_cells(node)
     stamp = {"fingerprint": fingerprint, "parameters": parameters, "text": text_digest(node)}
+    stamp |= {"execution": execution} if execution else {}
     node.metadata[STAMP] = nbformat.from_dict(stamp)
     return node
 
@@ -101,7 +103,8 @@ def with_outputs(source, executed):
     for cell, old in zip(code_cells(node), code_cells(executed), strict=True):
         cell.outputs, cell.execution_count = old.outputs, old.execution_count
     stamp = executed.metadata[STAMP]
-    return stamped(node, source, fingerprint=stamp["fingerprint"], parameters=stamp["parameters"])
+    made = {key: value for key, value in stamp.items() if key != "text"}
+    return stamped(node, source, **made)
 
 
 def code_cells(node):

@@ -1,14 +1,10 @@
 """Figures. The only module that knows matplotlib; every function returns the figure it makes.
 
-Figures of curves carry their numbers: a notebook that shows one keeps them beside the picture, as CSV, and
-the book offers them for download.
+Figures carry their numbers (`himap.figure_data`): a notebook that shows one keeps them beside the picture.
 
 Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in
 style too, so they stay apart in grey. Maps use cividis, which is monotonic in lightness.
 """
-
-import csv
-import io
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,10 +12,10 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from himap import sphere
+from himap.figure_data import with_curves, with_image, with_maps
 
 __all__ = [
     "BEAM_STYLES",
-    "DATA_TYPE",
     "METHOD_STYLES",
     "image",
     "lines",
@@ -30,9 +26,6 @@ __all__ = [
     "spectrum",
     "stamp",
 ]
-
-DATA_TYPE = "text/csv"
-"""Kind of output under which a notebook keeps the numbers of a figure."""
 
 METHOD_STYLES = {
     "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "--"},
@@ -115,7 +108,8 @@ def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None):
             options = {"unit": unit, "log": log, "limits": limits, "span": span}
             chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
             sky_map(axes, pixels, title=title, **chosen)
-    return _finished(figure)
+    units = [unit.get(title) if isinstance(unit, dict) else unit for title in maps]
+    return with_maps(_finished(figure), maps, [one or "" for one in units])
 
 
 def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
@@ -165,7 +159,7 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
             *((style["label"], (at, recovered)) for style, at, recovered, _ in panel["curves"]),
         ]
     ]
-    return _with_data(_finished(figure), points)
+    return with_curves(_finished(figure), points)
 
 
 def _spectrum_panel(top, bottom, panel, ratio_limits, band):
@@ -232,7 +226,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
         for panel in panels
         for x, y, style in [*panel["curves"], *panel.get("points", [])]
     ]
-    return _with_data(_finished(figure), points)
+    return with_curves(_finished(figure), points)
 
 
 def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
@@ -246,23 +240,12 @@ def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
         )
         axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
         figure.colorbar(shown, label=unit, extend="both")
-    return _finished(figure)
+    return with_image(_finished(figure), values, x=x, y=y, unit=unit)
 
 
 def _finished(figure):
     """The figure, out of pyplot's hands: a notebook shows it once, where it is returned."""
     plt.close(figure)
-    return figure
-
-
-def _with_data(figure, curves):
-    """The figure with its numbers, [(panel, curve, x, y)], for a notebook to keep as `DATA_TYPE`."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("panel", "curve", "x", "y"))
-    for panel, label, xs, ys in curves:
-        writer.writerows((panel, label, f"{x:.5g}", f"{y:.5g}") for x, y in zip(xs, ys, strict=True))
-    figure._repr_mimebundle_ = lambda include=None, exclude=None: {DATA_TYPE: text.getvalue()}
     return figure
 
 

@@ -1,6 +1,7 @@
 """Where a figure comes from: the line under it that says how to make it again."""
 
 import subprocess
+import sys
 import time
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -11,7 +12,7 @@ from pathlib import Path
 from himap import __version__
 from himap.survey import PRESETS
 
-__all__ = ["PACKAGES", "VOLATILE", "Provenance"]
+__all__ = ["PACKAGES", "VOLATILE", "Provenance", "duration", "environment"]
 
 PACKAGES = ("numpy", "scipy", "healpy", "ducc0", "camb", "astropy", "scikit-learn", "pysm3")
 """Packages whose version can move a number in the last digits."""
@@ -92,7 +93,7 @@ class Provenance:
         edits = " with edits" if self.dirty else ""
         himap = f"himap {self.version}, commit {self.commit}{edits}"
         where = [self.preset, *changed, f"{self.galaxy} Galaxy", f"seed {self.seed}"]
-        return " · ".join([*where, himap, _duration(self.seconds)])
+        return " · ".join([*where, himap, duration(self.seconds)])
 
     __str__ = footer
 
@@ -107,7 +108,21 @@ def _nearest_preset(survey):
     return min(PRESETS, key=lambda name: len(_overrides(survey, name)))
 
 
-def _duration(seconds):
+def environment():
+    """What results of this process are made with: {"himap", "commit", "dirty", "python", "packages"}."""
+    commit, dirty = _commit()
+    python = ".".join(map(str, sys.version_info[:3]))
+    return {
+        "himap": __version__,
+        "commit": commit,
+        "dirty": dirty,
+        "python": python,
+        "packages": dict(_packages()),
+    }
+
+
+def duration(seconds):
+    """A time as people say it: 1.2 s, 35 s, 12 min, 2.3 h."""
     if seconds < 100:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

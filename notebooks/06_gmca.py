@@ -106,12 +106,12 @@ study.stamped(plotting.sky_maps(shown, limits=(2, 98)), beam=beam, n_scales=n_sc
 # nothing of the smooth one.
 
 # %% mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
-share = np.arange(1, len(channel) + 1) / len(channel)
+counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves = []
 for n, (name, scale) in enumerate(shown.items()):
     power = np.cumsum(np.sort(scale**2)[::-1])
     look = {"color": colours[n % 5], "linestyle": styles[n % 5], "label": name}
-    curves.append((share, power / power[-1], look))
+    curves.append((counts / len(channel), power[counts - 1] / power[-1], look))
 labels = {"xlabel": "share of the coefficients", "ylabel": "share of the square sum", "xscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), beam=beam)
 

@@ -51,6 +51,7 @@ from himap import plotting
 from himap.instrument.noise import noise_maps, noise_sigma
 from himap.numbers import show
 from himap.removal import harmonic
+from himap.removal.analysis import analysed
 from himap.removal.base import SeparationWarning
 from himap.removal.channels import Channels
 from himap.removal.sdecgmca import TABLE_1, SDecGMCA
@@ -262,7 +263,7 @@ show(numbers)
 # %%
 foreground = seen.maps - seen.truth
 lmax = min(remover.lmax, study.l_top)
-modes = harmonic.modes_of_maps(foreground - foreground.mean(axis=1, keepdims=True), lmax, label="foreground")
+modes = analysed(foreground - foreground.mean(axis=1, keepdims=True), label="foreground").upto(lmax)
 ratio = seen.beams[:, : lmax + 1] / seen.beams[:, : lmax + 1].max(axis=0)
 pure = Channels(modes, ratio, sigma**2 * 4 * np.pi / case.survey.n_pix)
 start = (

@@ -47,9 +47,9 @@ import warnings
 
 from himap.ledger import RECORDED, evaluate, read_ledger, realisations
 from himap.ledger_table import LedgerTable, summary
+from himap.notebooks import notebooks
 from himap.numbers import show, show_table
 from himap.removal.base import SeparationWarning
-from himap.reproduce import notebooks
 
 skies = realisations(
     preset=preset,

@@ -11,10 +11,10 @@ import re
 import nbval.kernel
 from nbval.plugin import IPyNbCell
 
+from himap.figure_data import DATA_TYPES
 from himap.kernel_manager import LocalKernelManager
 from himap.notebook_files import has_code
 from himap.numbers import agree
-from himap.plotting import DATA_TYPE
 from himap.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
@@ -39,12 +39,12 @@ def _settled(test, reference):
     return type(test)(
         (key, _settled_value(key, value, reference[key]) if key in reference else value)
         for key, value in test.items()
-        if key != DATA_TYPE or key in reference  # too large to be kept
+        if key not in DATA_TYPES or key in reference  # too large to be kept
     )
 
 
 def _settled_value(key, test, reference):
-    if key == DATA_TYPE:
+    if key in DATA_TYPES:
         return reference
     if isinstance(test, dict) and isinstance(reference, dict):
         return _settled(test, reference)

@@ -10,8 +10,12 @@ import threading
 import time
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.parse import unquote
 
+import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,6 +24,8 @@ HEAVIEST = 3e6  # bytes of a page with all that it loads
 PHONE = {"width": 390, "height": 800}
 NOT_LOADED = "[...document.images].filter(one => !(one.complete && one.naturalWidth)).map(one => one.src)"
 SILENT = "[...document.images].filter(one => !one.alt.trim()).map(one => one.src)"
+LOAD_ALL = """for (const one of document.images) one.loading = 'eager';
+    for (const one of document.getElementsByTagName('details')) one.open = true;"""
 BYTES = """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
     .reduce((sum, one) => sum + one.transferSize, 0)"""
 
@@ -61,15 +67,73 @@ def test_book_brings_what_draws_equations(book):
     assert sum('class="math' in page for page in book.values()) >= 3
 
 
-def test_figures_of_the_paper_offer_their_numbers(book):
-    """Each link under a figure leads to a file of numbers."""
-    found = 0
+LINKS = re.compile(r'<span class="himap-links">(.*?)</span>', re.S)
+SUFFIX = {".csv", ".npz"}
+
+
+def figures_of_notebooks():
+    """{name of a figure: name of its notebook}."""
+    found = {}
+    for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
+        for cell in nbformat.read(path, as_version=4).cells:
+            if name := cell.metadata.get("mystnb", {}).get("figure", {}).get("name"):
+                found[name] = path.stem
+    return found
+
+
+def test_every_figure_offers_its_numbers_its_notebook_and_its_command(html, book):
+    figures = figures_of_notebooks()
+    assert len(figures) > 70
+    for name, notebook in figures.items():
+        page = html / "notebooks" / f"{notebook}.html"
+        figure = re.search(rf'<figure [^>]*id="{name}".*?</figure>', book[page], re.S)[0]
+        (line,) = LINKS.findall(figure)
+        data, copy = [page.parent / target for target in re.findall(r'href="([^"]+)"', line)]
+        assert f"himap run {notebook}" in line
+        assert data.stem == name and data.suffix in SUFFIX
+        if data.suffix == ".csv":
+            assert data.read_text().startswith("panel,curve,x,y\n") and data.stat().st_size > 50, name
+        else:
+            with np.load(data, allow_pickle=False) as file:
+                assert np.isfinite(file["maps" if "maps" in file else "values"]).any(), name
+        assert nbformat.read(copy, as_version=4).metadata["himap_run"]["fingerprint"]
+
+
+def test_galleries_lead_to_every_figure(html, book):
+    """Those of the paper in its order, then all, chapter by chapter; each with a small picture and a text."""
+    page = book[html / "book" / "intro.html"]
+    item = r'<li><a href="\.\./(notebooks/\w+\.html)#([\w-]+)".*?<img src="([^"]+)" alt="([^"]+)"'
+    paper, *chapters = re.findall(r'<ul class="himap-gallery">.*?</ul>', page, re.S)
+    numbers = re.findall(r"<b>Fig\. ([\w.]+)</b>", paper)
+    assert list(dict.fromkeys(numbers)) == [*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"]
+    shown = [found for chapter in chapters for found in re.findall(item, chapter)]
+    assert [name for _, name, _, _ in shown] == list(figures_of_notebooks())
+    for target, name, thumbnail, alternative in [*shown, *re.findall(item, paper)]:
+        assert f'id="{name}"' in book[html / target] and len(alternative) > 10
+        with Image.open(html / "book" / thumbnail) as picture:
+            assert picture.width == 320
+
+
+def test_status_page_says_how_each_notebook_was_executed(html, book):
+    page = book[html / "book" / "status.html"]
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in re.findall(r"<tr.*?</tr>", page, re.S)]
+    for path in (ROOT / "notebooks").glob("[0-9]*.py"):
+        (row,) = [row for row in rows if row[0] == path.stem]
+        assert row[1] == "fresh" and re.fullmatch(r"[\d.]+", row[2]) and row[-1] != "edits"
+    for name in ("python", "numpy", "healpy", "ducc0", "jupyter-book"):
+        assert [row for row in rows if row[0] == name and re.match(r"\d+\.\d+", row[-1])], name
+
+
+def test_no_link_leads_nowhere(html, book):
+    targets = {path: set(re.findall(r'\bid="([^"]+)"', page)) for path, page in book.items()}
     for path, page in book.items():
-        for name, target in re.findall(r'class="himap-data" href="[./]*(_static/data/([\w-]+)\.csv)"', page):
-            text = (path.parents[1] / name).read_text()
-            assert text.startswith("panel,curve,x,y\n"), target
-            found += 1
-    assert found > 30
+        for target in re.findall(r'<a [^>]*href="([^"]+)"', page):
+            address, _, anchor = unquote(target).partition("#")
+            if re.match(r"[a-z]+:", address):
+                continue
+            file = (path.parent / address.partition("?")[0]).resolve() if address else path
+            assert file.exists(), f"{path.name} links {target}"
+            assert not anchor or file not in targets or anchor in targets[file], f"{path.name}: {target}"
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -137,6 +201,8 @@ def test_every_page_is_whole_and_fits_a_phone(html, visit):
     assert len(names) >= 20
     for name in names:
         page = visit(name, viewport=PHONE)
+        page.evaluate(LOAD_ALL)
+        page.wait_for_load_state("networkidle")
         assert not page.complaints, f"{name}: {page.complaints}"
         assert not page.elsewhere, f"{name} asks {page.elsewhere}"
         assert not page.evaluate(NOT_LOADED), name

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from ledgers import entry
 
 import himap
-from himap import cache, ledger, reproduce
+from himap import cache, ledger, notebooks, reproduce
 from himap.claims import DIFFERENT, FAILED, REPRODUCED
 from himap.cli import main
 from himap.errors import InputError
@@ -69,7 +69,7 @@ def himap_command(tmp_path, monkeypatch):
         (tmp_path / "notebooks" / f"{name}.py").write_text(TOY)
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "himap")
+    monkeypatch.setattr(notebooks, "_PACKAGE", tmp_path / "himap")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
 
     def call(*arguments, **options):
@@ -268,8 +268,8 @@ def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
 def test_from_the_shell(himap_command, tmp_path):
     """The whole way once: a process of its own, a kernel, an InputError inside it."""
     script = (
-        "import sys, pathlib; from himap import cli, reproduce; "
-        f"reproduce._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); cli.main()"
+        "import sys, pathlib; from himap import cli, notebooks; "
+        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); cli.main()"
     )
     assert _python("-c", script, "run", "01_toy", "--preset", "ci", "-o", "good.ipynb") == (0, "good", "")
     error = "Error: too many sources.\n"
@@ -290,7 +290,7 @@ class TestClaims:
     @pytest.fixture
     def command(self, himap_command, monkeypatch):
         """The command with the real parameters of 15_claims, and a ledger that is not computed."""
-        monkeypatch.setattr(reproduce, "_PACKAGE", Path(himap.__file__).parent)
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
         seen = []
 
         def evaluate(skies):

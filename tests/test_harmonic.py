@@ -35,16 +35,3 @@ def test_safe_inverse(rng):
 def test_safe_inverse_of_equal_columns():
     matrices = np.ones((1, 5, 2))
     assert harmonic.safe_inverse(matrices) == pytest.approx(np.linalg.pinv(matrices))
-
-
-def test_modes_of_the_last_maps_are_remembered_by_what_they_hold(rng, monkeypatch):
-    maps = rng.standard_normal((2, 12 * 16**2)).astype(np.float32)
-    first = harmonic.modes_of_maps(maps, LMAX, label="")
-    monkeypatch.setattr(sphere, "analyse", None)  # a second analysis would fail
-    assert harmonic.modes_of_maps(maps.copy(), LMAX, label="") is first
-    assert not first.flags.writeable
-    maps[0, 0] += 1
-    with pytest.raises(TypeError):
-        harmonic.modes_of_maps(maps, LMAX, label="")
-    with pytest.raises(TypeError):
-        harmonic.modes_of_maps(maps - 0.0, LMAX - 1, label="")

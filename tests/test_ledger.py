@@ -12,7 +12,7 @@ from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.errors import InputError
 from himap.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
 from himap.ledger_table import LedgerTable, plain_rows, summary
-from himap.reproduce import notebooks
+from himap.notebooks import notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -12,6 +12,7 @@ import pytest
 
 import himap
 from himap import reproduce
+from himap.notebooks import notebooks
 
 ROOT = Path(himap.__file__).parents[1]
 CONFTEST = ROOT / "notebooks" / "conftest.py"
@@ -27,11 +28,11 @@ def test_the_committed_notebooks_are_fresh():
 def test_every_notebook_is_a_pair():
     folder = ROOT / "notebooks"
     executed = {path.stem for path in folder.glob("*.ipynb")}
-    assert executed == {notebook.name for notebook in reproduce.notebooks(folder)}
+    assert executed == {notebook.name for notebook in notebooks(folder)}
 
 
 def test_every_notebook_describes_its_parameters():
-    for notebook in reproduce.notebooks(ROOT / "notebooks"):
+    for notebook in notebooks(ROOT / "notebooks"):
         assert notebook.title != notebook.name, notebook.name
         undescribed = [p.name for p in notebook.parameters if not p.help]
         assert notebook.parameters and not undescribed, (notebook.name, undescribed)
@@ -39,7 +40,7 @@ def test_every_notebook_describes_its_parameters():
 
 def test_no_committed_notebook_shows_a_warning():
     """What Python writes to stderr names a path of one machine and a process, and reads like an accident."""
-    for one in reproduce.notebooks(ROOT / "notebooks"):
+    for one in notebooks(ROOT / "notebooks"):
         outputs = [
             output for cell in nbformat.read(one.executed, 4).cells for output in cell.get("outputs", [])
         ]

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 import yaml
 
-from himap import __version__, reproduce
+from himap import __version__
 from himap.cli import main
+from himap.notebooks import find
 from himap.parameters import check_parameters, parse_texts
 from himap.removal.base import REGISTRY
 from himap.survey import PRESETS
@@ -64,11 +65,11 @@ def test_commands_of_the_pages_exist(page, line):
         command = command.commands[name]
     options = command.make_context(name, words).params
     for notebook in options.get("names") or ():
-        declared = reproduce.find(notebook).parameters
+        declared = find(notebook).parameters
         texts = dict(pair.split("=", 1) for pair in options["pairs"])
         check_parameters(declared, parse_texts(declared, texts), options["preset"])
     if name == "list" and options["name"]:
-        reproduce.find(options["name"])
+        find(options["name"])
 
 
 def test_pages_show_commands():
@@ -106,7 +107,7 @@ def test_table_and_toc_have_every_notebook():
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_table_agrees_with_the_notebook_about_its_figures(name):
-    stated = {figure if " " in figure else f"Fig. {figure}" for figure in reproduce.find(name).figures}
+    stated = {figure if " " in figure else f"Fig. {figure}" for figure in find(name).figures}
     # A figure that a notebook has in part is "planned" as a whole: the notebook does not claim it.
     whole = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
     assert {row[0] for row in whole if row[0] in PAPER} == stated
@@ -136,6 +137,21 @@ def test_citation_and_versions_agree():
     entry = bibliography()["gkogkou2025"]
     assert all(family in entry for family in families)
     assert f"{{{paper['year']}}}" in entry
+
+
+def test_entries_to_cite_are_those_of_the_book():
+    """What the intro offers to copy: the paper as in the bibliography, the software as in CITATION.cff."""
+    (text,) = blocks((ROOT / "book" / "intro.md").read_text(), "bibtex")
+    paper, software = re.findall(r"^@\w+\{(.*?)^\}", text, flags=re.M | re.S)
+
+    def fields(entry):
+        return dict(re.findall(r"(\w+)\s*= \{(.*?)\}(?=,? *\w+ = |,?\n|$)", entry))
+
+    assert fields(paper) == fields(bibliography()["gkogkou2025"])
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    cited = {key: re.sub("[{}]", "", value) for key, value in fields(software).items()}
+    assert cited["title"] == citation["title"] and cited["version"] == str(citation["version"])
+    assert cited["author"] == citation["authors"][0]["name"]
 
 
 def bibliography():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from himap import notebook_files, reproduce
+from himap import __version__, notebook_files, notebooks, reproduce
 from himap.errors import InputError
 
 TOY = """\
@@ -85,7 +85,7 @@ def edit(path, old, new):
 
 def pretend_executed(folder):
     """An executed notebook without a kernel: the outputs say so."""
-    notebook = reproduce.find("01_toy", folder)
+    notebook = notebooks.find("01_toy", folder)
     node = nbformat.from_dict(notebook.node)
     for number, cell in enumerate(reproduce.code_cells(node)):
         cell.execution_count = number + 1
@@ -96,7 +96,7 @@ def pretend_executed(folder):
 
 
 def test_what_a_notebook_says_of_itself(folder):
-    (notebook,) = reproduce.notebooks(folder)
+    (notebook,) = notebooks.notebooks(folder)
     assert (notebook.name, notebook.title, notebook.section) == ("01_toy", "The toy", "2.1")
     assert notebook.figures == ["Fig. 1", "Fig. 2"]
     assert [p.name for p in notebook.parameters] == ["preset", "scale", "mode", "survey"]
@@ -104,20 +104,20 @@ def test_what_a_notebook_says_of_itself(folder):
 
 def test_finding_a_notebook(folder, tmp_path):
     for name in ["01_toy", "01", "notebooks/01_toy.ipynb", str(folder / "01_toy.py")]:
-        assert reproduce.find(name, folder).name == "01_toy"
+        assert notebooks.find(name, folder).name == "01_toy"
     with pytest.raises(InputError, match=r"no notebook '01_tyo' \(did you mean 01_toy\?\); there are 01_toy"):
-        reproduce.find("01_tyo", folder)
+        notebooks.find("01_tyo", folder)
 
 
 def test_the_folder_of_notebooks(folder, monkeypatch, tmp_path):
-    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "site-packages" / "himap")
+    monkeypatch.setattr(notebooks, "_PACKAGE", tmp_path / "site-packages" / "himap")
     with pytest.raises(InputError, match="no folder `notebooks`"):
-        reproduce.notebooks_folder()
+        notebooks.notebooks_folder()
     monkeypatch.chdir(tmp_path)
-    assert reproduce.notebooks_folder() == folder
-    monkeypatch.setattr(reproduce, "_PACKAGE", tmp_path / "himap")
+    assert notebooks.notebooks_folder() == folder
+    monkeypatch.setattr(notebooks, "_PACKAGE", tmp_path / "himap")
     monkeypatch.chdir("work")
-    assert reproduce.notebooks_folder() == folder
+    assert notebooks.notebooks_folder() == folder
 
 
 def test_names_of_copies_differ_and_fit_a_file_system():
@@ -139,7 +139,10 @@ def test_a_run_with_other_parameters(folder):
     assert all(re.fullmatch(r"[0-9a-f]{8}-1", cell["id"]) for cell in json.loads(text)["cells"])
     stamp = json.loads(text)["metadata"]["himap_run"]
     assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
-    assert stamp["fingerprint"] != reproduce.find("01", folder).fingerprint()
+    assert stamp["fingerprint"] != notebooks.find("01", folder).fingerprint()
+    execution = stamp["execution"]
+    assert 0 < execution["seconds"] < 600 and execution["himap"] == __version__
+    assert execution["packages"]["numpy"] == np.__version__
     assert reproduce.run("01", **passed, again=False) == (path, False)
     assert path.read_text() == text
     assert reproduce.run("01", **passed)[1]
@@ -218,8 +221,8 @@ def test_text_is_copied_without_executing(folder):
 
 def test_code_of_the_library_that_changes(folder, monkeypatch):
     pretend_executed(folder)
-    real = reproduce.CodeTree.source_fingerprint
-    monkeypatch.setattr(reproduce.CodeTree, "source_fingerprint", lambda *args: real(*args) + "changed")
+    real = notebooks.CodeTree.source_fingerprint
+    monkeypatch.setattr(notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) + "changed")
     assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
 
 

@@ -47,8 +47,8 @@ print(found.angular.mean.tolist(), found.frequency.power.tolist())
 
 COMMAND = """
 import sys, pathlib
-from himap import cli, reproduce
-reproduce._PACKAGE = pathlib.Path({package!r})
+from himap import cli, notebooks
+notebooks._PACKAGE = pathlib.Path({package!r})
 cli.main()
 """
 

@@ -45,7 +45,7 @@ def noisy(maps, decibel, rng):
 class TestSeparation:
     def test_without_noise_or_thresholds_it_inverts_exactly(self, problem):
         maps, mixing, sources = problem
-        channels = Channels(harmonic.modes_of_maps(maps, LMAX, label=""), BEAMS[:, : LMAX + 1], None)
+        channels = Channels(harmonic.to_modes(sphere.analyse(maps, LMAX)), BEAMS[:, : LMAX + 1], None)
         found = harmonic.project(harmonic.safe_inverse(channels.matrices(mixing)), channels.modes)
         assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
         assert channels.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)

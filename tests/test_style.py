@@ -15,8 +15,8 @@ ROOMS = [
     "errors", "outputs", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
     "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
     "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "plotting", "study",
-    "cubes", "parameters", "notebook_files", "kernels", "kernel_manager", "reproduce",
+    "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "figure_data", "plotting", "study",
+    "cubes", "parameters", "notebook_files", "notebooks", "kernels", "kernel_manager", "reproduce",
     "cli_shared", "cli_cache", "cli_cubes", "cli", "__main__",
 ]
 # fmt: on
@@ -31,7 +31,7 @@ KEEPERS = {
     "healpy": {"sphere", "sky.templates", "cubes.files", "cubes.writing"},
     "ducc0": {"sphere"},
     "papermill": {"reproduce", "cli"},
-    "jupytext": {"reproduce", "cli", "notebook_files"},
+    "jupytext": {"notebooks"},
     "click": {"cli", "cli_cache", "cli_cubes", "cli_shared"},
     "pysm3": {"sky.galaxy", "sky.templates"},
 }

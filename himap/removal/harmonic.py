@@ -6,27 +6,21 @@ a slice, sums over m are plain dot products, and what depends on l alone is done
 """
 
 from functools import lru_cache
-from zlib import adler32, crc32
 
 import numpy as np
 
 from himap import sphere
-from himap.blocked import projection
-from himap.progress import progress
-from himap.removal.pca import bright_axes, channel_covariance
 
 __all__ = [
     "blocks",
     "cross_products",
     "degrees",
     "from_modes",
-    "modes_of_maps",
     "project",
     "safe_inverse",
     "to_modes",
 ]
 
-_LAST = {}  # the modes of the maps analysed last
 _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 
@@ -77,27 +71,6 @@ def from_modes(modes):
     alms.real = modes[..., places[:n_alm]] * factors[:n_alm]
     alms.imag = modes[..., places[n_alm:]] * factors[n_alm:]
     return alms
-
-
-def modes_of_maps(maps, lmax, *, label):
-    """Real modes of HEALPix maps, (n_maps, n_pix) to (n_maps, (lmax + 1)^2), in float64; read-only.
-
-    What is bright is a few spectra times maps, analysed in float64, the rest in float32. Those of the last
-    maps are remembered by what the maps hold, for scans of a parameter on the same maps.
-    """
-    maps = np.ascontiguousarray(maps)
-    key = (crc32(maps), adler32(maps), maps.shape, lmax)
-    if key not in _LAST:
-        spectra = bright_axes(channel_covariance(maps))
-        bright = projection(spectra.T, maps)
-        modes = spectra @ to_modes(sphere.analyse(bright, lmax))
-        for pixels, spectrum, out in zip(progress(maps, label), spectra, modes, strict=True):
-            rest = (pixels - spectrum @ bright).astype(np.float32)
-            out += to_modes(sphere.analyse(rest, lmax, n_iter=sphere.N_ITER_FLAT))
-        modes.flags.writeable = False
-        _LAST.clear()
-        _LAST[key] = modes
-    return _LAST[key]
 
 
 def blocks(modes):

@@ -9,6 +9,7 @@ from himap import sphere
 from himap.errors import InputError
 from himap.progress import progress
 from himap.removal import harmonic
+from himap.removal.analysis import analysed
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
 from himap.removal.channels import Channels
@@ -121,7 +122,7 @@ class SDecGMCA(ForegroundRemover):
     def _separate(self, maps, *, freqs, beams, rng):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
-        modes = harmonic.modes_of_maps(maps, lmax, label="sdecgmca: analysis")
+        modes = analysed(maps, label="sdecgmca: analysis").upto(lmax)
         best = beams.max(axis=0)
         relative = beams[:, : lmax + 1] / best[: lmax + 1]
         mixing = _start(modes, relative, self.n_sources)

@@ -1,0 +1,82 @@
+"""Sphinx extension: ``{gallery} paper``, thumbnails of the figures of the paper that lead to them, and
+``{gallery} chapters``, those of all figures, chapter by chapter.
+"""
+
+import html
+import io
+import re
+from pathlib import Path
+
+from docutils import nodes
+from executed import figures, notebooks, title
+from PIL import Image
+from sphinx.util.docutils import SphinxDirective
+
+WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
+
+
+class Gallery(SphinxDirective):
+    """The directive; its argument says which figures."""
+
+    required_arguments = 1
+
+    def run(self):
+        there = {path: figures(path) for path in notebooks(self.env.srcdir)}
+        for path in there:
+            self.env.note_dependency(str(path))
+        if self.arguments[0] == "paper":
+            whole = sorted((one for many in there.values() for one in many if one.paper), key=_order)
+            return [self._grid(whole)]
+        if self.arguments[0] == "chapters":
+            return [node for path, many in there.items() if many for node in self._chapter(path, many)]
+        raise self.error(f"a gallery of `paper` or of `chapters`, not of {self.arguments[0]!r}")
+
+    def _chapter(self, path, many):
+        count = f"{len(many)} figure{'s' if len(many) > 1 else ''}"
+        label = f"<summary>{html.escape(title(path))} <small>({count})</small></summary>"
+        opening = f'<details class="himap-chapter">{label}'
+        return [_raw(opening), self._grid(many), _raw("</details>")]
+
+    def _grid(self, many):
+        up = "../" * self.env.docname.count("/")
+        return _raw(f'<ul class="himap-gallery">{"".join(self._item(one, up) for one in many)}</ul>')
+
+    def _item(self, figure, up):
+        width, height = _thumbnail(figure, Path(self.env.app.outdir, "_static", "thumbnails"))
+        number = f"<b>Fig. {figure.paper}</b> " if figure.paper else ""
+        caption = html.escape(_plain(figure.caption))
+        return (
+            f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}" title="{caption}">'
+            f'<img src="{up}_static/thumbnails/{figure.name}.webp" alt="{caption}" width="{width}" '
+            f'height="{height}" loading="lazy"><span>{number}{caption}</span></a></li>'
+        )
+
+
+def _order(figure):
+    """Figures 1 to 7, then those of the appendices."""
+    letter, _, number = figure.paper.rpartition(".")
+    return letter, int(number)
+
+
+def _plain(caption):
+    """A caption without the remark which figure of the paper it is, and without what begins after it."""
+    return re.sub(r" \(the paper's Fig\.[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
+
+
+def _thumbnail(figure, folder):
+    """Write the small picture; returns its width and height."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with Image.open(io.BytesIO(figure.png)) as picture:
+        small = picture.convert("RGB")
+    small.thumbnail((WIDTH, 2 * WIDTH), Image.Resampling.LANCZOS)
+    small.save(folder / f"{figure.name}.webp", quality=70)
+    return small.size
+
+
+def _raw(text):
+    return nodes.raw("", text, format="html")
+
+
+def setup(app):
+    app.add_directive("gallery", Gallery)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,62 @@
+"""Sphinx extension: ``{status}``, how each notebook was last executed, and with which versions."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+import nbformat
+from docutils import nodes
+from docutils.statemachine import StringList
+from executed import notebooks
+from sphinx.util.docutils import SphinxDirective
+
+from himap.notebook_files import STAMP
+from himap.provenance import duration, environment
+from himap.reproduce import stale
+
+RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
+
+
+class Status(SphinxDirective):
+    """The directive: two tables."""
+
+    def run(self):
+        paths = notebooks(self.env.srcdir)
+        for path in paths:
+            self.env.note_dependency(str(path))
+        stamps = {path: nbformat.read(path, as_version=4).metadata[STAMP] for path in paths}
+        executions = {path.stem: stamp.get("execution", {}) for path, stamp in stamps.items()}
+        text = [*_runs(executions, stale(Path(self.env.srcdir, "notebooks"))), "", *_versions(executions)]
+        node = nodes.container()
+        self.state.nested_parse(StringList(text, "status"), self.content_offset, node)
+        return node.children
+
+
+def _runs(executions, old):
+    """Lines of the table of notebooks."""
+    lines = ["| Notebook | State | Time | himap | Commit |", "|---|---|---|---|---|"]
+    for name, one in executions.items():
+        commit = f"`{one['commit']}`{' with edits' if one['dirty'] else ''}" if one else ""
+        time = duration(one["seconds"]) if one else ""
+        state = f"stale: {old[name]}" if name in old else "fresh"
+        lines.append(
+            f"| [{name}](../notebooks/{name}.ipynb) | {state} | {time} | {one.get('himap', '')} | {commit} |"
+        )
+    total = sum(one.get("seconds", 0) for one in executions.values())
+    return [*lines, f"| all | | {duration(total)} | | |"]
+
+
+def _versions(executions):
+    """Lines of the table of versions; more than one where the notebooks differ."""
+    found = {}
+    for one in executions.values():
+        for name, number in {"python": one.get("python"), **one.get("packages", {})}.items():
+            found.setdefault(name, set()).add(number)
+    rows = {name: ", ".join(sorted(filter(None, numbers))) for name, numbers in found.items()}
+    rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
+    rows["commit (rendering)"] = f"`{environment()['commit']}`"
+    return ["| Package | Version |", "|---|---|", *(f"| {name} | {it} |" for name, it in rows.items())]
+
+
+def setup(app):
+    app.add_directive("status", Status)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
