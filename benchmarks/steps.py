@@ -155,7 +155,7 @@ def both_spectra(case):
     """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
     found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
     truth = pipeline.observation(case).truth
-    spectra.angular_power_pair(found, truth, truth_alms=pipeline.truth_alms(case))
+    spectra.recovered_angular_power(found, truth, pipeline.truth_alms(case))
     spectra.frequency_power(found, case.survey.channel_width)
 
 

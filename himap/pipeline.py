@@ -21,7 +21,7 @@ from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps
-from himap.spectra import AngularPower, angular_power_pair, frequency_power
+from himap.spectra import AngularPower, angular_power_pair, frequency_power, recovered_angular_power
 from himap.store import product
 from himap.survey import Survey
 
@@ -222,7 +222,7 @@ def truth_alms(case):
 @product
 def true_spectra(case):
     """The `Spectra` of the truth."""
-    cl = sphere.cross_spectrum(truth_alms(case))
+    cl = sphere.power_spectrum(truth_alms(case))
     return Spectra(
         angular=AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl),
         frequency=frequency_power(observation(case).truth, case.survey.channel_width),
@@ -240,7 +240,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     make = cleaned if cleaned.is_cached(case, remover, mask_peaks) else cleaned.compute
     left, truth = make(case, remover, mask_peaks), observation(case).truth
     errors = diagnostics.line_errors(left.maps, truth)
-    found, _ = angular_power_pair(left.maps, truth, truth_alms=truth_alms(case))
+    found = recovered_angular_power(left.maps, truth, truth_alms(case))
     width = case.survey.channel_width
     masked = masked_truth = None
     if post_mask:

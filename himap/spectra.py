@@ -16,7 +16,14 @@ from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
 from himap.progress import progress
 
-__all__ = ["AngularPower", "FrequencyPower", "angular_power", "angular_power_pair", "frequency_power"]
+__all__ = [
+    "AngularPower",
+    "FrequencyPower",
+    "angular_power",
+    "angular_power_pair",
+    "frequency_power",
+    "recovered_angular_power",
+]
 
 _MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 _BLOCK = 4096  # lines of sight at a time
@@ -85,7 +92,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     cl = np.empty((len(maps), full + 1))
     for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
         centred = _centred(channel, weights, kept)
-        out[:] = sphere.cross_spectrum(sphere.analyse(centred.astype(maps.dtype), full))
+        out[:] = sphere.power_spectrum(sphere.analyse(centred.astype(maps.dtype), full))
     bins = _bin_matrix(full, bin_width)
     degrees = bins @ np.arange(full + 1)
     cl = cl @ bins.T if mask is None else _decoupled(cl, weights, bins)
@@ -93,7 +100,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
 
 
-def angular_power_pair(recovered, truth, *, truth_alms=None, mask=None):
+def angular_power_pair(recovered, truth, *, mask=None):
     """Angular power spectra of a cleaned cube and of the truth, in little more than the time of one.
 
     What a method leaves differs from the truth by what is left of the foregrounds and by what it took of HI.
@@ -104,8 +111,6 @@ def angular_power_pair(recovered, truth, *, truth_alms=None, mask=None):
     ----------
     recovered, truth
         (n_channels, n_pix), mK, RING.
-    truth_alms
-        Coefficients of the truth to 3 nside - 1, (n_channels, n_alm), where they are at hand; without a mask.
     mask
         As in `angular_power`.
 
@@ -116,28 +121,47 @@ def angular_power_pair(recovered, truth, *, truth_alms=None, mask=None):
         up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
-    lmax = 3 * sphere.nside_of(truth) - 1
     kept = weights > 0
-    spectra, bright, minor = _difference(recovered, truth, kept)
-    alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
-    for pixels, rough, alm in zip(bright, minor, alms, strict=True):
-        seen = _centred(pixels, weights, kept).astype(np.float32)
-        alm[:] = sphere.analyse(seen, lmax, n_iter=0 if rough else sphere.N_ITER)
+    spectra, alms = _alms_of_difference(recovered, truth, weights)
+    lmax = 3 * sphere.nside_of(truth) - 1
     cl = np.empty((2, len(truth), lmax + 1))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
-        if truth_alms is None:
-            seen = np.array([_centred(pixels, weights, kept) for pixels in truth[channels]])
-            alm = sphere.analyse(seen.astype(truth.dtype), lmax)
-        else:
-            alm = truth_alms[channels]
-        cl[0, channels] = sphere.cross_spectrum(alm + spectra[channels] @ alms)
-        cl[1, channels] = sphere.cross_spectrum(alm)
+        seen = np.array([_centred(pixels, weights, kept) for pixels in truth[channels]])
+        alm = sphere.analyse(seen.astype(truth.dtype), lmax)
+        cl[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
+        cl[1, channels] = sphere.power_spectrum(alm)
     bins = _bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
     both = np.concatenate(cl)
     both = both @ bins.T if mask is None else _decoupled(both, weights, bins)
     found, true = np.split(both, 2)
     degrees = bins @ np.arange(lmax + 1)
     return AngularPower(degrees=degrees, cl=found), AngularPower(degrees=degrees, cl=true)
+
+
+def recovered_angular_power(recovered, truth, truth_alms):
+    """The first of `angular_power_pair` on the full sky, where the coefficients of the truth are at hand.
+
+    `truth_alms` go to 3 nside - 1, (n_channels, n_alm).
+    """
+    (recovered, weights), (truth, _) = _checked(recovered, None), _checked(truth, None)
+    spectra, alms = _alms_of_difference(recovered, truth, weights)
+    degrees = np.arange(3.0 * sphere.nside_of(truth))
+    cl = np.empty((len(truth), len(degrees)))
+    for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
+        cl[channels] = sphere.power_spectrum(truth_alms[channels] + spectra[channels] @ alms)
+    return AngularPower(degrees=degrees, cl=cl)
+
+
+def _alms_of_difference(recovered, truth, weights):
+    """recovered - truth as spectra (n_channels, n_modes) times coefficients (n_modes, n_alm), complex64."""
+    kept = weights > 0
+    spectra, bright, minor = _difference(recovered, truth, kept)
+    lmax = 3 * sphere.nside_of(truth) - 1
+    alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
+    for pixels, rough, alm in zip(bright, minor, alms, strict=True):
+        seen = _centred(pixels, weights, kept).astype(np.float32)
+        alm[:] = sphere.analyse(seen, lmax, n_iter=0 if rough else sphere.N_ITER)
+    return spectra.astype(np.float32), alms
 
 
 def _difference(recovered, truth, kept):
@@ -148,7 +172,8 @@ def _difference(recovered, truth, kept):
 
     def lines(block):
         difference = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
-        return np.where(kept[block], difference, 0)
+        difference[:, ~kept[block]] = 0
+        return difference
 
     n_channels, n_pix = truth.shape
     covariance, floor = np.zeros((n_channels, n_channels)), np.zeros(n_channels)
@@ -173,7 +198,7 @@ def _centred(pixels, weights, kept):
 
 def _decoupled(pseudo, weights, bins):
     """Binned C_l from pseudo-C_l, or their ratio to the kept sky where that cannot be had."""
-    mask_cl = sphere.cross_spectrum(sphere.analyse(weights))
+    mask_cl = sphere.power_spectrum(sphere.analyse(weights))
     binned = bins @ sphere.coupling_matrix(mask_cl, bins.shape[1] - 1) @ (bins > 0).T
     condition = np.linalg.cond(binned)
     if condition > _MAX_CONDITION:

@@ -23,7 +23,6 @@ __all__ = [
     "change_resolution",
     "convolve",
     "coupling_matrix",
-    "cross_spectrum",
     "gaussian_alm",
     "gaussian_beam",
     "lmax_of_size",
@@ -33,6 +32,7 @@ __all__ = [
     "pixel_at",
     "pixel_latitude",
     "pixel_vectors",
+    "power_spectrum",
     "synthesise",
     "synthesise_cube",
     "synthesise_grid",
@@ -235,13 +235,11 @@ def synthesise_cube(alms, nside, *, n_channels, label):
     return out
 
 
-def cross_spectrum(alm, other=None):
-    """C_l of coefficients, (..., n_alm) to (..., lmax + 1); with `other`, the cross spectrum."""
-    alm = np.asarray(alm)
-    other = alm if other is None else np.asarray(other)
-    pairs = zip(alm.reshape(-1, alm.shape[-1]), other.reshape(-1, alm.shape[-1]), strict=True)
-    cl = np.array([hp.alm2cl(one.astype(complex), two.astype(complex)) for one, two in pairs])
-    return cl.reshape(*alm.shape[:-1], -1)
+def power_spectrum(alms):
+    """C_l of coefficients, (..., n_alm) to (..., lmax + 1) float64."""
+    alms = np.asarray(alms)
+    cl = [hp.alm2cl(alm.astype(complex)) for alm in alms.reshape(-1, alms.shape[-1])]
+    return np.reshape(cl, (*alms.shape[:-1], -1))
 
 
 def gaussian_alm(cl, rng):

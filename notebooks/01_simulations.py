@@ -192,7 +192,7 @@ for component, name, scale, unit in zip(
 ):
     pixels = scale * component.amplitude
     medians = np.array([np.median(pixels[band]) for band in inside])
-    cl = sphere.cross_spectrum(sphere.analyse(pixels - pixels.mean()))
+    cl = sphere.power_spectrum(sphere.analyse(pixels - pixels.mean()))
     colour = {"synchrotron": "#0072B2", "free-free": "#E69F00"}[name]
     panels.append(
         {
@@ -259,7 +259,7 @@ clustering = point_sources.clustering_spectrum(
     degrees[-1], point_sources.mean_temperature(point_sources.FLUX_FAINT)
 )[2:]
 poisson = np.full(len(degrees), point_sources.poisson_spectrum(point_sources.FLUX_FAINT))
-source_cl = sphere.cross_spectrum(sphere.analyse(sources.amplitude - sources.amplitude.mean()))[degrees]
+source_cl = sphere.power_spectrum(sphere.analyse(sources.amplitude - sources.amplitude.mean()))[degrees]
 panels = [
     {
         "curves": [
@@ -327,7 +327,7 @@ middle_maps = {
     component.name: component.map(freqs[middle]) for component in (synchrotron, free_free, sources)
 } | {"HI": hi[middle].astype(float)}
 power = {
-    name: sphere.cross_spectrum(sphere.analyse(pixels - pixels.mean()))[degrees]
+    name: sphere.power_spectrum(sphere.analyse(pixels - pixels.mean()))[degrees]
     for name, pixels in middle_maps.items()
 }
 curves = [(degrees, power[name], styles[name] | {"label": name}) for name in styles]

@@ -9,7 +9,7 @@ BANDS = [(0, 2), (2, 5), (5, 10), (10, 20), (20, 40), (40, 90)]  # |b|, deg
 
 
 def spectrum(pixels):
-    return sphere.cross_spectrum(sphere.analyse(pixels))
+    return sphere.power_spectrum(sphere.analyse(pixels))
 
 
 def bands(pixels):

@@ -56,7 +56,7 @@ def linear_spectrum(survey, channel, degrees, rsd, model=LINEAR):
 
 
 def band_power(maps, degrees):
-    cl = sphere.cross_spectrum(sphere.analyse(maps.astype(float)))[:, degrees]
+    cl = sphere.power_spectrum(sphere.analyse(maps.astype(float)))[:, degrees]
     return ((2 * degrees + 1) * cl).sum(axis=-1)
 
 

@@ -53,7 +53,7 @@ def test_fluxes_follow_the_counts(rng):
 def test_faint_field_has_the_spectrum_of_theory(rng):
     nside = 64
     field = np.mean(
-        [sphere.cross_spectrum(sphere.analyse(ps._faint_field(nside, rng))) for _ in range(4)], axis=0
+        [sphere.power_spectrum(sphere.analyse(ps._faint_field(nside, rng))) for _ in range(4)], axis=0
     )
     degrees = np.arange(10, 129)
     expected = ps.clustering_spectrum(128, ps.mean_temperature(0.01))[degrees] + ps.poisson_spectrum(0.01)

@@ -96,7 +96,7 @@ def add_structure(amplitude, nside, rng):
     degree = np.arange(3 * nside)
     power = np.maximum(degree, 1.0) ** SLOPE
     fit = slice(max(own // 2, 2), own + 1)
-    log_cl = sphere.cross_spectrum(sphere.analyse(np.log(amplitude), 2 * own))
+    log_cl = sphere.power_spectrum(sphere.analyse(np.log(amplitude), 2 * own))
     weight = (2 * degree[fit] + 1) * (log_cl[fit] > 0)
     if not weight.any():  # a map without structure has none to continue
         return np.zeros(12 * nside**2)
