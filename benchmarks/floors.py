@@ -75,13 +75,13 @@ def gmca(survey, found):
 
 
 def sdecgmca(survey, found):
-    """Channels analysed to l = 200; some transforms for each of the common spectra."""
+    """Every channel analysed once, a few bright maps closely; a transform for each common spectrum."""
     share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
     n_sources = found.mixing.shape[1]
     sparse = 2 * n_sources * found.n_iterations * share
     return Needs(
-        transforms=sparse + 12 * n_sources,
-        transforms_single=_ANALYSIS * survey.n_channels * share,
+        transforms=sparse + 6 * n_sources + 6 * (2 * sphere.N_ITER + 1),
+        transforms_single=survey.n_channels,
         n_bytes=6 * _cube(survey),
     )
 

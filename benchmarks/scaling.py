@@ -3,12 +3,15 @@
     python -m benchmarks.scaling -o book/results/scaling.json --figure book/_static/scaling.png
 
 An exponent is p of cost = a x^p between the two largest sizes, for the smallest is ruled by fixed costs.
-`--draw` draws the figure of a file again.
+A shared machine changes its pace within minutes, so a probe of it is timed before and after every
+measurement, and costs are those at the quickest pace that was seen. `--draw` draws the figure of a file
+again.
 """
 
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from time import perf_counter
 
 import click
 import matplotlib.pyplot as plt
@@ -16,7 +19,7 @@ import numpy as np
 
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
-from himap import pipeline
+from himap import pipeline, sphere
 from himap.provenance import Provenance
 from himap.survey import PRESETS
 
@@ -34,8 +37,25 @@ def exponents(sizes, seconds):
     return float(np.log(seconds[-1] / seconds[-2]) / np.log(sizes[-1] / sizes[-2]))
 
 
+def at_one_pace(runs):
+    """What each of [(seconds, seconds of the probe)] would be at the quickest pace among them."""
+    quickest = min(probe for _, probe in runs)
+    return [seconds * quickest / probe for seconds, probe in runs]
+
+
+def probe():
+    """Seconds of a fixed piece of work, half of it transforms, half products of matrices."""
+    rng = np.random.default_rng(0)
+    alm, matrix = sphere.gaussian_alm(np.ones(384), rng), rng.standard_normal((1000, 1000))
+    started = perf_counter()
+    for _ in range(20):
+        sphere.synthesise(alm, 128)
+        matrix @ matrix
+    return perf_counter() - started
+
+
 def measure(steps):
-    """{what grows: {step: {"sizes", "seconds", "memory_gb", "exponent"}}}."""
+    """{what grows: {step: {"sizes", "seconds", "probe", "memory_gb", "exponent"}}}."""
     found = {}
     for name, variants in SIZES.items():
         surveys = [replace(BASES[name], **changed) for changed in variants]
@@ -46,14 +66,18 @@ def measure(steps):
             pipeline.prepare([case])
             pipeline.peak_masked(case)
             for step in steps:
-                runs[step.name].append(measured(step, case, beside=False))
+                before = probe()
+                one = measured(step, case, beside=False)
+                runs[step.name].append((one, (before + probe()) / 2))
         found[name] = {}
         for step, several in runs.items():
-            seconds = [one.seconds for one in several]
+            probes = [paced for _, paced in several]
+            seconds = at_one_pace([(one.seconds, paced) for one, paced in several])
             found[name][step] = {
                 "sizes": sizes,
                 "seconds": seconds,
-                "memory_gb": [one.memory / 1e9 for one in several],
+                "probe": probes,
+                "memory_gb": [one.memory / 1e9 for one, _ in several],
                 "exponent": exponents(sizes, seconds),
             }
             click.echo(f"{name:11s} {step:26s} {found[name][step]['exponent']:.2f}  {seconds}")

@@ -130,6 +130,10 @@ def test_steps_in_processes_of_their_own(tmp_path):
     assert found["about"]["preset"] == "paper" and found["machine"]["bandwidth"] > 0
 
 
+def test_times_of_a_machine_that_slows_down_are_brought_to_one_pace():
+    assert scaling.at_one_pace([(2.0, 1.0), (24.0, 3.0)]) == pytest.approx([2, 8])
+
+
 def test_exponents_and_their_figure(tmp_path):
     sizes = np.array([32, 64, 128])
     assert scaling.exponents(sizes, 0.1 * sizes**2.5) == pytest.approx(2.5)
