@@ -238,9 +238,9 @@ def test_readme_links_exist():
         assert (ROOT / target).exists(), target
 
 
-def test_the_method_shown_to_contributors_works(rng):
-    """The example of contributing.md, run as it is: one bright spectrum over the sky is removed."""
-    text = (ROOT / "book" / "contributing.md").read_text()
+def test_the_method_that_the_book_adds_works(rng):
+    """The example of add_a_method.md, run as it is: one bright spectrum over the sky is removed."""
+    text = (ROOT / "book" / "add_a_method.md").read_text()
     source = next(
         block for block in re.findall(r"```python\n(.*?)```", text, re.S) if "MeanSpectrum" in block
     )
