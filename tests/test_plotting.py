@@ -7,6 +7,8 @@ import pytest
 matplotlib.use("agg")
 
 from himap import plotting, sphere
+from himap.evidence import methods_for
+from himap.instrument.beams import BEAM_MODELS
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():
