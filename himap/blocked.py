@@ -6,6 +6,8 @@ cube would be twice as large as the cube, that of a block is small.
 
 import numpy as np
 
+from himap.progress import progress
+
 __all__ = ["SplitCube", "blocks", "mixture", "projection"]
 
 _BLOCK = 16384  # pixels
@@ -20,7 +22,7 @@ def blocks(n_pix, size=None):
 def projection(rows, maps):
     """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64."""
     out = np.empty((len(rows), maps.shape[1]))
-    for block in blocks(maps.shape[1]):
+    for block in progress(blocks(maps.shape[1]), "projection"):
         out[:, block] = rows @ maps[:, block].astype(np.float64)
     return out
 
@@ -28,7 +30,7 @@ def projection(rows, maps):
 def mixture(mixing, sources):
     """mixing @ sources, (n_channels, n_pix) float32."""
     maps = np.empty((len(mixing), sources.shape[1]), dtype=np.float32)
-    for block in blocks(sources.shape[1]):
+    for block in progress(blocks(sources.shape[1]), "mixture"):
         maps[:, block] = mixing @ sources[:, block]
     return maps
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from himap.blocked import blocks
 from himap.errors import InputError
+from himap.progress import progress
 
 __all__ = [
     "BUMP",
@@ -92,7 +93,7 @@ def line_errors(recovered, true):
     """
     shift = _channel_means(recovered) - _channel_means(true)
     errors = np.empty(np.shape(true)[1])
-    for block in blocks(len(errors)):
+    for block in progress(blocks(len(errors)), "errors of lines of sight"):
         errors[block] = np.mean((recovered[:, block] - true[:, block] - shift) ** 2, axis=0)
     return errors
 

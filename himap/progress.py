@@ -17,6 +17,8 @@ __all__ = ["TERMINAL_VARIABLE", "progress"]
 TERMINAL_VARIABLE = "HIMAP_TERMINAL"
 """Environment variable with the path of the terminal to draw on."""
 
+_DELAY = 1.0  # s: what is done before needs no bar
+
 
 def progress(iterable=None, description="", *, total=None):
     """`iterable`, with a bar and the time left while it is consumed.
@@ -46,6 +48,7 @@ def progress(iterable=None, description="", *, total=None):
         total=total,
         file=terminal,
         disable=terminal is None,
+        delay=_DELAY,
         position=line,
         leave=False,
         dynamic_ncols=True,

@@ -22,6 +22,7 @@ __all__ = [
     "angular_power",
     "angular_power_pair",
     "frequency_power",
+    "masked_alms",
     "recovered_angular_power",
 ]
 
@@ -121,35 +122,50 @@ def angular_power_pair(recovered, truth, *, mask=None):
         up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
-    kept = weights > 0
     spectra, alms = _alms_of_difference(recovered, truth, weights)
-    lmax = 3 * sphere.nside_of(truth) - 1
-    cl = np.empty((2, len(truth), lmax + 1))
+    pseudo = np.empty((2, len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
-        seen = np.array([_centred(pixels, weights, kept) for pixels in truth[channels]])
-        alm = sphere.analyse(seen.astype(truth.dtype), lmax)
-        cl[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
-        cl[1, channels] = sphere.power_spectrum(alm)
-    bins = _bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
-    both = np.concatenate(cl)
-    both = both @ bins.T if mask is None else _decoupled(both, weights, bins)
-    found, true = np.split(both, 2)
-    degrees = bins @ np.arange(lmax + 1)
-    return AngularPower(degrees=degrees, cl=found), AngularPower(degrees=degrees, cl=true)
+        alm = _alms(truth[channels], weights)
+        pseudo[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
+        pseudo[1, channels] = sphere.power_spectrum(alm)
+    both = _from_pseudo(np.concatenate(pseudo), weights, mask)
+    return tuple(AngularPower(degrees=both.degrees, cl=cl) for cl in np.split(both.cl, 2))
 
 
-def recovered_angular_power(recovered, truth, truth_alms):
-    """The first of `angular_power_pair` on the full sky, where the coefficients of the truth are at hand.
+def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
+    """The first of `angular_power_pair` where the coefficients of the truth are at hand.
 
-    `truth_alms` go to 3 nside - 1, (n_channels, n_alm).
+    `truth_alms` (n_channels, n_alm) are those of `masked_alms`. In place of the truth any cube will do from
+    which the recovered one differs by a few spectra.
     """
-    (recovered, weights), (truth, _) = _checked(recovered, None), _checked(truth, None)
+    (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
-    degrees = np.arange(3.0 * sphere.nside_of(truth))
-    cl = np.empty((len(truth), len(degrees)))
+    pseudo = np.empty((len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
-        cl[channels] = sphere.power_spectrum(truth_alms[channels] + spectra[channels] @ alms)
-    return AngularPower(degrees=degrees, cl=cl)
+        pseudo[channels] = sphere.power_spectrum(truth_alms[channels] + spectra[channels] @ alms)
+    return _from_pseudo(pseudo, weights, mask)
+
+
+def masked_alms(maps, *, mask=None):
+    """Coefficients of every channel less its mean, times the mask, to 3 nside - 1, (n_channels, n_alm).
+
+    Maps, mask and errors as in `angular_power`; complex64 for maps in float32.
+    """
+    return _alms(*_checked(maps, mask))
+
+
+def _alms(maps, weights):
+    kept = weights > 0
+    centred = np.array([_centred(pixels, weights, kept) for pixels in maps], dtype=maps.dtype)
+    return sphere.analyse(centred)
+
+
+def _from_pseudo(pseudo, weights, mask):
+    """The `AngularPower` of pseudo-C_l to 3 nside - 1, in bins as wide as the mask asks for."""
+    lmax = pseudo.shape[1] - 1
+    bins = _bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
+    cl = pseudo @ bins.T if mask is None else _decoupled(pseudo, weights, bins)
+    return AngularPower(degrees=bins @ np.arange(lmax + 1), cl=cl)
 
 
 def _alms_of_difference(recovered, truth, weights):
@@ -177,7 +193,7 @@ def _difference(recovered, truth, kept):
 
     n_channels, n_pix = truth.shape
     covariance, floor = np.zeros((n_channels, n_channels)), np.zeros(n_channels)
-    for block in blocks(n_pix):
+    for block in progress(blocks(n_pix), "difference to the truth"):
         found = lines(block)
         covariance += found @ found.T
         floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64), axis=1)
@@ -271,7 +287,7 @@ def frequency_power(maps, channel_width, *, mask=None):
     kept = weights > 0
     mean = np.array([np.average(channel[kept], weights=weights[kept]) for channel in maps])
     total = np.zeros(n_channels // 2 + 1)
-    for block in blocks(n_pix, _BLOCK):
+    for block in progress(blocks(n_pix, _BLOCK), "frequency spectra"):
         lines = maps[:, block][:, kept[block]] - mean[:, None]
         total += np.abs(fft.rfft(lines, axis=0, workers=-1)) ** 2 @ weights[block][kept[block]]
     power = total * channel_width / (n_channels * weights.sum())

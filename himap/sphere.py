@@ -111,7 +111,8 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER):
     flat = maps.reshape(-1, maps.shape[-1])
     real = np.float32 if maps.dtype == np.float32 else np.float64
     alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
-    for row, alm in zip(flat, alms, strict=True):
+    rows = progress(flat, "analysis") if len(flat) > 1 else flat
+    for row, alm in zip(rows, alms, strict=True):
         left = row.astype(real)
         alm += _adjoint(left, lmax, nside)
         for _ in range(n_iter):

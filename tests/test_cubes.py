@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from himap import removal, sphere
 from himap.cli import main
-from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggestion
+from himap.cubes import beams_of, clean_cube, read_cube, report, save_cleaned, suggestion
 from himap.cubes.beams import BEAM_NAMES, meerkat_fwhm
 from himap.instrument.beams import diffraction_fwhm
 from himap.removal.peaks import mask_peaks
@@ -282,6 +282,22 @@ class TestSuggestion:
         assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
         assert found.range == (n_components, n_components)
         assert f"n_sources = {n_components}," in suggestion.advice(found)
+
+    @pytest.mark.parametrize("share", [0, 0.3])
+    def test_spectra_beside_those_of_another_number(self, share, maps, rng, tmp_path):
+        """From the few spectra by which two cleaned cubes differ, as if each were analysed anew."""
+        maps[:, rng.random(N_PIX) < share] = np.nan
+        np.save(tmp_path / "a.npy", maps)
+        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
+        beside = report.SpectraBeside(three)
+        for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
+            found, expected = beside(cleaned), report.spectra_of(cleaned)
+            inside = expected.angular.degrees <= 2 * NSIDE
+            assert found.angular.degrees == pytest.approx(expected.angular.degrees)
+            means = found.angular.mean[inside], expected.angular.mean[inside]
+            assert means[0] == pytest.approx(means[1], rel=tolerance)
+            assert np.array_equal(found.frequency.power, expected.frequency.power)
 
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
         falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))

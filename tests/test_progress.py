@@ -29,6 +29,12 @@ def terminal():
     os.close(follower)
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """Bars appear at once, not only when work takes its time."""
+    monkeypatch.setattr("himap.progress._DELAY", 0)
+
+
 def test_silent_without_a_terminal(capfd, monkeypatch, tmp_path):
     for path in ["", str(tmp_path / "gone"), str(tmp_path / "file")]:
         (tmp_path / "file").touch()
@@ -52,3 +58,13 @@ def test_steps_by_hand(terminal, monkeypatch):
         bar.update(2)
         bar.refresh()
     assert "2/4" in read("2/4")
+
+
+def test_what_is_quick_has_no_bar(terminal, monkeypatch):
+    path, read = terminal
+    monkeypatch.setenv(TERMINAL_VARIABLE, path)
+    monkeypatch.setattr("himap.progress._DELAY", 60)
+    assert list(progress(range(3), "quick")) == [0, 1, 2]
+    with open(path, "w") as screen:
+        screen.write("the end")
+    assert read("the end") == "the end"

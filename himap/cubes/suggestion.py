@@ -19,7 +19,7 @@ import numpy as np
 from himap import plotting
 from himap.cubes import page
 from himap.cubes.cleaning import clean_cube, method_for
-from himap.cubes.report import spectra_of
+from himap.cubes.report import SpectraBeside
 from himap.errors import InputError
 from himap.progress import progress
 from himap.removal.pca import channel_covariance
@@ -103,11 +103,12 @@ def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **paramet
     method_for(cube, method, n_sources=int(counts[-1]), **parameters)  # refused now, not after the others
     values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     line = _line(values)
-    left, spectra = [], []
-    for count in progress(counts, "numbers of sources"):
+    left, spectra, spectra_of = [], [], None
+    for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = clean_cube(cube, method, beams=beams, n_sources=int(count), **parameters)
-        left.append([channel.var(dtype=np.float64) for channel in cleaned.residual])
-        spectra.append(_scales(spectra_of(cleaned), cube.nside))
+        spectra_of = spectra_of or SpectraBeside(cleaned)
+        left.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
+        spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
     change = np.array([_change(one, two) for one, two in zip(spectra[:-1], spectra[1:], strict=True)])
     n_bright = int(np.argmin(values > _STANDS_OUT * line))
     stable = change < _STABLE

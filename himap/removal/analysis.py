@@ -78,7 +78,7 @@ def _analyse(maps, label):
     spectra, tolerances = _bright_axes(channel_covariance(maps))
     pixels = projection(spectra.T, maps)
     bright = np.empty((len(pixels), (lmax + 1) ** 2))
-    for one, tolerance, out in zip(pixels, tolerances, bright, strict=True):
+    for one, tolerance, out in zip(progress(pixels, "bright maps"), tolerances, bright, strict=True):
         out[:] = harmonic.to_modes(sphere.analyse_closely(one, lmax, tolerance))
     n_iter = 0 if sphere.nside_of(maps) >= _FINE else sphere.N_ITER_FLAT
     rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)

@@ -9,6 +9,7 @@ from scipy.special import exprel
 
 from himap.blocked import blocks
 from himap.errors import InputError
+from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
 __all__ = ["FREE_FREE_INDEX", "Parametric"]
@@ -68,7 +69,7 @@ class Parametric(ForegroundRemover):
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
         n_steps, n_lost = 0, 0
-        for block in blocks(maps.shape[1], _BLOCK):
+        for block in progress(blocks(maps.shape[1], _BLOCK), "parametric"):
             flat, series = model.project(maps[:, block].astype(np.float64))
             best = _highest(series)
             foreground[:, block], sources[:, block] = model.evaluate(flat, series, best.t)

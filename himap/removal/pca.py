@@ -7,6 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from himap.blocked import blocks, mixture, projection
+from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
 __all__ = ["PCA", "bright_axes", "channel_covariance", "principal_axes"]
@@ -40,7 +41,7 @@ def channel_covariance(maps):
     n_channels, n_pix = maps.shape
     mean = maps.mean(axis=1, dtype=np.float64)[:, None]
     total = np.zeros((n_channels, n_channels))
-    for block in blocks(n_pix):
+    for block in progress(blocks(n_pix), "channel covariance"):
         lines = maps[:, block] - mean
         total += lines @ lines.T
     return total / n_pix

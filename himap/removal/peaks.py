@@ -13,6 +13,7 @@ import numpy as np
 from himap.blocked import blocks
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
+from himap.progress import progress
 
 __all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]
 
@@ -116,7 +117,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
     flagged = np.empty(maps.shape, dtype=bool)
-    for block in blocks(maps.shape[1], _BLOCK):
+    for block in progress(blocks(maps.shape[1], _BLOCK), "peak masking"):
         lines = maps[:, block].astype(np.float64)
         first[:, block] = basis.T @ lines
         lines -= basis @ first[:, block]
