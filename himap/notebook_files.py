@@ -93,7 +93,7 @@ def _smaller(png):
         paper = Image.new("RGB", picture.size, "white")
         paper.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
     out = io.BytesIO()
-    paper.quantize(256, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+    paper.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
     return base64.b64encode(out.getvalue()).decode()
 
 

@@ -92,11 +92,13 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     return shown
 
 
-def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None):
+def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None):
     """A figure of several maps, {title: (n_pix,)}; each has its own colour bar.
 
-    `unit`, `log`, `limits` and `span` as in `sky_map`, or dicts by title.
+    In two columns, or three where that leaves fewer gaps, unless `columns` says otherwise. `unit`, `log`,
+    `limits` and `span` as in `sky_map`, or dicts by title.
     """
+    columns = columns or (3 if len(maps) in (3, 5, 6) else min(2, len(maps)))
     rows = -(-len(maps) // columns)
     with plt.rc_context(_RC):
         figure, panels = plt.subplots(
@@ -123,8 +125,8 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
         "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
         above.
     ratio_limits
-        Range of the ratio panels, logarithmic over more than a factor of 100; curves that leave it are cut
-        off at its edge.
+        Range of the ratio panels, logarithmic over more than a factor of 100, else linear; curves that leave
+        it are cut off at its edge.
     band
         Half width of the grey band around 1.
     """
@@ -178,7 +180,7 @@ def _spectrum_panel(top, bottom, panel, ratio_limits, band):
         top.plot(at[inside], recovered[inside], **style)
         bottom.plot(at[inside], (recovered / true)[inside], **style)
     top.set_title(panel["title"])
-    scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] else "linear"
+    scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] > 0 else "linear"
     bottom.set(ylim=ratio_limits, xlabel=panel["xlabel"], xscale="log", yscale=scale)
     _plain_ticks(bottom.xaxis, x[shown(x)])
 

@@ -34,16 +34,16 @@ _AXES = {
     "angular": {
         "xlabel": r"multipole $\ell$",
         "ylabel": r"$C_\ell$ [mK$^2$]",
-        "ratio_label": r"$C_\ell / C_\ell^\mathrm{true}$",
+        "ratio_label": r"$C / C_0$",
     },
     "frequency": {
         "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
         "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]",
-        "ratio_label": r"$P / P^\mathrm{true}$",
+        "ratio_label": r"$P / P_0$",
     },
 }
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9")
-_LINES = ("-", "--", "-.", ":")
+_LINES = ("-", "--", "-.", ":", (0, (8, 2)))
 
 
 def each_beam(make, **changed):
@@ -183,11 +183,11 @@ class Study:
             "curves": [(style, *_spectra_of(kind, one)) for style, one in curves],
         }
 
-    def angular_figure(self, removers, *, ratio_limits=(0.5, 2), titles=None, **options):
+    def angular_figure(self, removers, *, ratio_limits=(0, 2), titles=None, **options):
         """C_l of what methods leave, {beam: [method, ...]}: a panel for each beam, ratios below."""
         return self._by_beam("angular", removers, ratio_limits, titles or {}, options)
 
-    def frequency_figure(self, removers, *, ratio_limits=(0.5, 2), titles=None, **options):
+    def frequency_figure(self, removers, *, ratio_limits=(0, 2), titles=None, **options):
         """P(k) of what methods leave, as `angular_figure`."""
         return self._by_beam("frequency", removers, ratio_limits, titles or {}, options)
 
@@ -203,7 +203,7 @@ class Study:
         ]
         return self.stamped(plotting.spectrum(panels, ratio_limits=ratio_limits))
 
-    def both_figure(self, beam, curves, *, ratio_limits=(0.5, 2), **parameters):
+    def both_figure(self, beam, curves, *, ratio_limits=(0, 2), **parameters):
         """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
 
         `curves` are [(style, Comparison)]; `parameters` go into the line under the figure.
@@ -265,20 +265,22 @@ class Study:
             "truth": truth,
             "cleaned minus truth": left - truth,
         }
-        return self.stamped(plotting.sky_maps(maps), beam=beam, method=remover.name)
+        common = tuple(np.percentile([left, truth], (1, 99)))  # to be compared with each other
+        spans = {"cleaned": common, "truth": common}
+        return self.stamped(plotting.sky_maps(maps, span=spans), beam=beam, method=remover.name)
 
     def mixing_figure(self, beam, remover, *, ylabel="mixing coefficient", names=None, **options):
         """The spectra that a method removes: columns of its mixing matrix against frequency."""
         mixing = self.cleaned(beam, remover, **options).mixing
         curves = []
         for n, column in enumerate(mixing.T):
-            look = {"color": _COLOURS[n % 5], "linestyle": _LINES[n % 4]}
+            look = {"color": _COLOURS[n % 5], "linestyle": _LINES[n % 5]}
             label = names[n] if names else f"component {n + 1}"
             curves.append((self.made_for.freqs, column, look | {"label": label}))
         panel = {"curves": curves, "xlabel": "frequency [MHz]", "ylabel": ylabel}
         return self.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=beam, method=remover.name)
 
-    def sources_figure(self, beam, remover, *, n_shown=4, limits=(2, 98), **options):
+    def sources_figure(self, beam, remover, *, n_shown=6, limits=(2, 98), **options):
         """The maps that go with the columns of the mixing matrix."""
         sources = self.cleaned(beam, remover, **options).sources[:n_shown]
         maps = {f"component {n + 1}": source for n, source in enumerate(sources)}

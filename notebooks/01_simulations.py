@@ -172,7 +172,7 @@ stamped(
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra."}}
+# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -250,7 +250,7 @@ beside
 # Sources between 10 mJy and 1 Jy are put on the sky one by one, 630 000 of them; brighter ones are taken as known and removed. The spectral index of each pixel is
 # drawn from a normal distribution of mean $-2.7$ and width 0.2. No flux is counted twice: mean and clustering are those of the faint sources alone.
 
-# %% mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the shaded end is drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
+# %% mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the sources of the thick part are drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)

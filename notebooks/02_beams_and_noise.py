@@ -81,7 +81,7 @@ def stamped(figure, **parameters):
 # differ. Here `ripple` chooses: `bracket` (the default) adds $0.1/60 = 0.0017$ to the bracket, 0.14 % of the width;
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$, without the polynomial.
 
-# %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {
     "degraded": np.full_like(fine, beams.diffraction_fwhm(freqs, dish).max()),
@@ -114,7 +114,8 @@ styles = {
 }
 right = {
     "curves": [
-        (window, 100 * ripple_alone(window, name), style | {"label": name}) for name, style in styles.items()
+        (window, 100 * ripple_alone(window, name), style | {"label": name.replace("_", " ")})
+        for name, style in styles.items()
     ],
     "points": [(channels, 100 * ripple_alone(channels, ripple), {"color": styles[ripple]["color"]})],
     "xlabel": "frequency [MHz]",
@@ -124,7 +125,7 @@ right = {
 }
 stamped(plotting.lines([left, right]), ripple=ripple)
 
-# %% mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. The degraded beam is the same in both; at the top of the band it throws away resolution that the others keep."}}
+# %% mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
 models = {name: beams.beam_model(name, sky, ripple=ripple) for name in beams.BEAM_MODELS}
 degrees = np.arange(sky.lmax + 1)
 panels = [
@@ -163,7 +164,7 @@ stamped(plotting.lines(panels), ripple=ripple)
 # *pixel*, whatever its size, so coarser maps have more noise power, $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$; keep that in mind
 # when presets are compared. Channels wider than the paper's 1 MHz have less noise each.
 
-# %% mystnb={"figure": {"name": "fig-noise", "caption": "System temperature and noise of a pixel and channel. The dashed line is the noise for the paper's channels of 1 MHz."}}
+# %% mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise of a pixel and channel (right). The dashed line is the noise for the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
 panels = [
     {
@@ -196,7 +197,7 @@ stamped(plotting.lines(panels))
 # frequency sees less of the bright plane next to it: a slow trend. Through the oscillating beam there is a ripple
 # of 20 MHz, far brighter than the HI fluctuations, and a slower wave just as large.
 
-# %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed."}}
+# %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed. Below 2 ppm the axis is linear, beyond it is logarithmic."}}
 seen = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=name, ripple=ripple))
     for name in beams.BEAM_MODELS
@@ -223,14 +224,16 @@ panel = {
     "curves": curves,
     "xlabel": "frequency [MHz]",
     "ylabel": "deviation from a smooth spectrum [ppm]",
+    "yscale": "symlog",
     "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, 1.12), "ncols": 4},
 }
 stamped(plotting.lines([panel], columns=1, size=(7.4, 4)), ripple=ripple)
 
-# %% mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams, in the middle of the band (mean removed): the degraded beam smooths noise too, the others leave it white."}}
+# %% mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
 channel = sky.n_channels // 2
 maps = {name: view.truth[channel] - view.truth[channel].mean() for name, view in seen.items()}
-stamped(plotting.sky_maps(maps, columns=3), ripple=ripple)
+span = tuple(np.percentile(list(maps.values()), (1, 99)))
+stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 
 # %% [markdown]
 # ## The truth, and the numbers

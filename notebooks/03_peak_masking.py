@@ -177,7 +177,7 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # noise and what it would leave of the foreground, each alone. For every masked channel the figure shows the share
 # of the foreground in that sum: near 0 the peak is HI, near 1 it is foreground.
 
-# %% mystnb={"figure": {"name": "fig-peak-origin", "caption": "Share of the foreground in the height of the masked peaks: the fraction of them below each share. A curve at 1 left of the dotted line, where HI and foreground contribute as much, means that all peaks are HI."}}
+# %% mystnb={"figure": {"name": "fig-peak-origin", "caption": "Share of the foreground in the height of the masked peaks: the fraction of them below each share. At the dotted line HI and foreground contribute as much: a curve that is at 1 left of it means that all peaks are HI. Below 0 the foreground lies under its baseline."}}
 
 
 def left_over(maps, kept):
@@ -252,7 +252,7 @@ panels = [
         "curves": frequency,
         "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
         "ylabel": r"change of $P$ [%]",
-        "xlim": (0, 0.3),
+        "xlim": (0, 0.4),
     },
 ]
 study.stamped(plotting.lines(panels))

@@ -104,7 +104,7 @@ remover = removers[beam][0]
 # 3, 5 and 6 eigenvalues stand above the plateau for the three beams; the figures below use the paper's 3, 4 and 5, so
 # one foreground component is left in for the last two.
 
-# %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "Eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
+# %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
 rank = np.arange(1, min(15, study.made_for.n_channels) + 1)
 
 
@@ -144,7 +144,7 @@ study.sources_figure(beam, remover)
 # difference. Differences along the Galactic plane are foreground that was left; differences elsewhere
 # are signal that was lost with the components.
 
-# %% mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
 # %% [markdown]
@@ -153,12 +153,12 @@ study.channel_figure(beam, remover)
 # Cosmology uses the statistics of the signal, so they are what counts: the angular power spectrum $C_\ell$,
 # averaged over channels, and the power spectrum along the line of sight $P(k_\nu)$, averaged over
 # pixels. Below each is the ratio of the cleaned to the true spectrum; the grey band is 10 %, and what leaves
-# the panel is more than twice too bright.
+# the panel at the top is more than twice too bright.
 
-# %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, and their ratio to the truth. (PCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (PCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, and its ratio to the truth. (PCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (PCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
 # %% [markdown]

@@ -132,7 +132,7 @@ study.sources_figure(beam, remover)
 # How far from Gaussian are they? The figure has the distribution of the pixels of each source in units of its
 # standard deviation, beside those of PCA. Nothing in a foreground is Gaussian, before or after the rotation.
 
-# %% mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian."}}
+# %% mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails go on beyond 6."}}
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
@@ -149,7 +149,7 @@ def histograms(title, sources):
         look = {"color": colours[n % 5], "linestyle": styles[n % 4], "label": f"component {n + 1}"}
         curves.append((centres, np.where(counts > 0, counts, np.nan), look))
     labels = {
-        "xlabel": "pixel / standard deviation",
+        "xlabel": "(pixel - mean) / standard deviation",
         "ylabel": "density",
         "yscale": "log",
         "ylim": (1e-5, 20),
@@ -170,7 +170,7 @@ study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources, contrast=c
 # came back the same. At the defaults the three sources of the degraded beam always do; with four and five sources some runs end
 # elsewhere, with other sources for some of the components. As {eq}`eq-fastica` needs nothing but $\mathbf{Z}$, the runs work on the principal components instead of the maps.
 
-# %% mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
+# %% mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
 panels, iterations = [], {}
 for name, methods in removers.items():
     method = methods[0]
@@ -188,7 +188,7 @@ for name, methods in removers.items():
         look = {"color": colours[n % 5], "marker": "osD^v"[n % 5], "label": f"run {n + 2}"}
         points.append((np.arange(1, len(white) + 1) + 0.08 * (n - 2), alike, look))
     iterations[name] = [run.n_iterations for run in runs]
-    labels = {"xlabel": "source of run 1", "ylabel": "largest correlation", "ylim": (0.4, 1.03)}
+    labels = {"xlabel": "source of run 1", "ylabel": "largest |correlation|", "ylim": (0.4, 1.03)}
     ticks = {"xticks": np.arange(1, len(white) + 1), "xlim": (0.5, len(white) + 0.5)}
     panels.append(
         {"title": name, "curves": [], "points": points, "legend": {"loc": "lower left"}, **labels, **ticks}
@@ -215,7 +215,7 @@ show(
 #
 # The cleaned map of one channel beside the truth and their difference: the same map as that of PCA in {numref}`fig-pca-maps`.
 
-# %% mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
 # %% [markdown]
@@ -223,11 +223,11 @@ study.channel_figure(beam, remover)
 #
 # Both spectra of the cleaned maps with those of PCA, which they cover.
 
-# %% mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. (FastICA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %; curves above 2 are cut off. (FastICA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, and its ratio to the truth. (FastICA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (FastICA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
 # %%

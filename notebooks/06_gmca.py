@@ -105,7 +105,7 @@ study.stamped(plotting.sky_maps(shown, limits=(2, 98)), beam=beam, n_scales=n_sc
 # square sum, the scale is sparse. The finer the scale, the sparser it is: one coefficient in a thousand holds two thirds of the finest, and next to
 # nothing of the smooth one.
 
-# %% mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
+# %% mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves = []
 for n, (name, scale) in enumerate(shown.items()):
@@ -220,7 +220,7 @@ study.sources_figure(beam, remover)
 # Cleaned and true map are alike to the eye. The difference has structure near the centre of the Galaxy, where foreground was left or too
 # much was taken.
 
-# %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
 # %% [markdown]
@@ -232,11 +232,11 @@ study.channel_figure(beam, remover)
 # at $\ell < 10$ for the oscillating one. It does not lose everywhere: with the oscillating beam it leaves less than PCA at higher $\ell$. The
 # space of PCA leaves the least *total* variance, and that is dominated by few bright structures.
 
-# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. (GMCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, and its ratio to the truth. (GMCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
 # %%
@@ -250,10 +250,11 @@ show(study.band_numbers(both, tolerance=0.05))
 # beam; try `beam=oscillating`, where they move it more.
 
 # %% mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other choices of the method's own parameters and for PCA."}}
+other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
 changes = {
     f"{penalty}, {n_scales} scales, {n_sigma:g} $\\sigma$": {},
-    "other penalty": {"penalty": "l0" if penalty == "l1" else "l1"},
-    "one scale less": {"n_scales": max(1, n_scales - 1)},
+    f"{other_penalty} penalty": {"penalty": other_penalty},
+    f"{fewer_scales} scales": {"n_scales": fewer_scales},
 }
 variants = {name: gmca(n_sources, **change) for name, change in changes.items()} | {"PCA": pca}
 curves = []
@@ -264,7 +265,7 @@ for n, (name, method) in enumerate(variants.items()):
     curves.append((degrees[shown], ratio[shown], look | {"label": name}))
 labels = {
     "xlabel": r"multipole $\ell$",
-    "ylabel": r"$C_\ell / C_\ell^\mathrm{true}$",
+    "ylabel": r"$C / C_0$",
     "xscale": "log",
     "title": beam,
 }

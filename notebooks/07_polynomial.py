@@ -98,7 +98,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # The coefficients are maps. The first is the mean brightness of each line of sight, the second its slope, and so on. Each
 # new one is fainter than the one before, and with a beam that does not change with frequency they all look like the Galaxy.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest. Colours span the central 96 % of the pixels."}}
+# %% mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
 sources = {f"order {n}": study.cleaned(beam, remover).sources[n] / 1000 for n in chosen}
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=beam, order=order)
@@ -171,17 +171,17 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
-# %% mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
 # %% [markdown]
 # ## The power spectra
 
-# %% mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth. (The share of polynomial fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers)
+# %% mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
+study.angular_figure(removers, ratio_limits=(0.2, 1e5))
 
-# %% mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth. (The share of polynomial fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers)
+# %% mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
+study.frequency_figure(removers, ratio_limits=(0.2, 1e5))
 
 # %%
 show(study.band_numbers(removers))
@@ -193,7 +193,7 @@ show(study.band_numbers(removers))
 # signal that is lost, and each is a sum of squares of coefficients: those of the foreground beyond the order, and those
 # of the signal up to it. So one fit of the highest order gives the errors of all.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground that polynomials leave, for the three beams, and of the signal that they take, against their order, in units of the truth. Channel means removed, no clipping. Where foreground and signal cross, the sum of both errors is near its lowest."}}
+# %% mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground that polynomials leave, for the three beams, and of the signal that they take, against their order, in units of the truth. Channel means removed, no clipping. Where foreground and signal cross, the sum of both errors is near its lowest; with the oscillating beam they never do. The axis is that of the order plus one. The degraded and the evolving beam coincide but at the lowest orders."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 
@@ -213,13 +213,13 @@ for name in BEAMS:
     power = signal.sum() + other
     left = np.sqrt((rest + np.cumsum(taken[::-1])[::-1] - taken) / power)
     lost = np.sqrt(np.cumsum(signal) / power)
-    curves.append((scan, left, plotting.BEAM_STYLES[name] | {"label": f"foreground left, {name}"}))
+    curves.append((scan + 1, left, plotting.BEAM_STYLES[name] | {"label": f"foreground left, {name}"}))
     both = np.hypot(left, lost)
     numbers[f"{name}: error of order {order}"] = (both[min(order, top)], 0.02 * max(1, both[min(order, top)]))
     numbers[f"{name}: lowest error"] = (both.min(), 0.02 * max(1, both.min()))
     numbers[f"{name}: order of it"] = (int(both.argmin()), 1.0)
-curves.append((scan, lost, {"color": "black", "linestyle": ":", "label": "signal lost (oscillating)"}))
-labels = {"xlabel": "order", "ylabel": "rms error / rms truth", "yscale": "log"}
+curves.append((scan + 1, lost, {"color": "black", "linestyle": ":", "label": "signal lost (oscillating)"}))
+labels = {"xlabel": "order + 1", "ylabel": "rms error / rms truth", "xscale": "log", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
 
 # %%

@@ -124,7 +124,7 @@ study.stamped(plotting.lines(panels))
 #
 # The parameters are maps, with a meaning this time. How well do they measure what they are named after?
 
-# %% mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
+# %% mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
 result = study.cleaned(beam, remover)
 free_free = next(
     part
@@ -147,7 +147,7 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=beam, **
 # galaxies, with their different indices, is no power law; its curvature looks like a little free-free emission. The
 # *sum* of both terms is what is measured well, and only the sum is subtracted.
 
-# %% mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
+# %% mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter (amplitudes alpha 1 and alpha 2, index beta) adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
 colours = ["#0072B2", "#E69F00", "#009E73"]
 curves = [
@@ -199,7 +199,7 @@ for place, (lon, lat) in places.items():
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 
-# %% mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
 # %% [markdown]
@@ -208,11 +208,11 @@ study.channel_figure(beam, remover)
 # For the evolving and the oscillating beam the maps are a hundred to tens of thousands of times too bright; the lower panels are
 # logarithmic here.
 
-# %% mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth. (The share of parametric fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers, ratio_limits=(0.5, 5e5))
+# %% mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
+study.angular_figure(removers, ratio_limits=(0.2, 5e5))
 
-# %% mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth. (The share of parametric fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers, ratio_limits=(0.5, 5e5))
+# %% mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
+study.frequency_figure(removers, ratio_limits=(0.2, 5e5))
 
 # %%
 show(study.band_numbers(removers))

@@ -123,19 +123,19 @@ show(rows)
 # %% mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes, at one resolution: columns of the mixing matrix against frequency. The first three are smooth. The others have no foreground left to describe and follow HI: the spikes are structure in the nearest channels, where HI varies most."}}
 study.mixing_figure(beam, remover)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with them, at the resolution of the best channel, in mK summed over channels. Colours span the central 96 % of the pixels."}}
+# %% mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, at the resolution of the best channel, in mK summed over channels. Colours span the central 96 % of the pixels."}}
 study.sources_figure(beam, remover)
 
 # %% [markdown]
 # ## What is left
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
 study.channel_figure(beam, remover)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. (SDecGMCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. (SDecGMCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
 # %% [markdown]
@@ -199,7 +199,7 @@ panels = [
         ],
         "title": which,
         "xlabel": r"multipole $\ell$",
-        "ylabel": r"$C_\ell / C_\ell^\mathrm{true}$",
+        "ylabel": r"$C / C_0$",
         "xscale": "log",
         "xlim": (2, study.l_top),
         "ylim": (0.4, 1.6),

@@ -76,13 +76,13 @@ titles = {beam: f"{beam}, {n} components" for beam, n in n_sources.items()}
 # %% [markdown]
 # ## Across the sky
 
-# %% mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; curves that leave the lower panels are more than twice too bright or less than half as bright. PCA and FastICA remove the same foreground, so their curves coincide."}}
+# %% mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; curves above 2 are cut off. PCA and FastICA remove the same foreground, so their curves coincide; with the degraded beam those of GMCA and SDecGMCA lie on them too. The fits have no number of components."}}
 study.angular_figure(removers, titles=titles)
 
 # %% [markdown]
 # ## Along the line of sight
 
-# %% mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2)."}}
+# %% mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %; curves above 2 are cut off, as is the parametric fit for the last two beams throughout. PCA and FastICA coincide."}}
 study.frequency_figure(removers, titles=titles)
 
 # %% [markdown]

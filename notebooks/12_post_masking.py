@@ -100,7 +100,7 @@ show_table(table)
 # in the plane: most of it is outside. With the real Galaxy (`galaxy=templates`) the shares within the plane are 100 % and 44 %.
 
 
-# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "The 30 flagged lines of sight with the largest error, of the method that the line below names (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "The 30 flagged lines of sight with the largest error, of the method in the titles, for the oscillating beam (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed."}}
 def centred(cube):
     """Maps less the mean of every channel over the sky, (n_channels, n_pix)."""
     return cube - cube.mean(axis=1, keepdims=True, dtype=float).astype(cube.dtype)
@@ -123,10 +123,11 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
     curves.append((observed.freqs, middle, black | {"label": "not flagged: median"}))
     curves.append((observed.freqs, low, black | {"linestyle": "--", "label": "not flagged: 5 and 95 %"}))
     curves.append((observed.freqs, high, black | {"linestyle": "--", "label": "_not flagged: 95 %"}))
+    title = f"{study.label(removers[method])}, {title}"
     panels.append({"curves": curves, "title": title, "xlabel": "frequency [MHz]", "ylabel": "T [mK]"})
 study.stamped(plotting.lines(panels), beam=beam, method=method)
 
-# %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the same method. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
+# %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of {numref}`fig-post-profiles`. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {out.mean():.1%} of the sky"
 maps = {error_title: found[method].line_errors, flag_title: out.astype(float)}
 study.stamped(
@@ -198,7 +199,7 @@ for one in blind:
     }
 show_table(table)
 
-# %% mystnb={"figure": {"name": "fig-post-channels", "caption": "In which channels the error sits: rms over the flagged lines of sight of the foreground that is left and of the HI that is lost, for PCA (left) and SDecGMCA (right), with the rms of the truth there."}}
+# %% mystnb={"figure": {"name": "fig-post-channels", "caption": "In which channels the error sits: rms over the flagged lines of sight of the foreground that is left and of the HI that is lost, for PCA (left) and SDecGMCA (right), with the rms of the truth there. Both panels have the same axes."}}
 looks = {
     "foreground left": {"color": "#0072B2", "linestyle": "-"},
     "HI lost": {"color": "#D55E00", "linestyle": "--"},
@@ -220,6 +221,9 @@ for name in ("pca", "sdecgmca"):
             "yscale": "log",
         }
     )
+drawn = np.concatenate([values for panel in panels for _, values, _ in panel["curves"]])
+for panel in panels:
+    panel["ylim"] = (0.7 * drawn[drawn > 0].min(), 1.5 * drawn.max())
 study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources)
 
 # %% [markdown]
@@ -235,7 +239,7 @@ study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources)
 # the spectrum of masked maps is decoupled by the mode-coupling matrix of the mask {cite:p}`hivon2002`, in bins of two multipoles.
 
 
-# %% mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin; SDecGMCA dotted) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). Peaks higher than the lower panels are in the table below. The black line is the truth of the whole sky. The two fits are in the next figure, far off this scale."}}
+# %% mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask, for the oscillating beam (the paper's Fig. 6). PCA and FastICA coincide. With a mask C_l is in bins of two multipoles, and starts later. Peaks higher than the lower panels are in the table below. The black line is the truth of the whole sky. The two fits are in the next figure, far off this scale."}}
 def both(one):
     """`Comparison` of a method on the whole sky, and without the lines of sight that it got wrong."""
     return study.compared(beam, one), study.compared(beam, one, masked=True)
@@ -245,9 +249,9 @@ def looks_of(one):
     """Styles of the two curves of one method."""
     style = study.style(one)
     if one.name != "sdecgmca":
-        thin = {"linewidth": 0.8, "alpha": 0.6, "label": f"_{style['label']}, whole sky"}
+        thin = {"linewidth": 0.8, "alpha": 0.8, "label": f"_{style['label']}, whole sky"}
         return style | thin, style | {"linewidth": 1.4}
-    before = style | {"linestyle": ":", "linewidth": 1.5, "label": f"{style['label']}, whole sky"}
+    before = style | {"linewidth": 0.8, "label": f"{style['label']}, whole sky"}
     return before, style | {"linewidth": 2.4}
 
 
@@ -257,11 +261,11 @@ def curves_of(methods):
     return [curves[0] for curves in pairs] + [curves[1] for curves in pairs]
 
 
-study.both_figure(beam, curves_of(blind), ratio_limits=(0.4, 3), n_sources=n_sources)
+study.both_figure(beam, curves_of(blind), ratio_limits=(0, 3), n_sources=n_sources)
 
-# %% mystnb={"figure": {"name": "fig-post-fits", "caption": "The same for the two fits, whole sky (thin) and without the flagged lines of sight (thick). The ratios are logarithmic."}}
+# %% mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra after the two fits, of the whole sky (thin) and without the flagged lines of sight (thick), for the oscillating beam. The ratios are on a logarithmic axis."}}
 fits = [one for one in removers.values() if one not in blind]
-study.both_figure(beam, curves_of(fits), ratio_limits=(0.1, 1e6))
+study.both_figure(beam, curves_of(fits), ratio_limits=(0.02, 1e6))
 
 # %% [markdown]
 # In numbers, before and after: the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest P/P0 near $k_\nu = 0.31$, and the mean of

@@ -116,12 +116,12 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 
-# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; the fits leave the lower panels where they are more than twice too bright. The curves of PCA and FastICA coincide."}}
+# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, for the oscillating beam, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; curves above 2 are cut off. The curves of PCA and FastICA coincide."}}
 curves = [(dimmed.style(one), dimmed.compared(beam, one)) for one in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources}
 dimmed.both_figure(beam, curves, **look)
 
-# %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "The same ratios with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA."}}
+# %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA and the oscillating beam, on logarithmic axes."}}
 panels = []
 for one in (removers[0], removers[2], removers[3]):
     pairs = {
@@ -129,8 +129,8 @@ for one in (removers[0], removers[2], removers[3]):
         "dimmed": (dimmed.compared(beam, one), {"color": full.style(one)["color"]}),
     }
     axes = {
-        "frequency": (r"$k_\nu$ [MHz$^{-1}$]", r"$P / P^\mathrm{true}$"),
-        "angular": (r"multipole $\ell$", r"$C_\ell / C_\ell^\mathrm{true}$"),
+        "frequency": (r"$k_\nu$ [MHz$^{-1}$]", r"$P / P_0$"),
+        "angular": (r"multipole $\ell$", r"$C / C_0$"),
     }
     for kind, (xlabel, ylabel) in axes.items():
         panels.append(
@@ -148,7 +148,7 @@ for one in (removers[0], removers[2], removers[3]):
                 "ylabel": ylabel,
                 "xscale": "log",
                 "yscale": "log",
-                "ylim": (0.3, 20),
+                "ylim": (0.1, 20),
             }
         )
 dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=beam, **look)
@@ -220,7 +220,7 @@ show_table(table)
 # the parameters on the left and with their weight in the plane on the right.
 
 
-# %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane. Right: for several latitudes of the edge."}}
+# %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber, for the oscillating beam. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
 seen = full.observed(beam)
 nside = full.made_for.nside
 
@@ -262,7 +262,7 @@ for title, choices in settings.items():
             "mean |P/P0 - 1|, k < 0.1": (low, 0.02 * max(1, low)),
             "highest P/P0 near k = 0.31": (peak, 0.02 * max(1, peak)),
         }
-    axes = {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P / P^\mathrm{true}$", "ylim": (0.3, 20)}
+    axes = {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P / P_0$", "ylim": (0.1, 10)}
     panels.append({"curves": curves, "title": title, "xscale": "log", "yscale": "log"} | axes)
 full.stamped(plotting.lines(panels), beam=beam, method="pca", n_sources=n_sources)
 

@@ -115,7 +115,7 @@ except InputError as error:
 # information criterion weighs what one more source explains against the numbers that it costs. And as long as foreground is left, the recovered spectra fall steeply with each source;
 # once they hardly move, the result does not hang on the choice any more.
 
-# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
+# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
 found = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(found), beam=beam, missing=missing)
 
@@ -143,7 +143,7 @@ try:
 except InputError as error:
     print(error)
 
-# %% mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned. Right: spectra of the sources that were removed."}}
+# %% mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
 study.stamped(modes_figure(cleaned), beam=beam, n_sources=n_sources, missing=missing)
 
 # %% mystnb={"figure": {"name": "fig-own-maps", "caption": "What is left in the channel in the middle of the band, and the rms of all channels. White is not seen."}}
@@ -166,7 +166,7 @@ print(
 #
 # On simulations, such as those of CRIME or CoLoRe, the same file without foregrounds tells how good the result is (`--truth` on the command line).
 
-# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below. With a mask C_l are decoupled, in bins."}}
+# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below, where the grey band is 10 %. With a mask C_l are decoupled, in bins."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
 study.stamped(spectra_figure(compared(cleaned, truth)), beam=beam, n_sources=n_sources, missing=missing)
 

@@ -136,7 +136,7 @@ def spectra_figure(found):
     style = {"label": "cleaned", "color": "#0072B2"}
     axes = [
         {"xlabel": r"multipole $\ell$", "ylabel": r"$C_\ell$ [mK$^2$]"},
-        {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P$ [mK$^2$ MHz]"},
+        {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]"},
     ]
     if isinstance(found, Spectra):
         shown = (found.angular.degrees, found.angular.mean), (found.frequency.k, found.frequency.power)
@@ -147,18 +147,16 @@ def spectra_figure(found):
                 for one, (x, y) in zip(axes, shown, strict=True)
             ]
         )
-    ratios = r"$C_\ell / C_\ell^\mathrm{true}$", r"$P / P^\mathrm{true}$"
+    ratios = r"$C / C_0$", r"$P / P_0$"
     values = (
         (found.degrees, found.angular, found.true_angular),
         (found.k, found.frequency, found.true_frequency),
     )
-    return plotting.spectrum(
-        [
-            one
-            | {"title": "", "true": (x, true), "ratio_label": label, "curves": [(style, x, cleaned, true)]}
-            for one, label, (x, cleaned, true) in zip(axes, ratios, values, strict=True)
-        ]
-    )
+    panels = [
+        one | {"title": "", "true": (x, true), "ratio_label": label, "curves": [(style, x, cleaned, true)]}
+        for one, label, (x, cleaned, true) in zip(axes, ratios, values, strict=True)
+    ]
+    return plotting.spectrum(panels, ratio_limits=(0, 1.5))
 
 
 def _spectra_part(found):
@@ -208,13 +206,15 @@ def modes_figure(cleaned):
         },
         {
             "title": "Spectra of the sources",
-            "xlabel": r"$\nu$ [MHz]",
-            "ylabel": "column of A",
+            "xlabel": "frequency [MHz]",
+            "ylabel": "mixing coefficient",
             "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
             "curves": [
                 (cube.freqs, column, style)
                 for column, style in zip(
-                    mixing.T, plotting.sequence(range(1, mixing.shape[1] + 1)), strict=True
+                    mixing.T,
+                    plotting.sequence([f"source {n + 1}" for n in range(mixing.shape[1])]),
+                    strict=True,
                 )
             ],
         },
@@ -225,7 +225,8 @@ def modes_figure(cleaned):
 def _modes_part(cleaned):
     text = (
         "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
-        "out still mean too few sources; columns of A that are one spike mean too many."
+        "out still mean too few sources; spectra that are one spike mean too many. The last eigenvalues "
+        "after cleaning, as many as there were sources, are zero but for rounding."
     )
     return [
         "<h2>Leading modes</h2>",
