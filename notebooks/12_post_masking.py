@@ -127,7 +127,7 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
     panels.append({"curves": curves, "title": title, "xlabel": "frequency [MHz]", "ylabel": "T [mK]"})
 study.stamped(plotting.lines(panels), beam=beam, method=method)
 
-# %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of {numref}`fig-post-profiles`. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
+# %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of the figure above. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {out.mean():.1%} of the sky"
 maps = {error_title: found[method].line_errors, flag_title: out.astype(float)}
 study.stamped(
