@@ -182,12 +182,18 @@ class CacheEntry:
 
 def cache_info():
     """The `CacheEntry` of every result in the cache, newest first; those being written are "unfinished"."""
-    paths = [path for path in cache_folder().glob("*/*") if path.is_dir()]
     entries = []
-    for path in paths:
+    for path in filter(_is_ours, cache_folder().glob("*/*")):
         with contextlib.suppress(OSError):  # another process finishes or deletes it
             entries.append(_entry(path))
     return sorted(entries, key=lambda entry: entry.created, reverse=True)
+
+
+def _is_ours(path):
+    """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too."""
+    return path.is_dir() and (
+        path.name.startswith(f"{_UNFINISHED}-") or (path / _NOTE).is_file() or (path / _VALUE).is_file()
+    )
 
 
 def _entry(path):

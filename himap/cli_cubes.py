@@ -19,6 +19,7 @@ _OPTIONS = [
     click.option("--beam", metavar="NAME", help="degraded, evolving, oscillating, meerkat, or a FILE."),
     click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
     click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
@@ -48,7 +49,6 @@ def _cube_options(command):
 @click.argument("path", metavar="CUBE")
 @click.option("--method", cls=_Methods, required=True, metavar="NAME")
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
-@click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first.")
 @click.option(
     "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
 )
@@ -63,25 +63,28 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     himap clean cube.h5 --method sdecgmca --beam oscillating -p n_sources=5 -o cleaned.h5
     """
     from himap.cubes.cleaning import clean_cube, method_for
-    from himap.cubes.cube import read_cube
-    from himap.cubes.report import write_report
+    from himap.cubes.cube import read_truth
+    from himap.cubes.report import check_truth, write_report
     from himap.cubes.writing import check_cube_output, save_cleaned
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     started = time.monotonic()
-    output = check_cube_output(output, overwrite=overwrite)
-    remover = create(method, **parse_texts([], named_values(pairs)))
+    inputs = [one for one in (path, truth, beam, reading["freqs"]) if one is not None]
+    output = check_cube_output(output, overwrite=overwrite, inputs=inputs)
+    remover = create(method, **_parameters(pairs))
     cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
     method_for(cube, remover)  # before the truth is read
-    true = None if truth is None else read_cube(truth, **reading)
+    true = None if truth is None else read_truth(truth, **reading)
+    if true is not None:
+        check_truth(cube, true)  # before the work
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
         cleaned = clean_cube(cube, remover, beams=beams, peaks=not keep_peaks)
     page = output.with_suffix(".html")
     with whole_file(page) as temporary:
         write_report(cleaned, temporary, truth=true)
-        written = save_cleaned(cleaned, output)
+        written = save_cleaned(cleaned, output, overwrite=overwrite)
     if not cleaned.separation.converged:
         click.echo(f"{method} stopped before it converged.", err=True)
     click.echo("  ".join(str(one) for one in [*written, page]) + f"  ({time.monotonic() - started:.0f} s)")
@@ -91,11 +94,11 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
 @click.argument("path", metavar="CUBE")
 @click.option("--method", cls=_Methods, default="pca", show_default=True, metavar="NAME")
 @click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
-@click.option("--to", "most", type=int, default=10, show_default=True, help="Largest number of sources.")
+@click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most.")
 @click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
 @_cube_options
 @debug
-def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **reading):
+def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, overwrite, **reading):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
 
     \b
@@ -107,11 +110,21 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
     from himap.removal.base import SeparationWarning
 
     page = None if output is None else check_page(output, overwrite=overwrite)
-    parameters = parse_texts([], named_values(pairs))
+    parameters = _parameters(pairs)
+    if "n_sources" in parameters:
+        raise InputError(
+            "the numbers of sources to try are given with --from and --to, not with -p n_sources."
+        )
     cube, beams = _cube_and_beams(path, create(method, **parameters), beam, dish, reading)
+    most = min(10, len(cube.freqs) - 1) if most is None else most
+    if most <= least:
+        raise InputError(f"--to must be more than --from, got {most} and {least}.")
+    counts = range(least, most + 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)
-        found = suggestion.suggest(cube, method, n_sources=range(least, most + 1), beams=beams, **parameters)
+        found = suggestion.suggest(
+            cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
+        )
     rows = [
         (str(n), f"{value:.4f}", f"{change:.1%}" if change is not None else "")
         for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
@@ -122,6 +135,14 @@ def suggest(path, method, beam, dish, pairs, least, most, output, overwrite, **r
         with whole_file(page) as temporary:
             suggestion.write_suggestion(found, temporary)
         click.echo(page)
+
+
+def _parameters(pairs):
+    """Parameters of a method from texts NAME=VALUE."""
+    found = parse_texts([], named_values(pairs))
+    if "name" in found:
+        raise InputError("no method has a parameter called name; --method says which method.")
+    return found
 
 
 def _cube_and_beams(path, remover, beam, dish, reading):
@@ -136,4 +157,18 @@ def _cube_and_beams(path, remover, beam, dish, reading):
     cube = read_cube(path, **reading)
     for remark in cube.remarks:
         click.echo(remark, err=True)
-    return cube, None if beam is None else beams_of(cube, beam, dish=dish)
+    beams = None if beam is None else beams_of(cube, beam, dish=dish)
+    if beams is not None:
+        click.echo(f"The beams have a FWHM of {_widths(beams)}.", err=True)
+    return cube, beams
+
+
+def _widths(beams):
+    """What widths b_l tell: those of Gaussians that are half at the same l."""
+    import numpy as np
+
+    degrees = np.arange(beams.shape[1]) + 0.5  # a Gaussian falls with l (l + 1)
+    half = np.array([np.interp(-0.5, -beam, degrees, right=np.inf) for beam in beams])
+    low, high = np.rad2deg(4 * np.log(2) / np.array([half.max(), half.min()]))
+    unresolved = " (0: too narrow for these maps)" if low == 0 else ""
+    return f"{low:.2g} to {high:.2g} deg{unresolved}"

@@ -200,7 +200,11 @@ MALFORMED = {
     "no frequencies": ("good.npy", ["--unit", "mK"], "does not tell its frequencies"),
     "too few frequencies": ("good.npy", ["--unit", "mK", "--freqs", "three.txt"], "one frequency for each"),
     "frequencies in Hz": ("good.npy", ["--unit", "mK", "--freqs", "hz.txt"], "another unit"),
-    "equal frequencies": ("good.npy", ["--unit", "mK", "--freqs", "equal.txt"], "ascending"),
+    "equal frequencies": (
+        "good.npy",
+        ["--unit", "mK", "--freqs", "equal.txt"],
+        "two channels have the frequency 1000 MHz",
+    ),
     "frequencies that are words": ("good.npy", ["--unit", "mK", "--freqs", "words.txt"], "table of numbers"),
     "a wrong order": ("good.h5", ["--order", "SPIRAL"], "RING or NESTED"),
     "an order that contradicts the file": ("good.h5", ["--order", "NESTED"], "the file says RING"),
@@ -318,7 +322,7 @@ class TestSuggestion:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--from", 5, "--to", 5], "two or more numbers"),
+            (["--from", 5, "--to", 5], "--to must be more than --from"),
             (["--method", "polynomial"], "no parameter 'n_sources'"),
             (["--method", "sdecgmca"], "give --beam"),
             (["--to", 30], "at most the number of channels"),

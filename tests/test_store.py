@@ -326,3 +326,14 @@ def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "file" / "cache"))
     with pytest.raises(InputError, match="HIMAP_CACHE"):
         lab.base(SURVEY)
+
+
+def test_what_himap_did_not_make_is_not_cleared(lab):
+    """HIMAP_CACHE may name a folder that holds other things too."""
+    lab.base(SURVEY)
+    thesis = cache.cache_folder() / "project" / "data" / "thesis.txt"
+    thesis.parent.mkdir(parents=True)
+    thesis.write_text("years of work")
+    assert [entry.product for entry in cache.cache_info()] == ["lab.base"]
+    cache.clear_cache()
+    assert thesis.exists() and not cache.cache_info()

@@ -28,7 +28,7 @@ STRANGERS = {"removal": {"sky", "instrument", "cache", "store"}, "instrument": {
 # Packages that few modules may import; the templates and cubes use healpy for FITS.
 KEEPERS = {
     "matplotlib": {"plotting"},
-    "healpy": {"sphere", "sky.templates", "cubes.files", "cubes.writing"},
+    "healpy": {"sphere", "sky.templates", "cubes.files", "cubes.fits", "cubes.writing"},
     "ducc0": {"sphere"},
     "papermill": {"reproduce", "cli"},
     "jupytext": {"notebooks"},

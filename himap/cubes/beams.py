@@ -15,7 +15,9 @@ __all__ = ["BEAM_NAMES", "beams_of", "meerkat_fwhm"]
 BEAM_NAMES = (*BEAM_MODELS, "meerkat")
 _DISH = 13.5  # m, of MeerKAT, as in the paper
 _KATBEAM = {"MKAT-AA-UHF-JIM-2020": (544, 1088), "MKAT-AA-L-JIM-2020": (856, 1712)}  # MHz
-_WIDEST = 10.0  # deg, of a FWHM from a file: beyond, it is in arcmin
+_LARGEST_DISH = 1000.0  # m: beyond, it is in cm or mm
+_NARROWEST, _WIDEST = 0.04, 10.0  # deg, of a FWHM from a file: less is in rad, more in arcmin
+_OFF = 0.01  # by which b_l may miss 1 at l = 0
 
 
 def beams_of(cube, beam, *, dish=None):
@@ -46,8 +48,8 @@ def beams_of(cube, beam, *, dish=None):
             return sphere.gaussian_beam(meerkat_fwhm(cube.freqs), lmax)
         return _from_file(Path(beam), cube, lmax)
     dish = _DISH if dish is None else dish
-    if not 0 < dish < np.inf:
-        raise InputError(f"dish must be a diameter in m, got {dish}.")
+    if not 0 < dish <= _LARGEST_DISH:
+        raise InputError(f"dish must be a diameter in m, at most {_LARGEST_DISH:g}, got {dish}.")
     if beam == "oscillating":
         return sphere.gaussian_beam(oscillating_fwhm(cube.freqs, dish), lmax)
     fwhm = diffraction_fwhm(cube.freqs, dish)
@@ -92,14 +94,34 @@ def _from_file(path, cube, lmax):
     numbers = np.asarray(read_numbers(path), dtype=float)
     if numbers.ndim == 2 and numbers.shape[1] == 1:
         numbers = numbers[:, 0]
-    if numbers.ndim not in (1, 2) or len(numbers) != cube.layout.n_channels:
+    n_channels = len(cube.layout.freqs)
+    if numbers.ndim not in (1, 2) or len(numbers) != n_channels:
         raise InputError(
-            f"{path} must hold one FWHM (deg) or one line of b_l for each of the {cube.layout.n_channels} "
+            f"{path} must hold one FWHM (deg) or one line of b_l for each of the {n_channels} "
             f"channels, got {numbers.shape}."
         )
     numbers = numbers[cube.layout.channels]
     if numbers.ndim == 2:
-        return checked_beams(str(path), numbers[:, : lmax + 1], len(cube.freqs))
-    if not ((numbers > 0) & (numbers < _WIDEST)).all():
-        raise InputError(f"{path} must hold FWHM in degrees, got {numbers.min():g} to {numbers.max():g}.")
+        return _transfer(path, numbers[:, : lmax + 1], cube)
+    if not ((numbers >= _NARROWEST) & (numbers <= _WIDEST)).all():
+        raise InputError(
+            f"{path} must hold FWHM in degrees, between {_NARROWEST:g} and {_WIDEST:g}, got "
+            f"{numbers.min():g} to {numbers.max():g}."
+        )
     return sphere.gaussian_beam(np.deg2rad(numbers), lmax)
+
+
+def _transfer(path, numbers, cube):
+    """b_l of a file, if that is what the numbers can be."""
+    if numbers.shape[1] <= 2 * cube.nside:
+        raise InputError(
+            f"{path} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {numbers.shape[1]} "
+            "numbers a line; for widths give one FWHM (deg) a line."
+        )
+    beams = checked_beams(str(path), numbers, len(cube.freqs))
+    if np.abs(beams[:, 0] - 1).max() > _OFF or np.abs(beams).max() > 1 + _OFF:
+        raise InputError(
+            f"{path} must hold b_l that are 1 at l = 0 and nowhere more, got {beams[:, 0].min():g} to "
+            f"{beams[:, 0].max():g} at l = 0 and {np.abs(beams).max():g} at most."
+        )
+    return beams

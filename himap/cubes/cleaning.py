@@ -7,10 +7,12 @@ import numpy as np
 from himap.cubes.cube import Cube
 from himap.errors import InputError
 from himap.removal import available, create
-from himap.removal.base import REGISTRY, Separation
+from himap.removal.base import REGISTRY, ForegroundRemover, Separation
 from himap.removal.peaks import mask_peaks
 
 __all__ = ["CleanedCube", "clean_cube", "method_for"]
+
+_LEAST_FOR_PEAKS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,11 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
         itself refuses.
     """
     remover = method_for(cube, method, **parameters)
+    if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
+        raise InputError(
+            f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
+            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
+        )
     masked = mask_peaks(cube.maps, cube.freqs) if peaks else None
     found = remover.clean(
         cube.maps,
@@ -97,6 +104,10 @@ def method_for(cube, method, **parameters):
     InputError
         It cannot, or there is none of that name or with these parameters.
     """
+    if not isinstance(method, str | ForegroundRemover):
+        raise InputError(f"method must be a name, such as 'pca', or a method, such as PCA(), got {method!r}.")
+    if parameters and not isinstance(method, str):
+        raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     remover.check(len(cube.freqs))
     if remover.needs_whole_sky and not cube.whole:

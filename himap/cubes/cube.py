@@ -9,8 +9,10 @@ from himap.checks import checked_freqs, real_array
 from himap.cubes.files import read_freqs, read_raw
 from himap.errors import InputError
 
-__all__ = ["Cube", "Layout", "make_cube", "read_cube"]
+__all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
+_ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
+_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 _LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
 _MILLIKELVIN = {"k": 1e3, "kelvin": 1e3, "mk": 1.0, "millikelvin": 1.0}
 
@@ -23,8 +25,8 @@ class Layout:
     ----------
     channels
         For each channel of the `Cube` its place in the file, (n_channels,).
-    n_channels
-        In the file, those without a seen pixel included.
+    freqs
+        MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
     factor
         mK in one unit of the file.
     unit
@@ -34,14 +36,14 @@ class Layout:
     """
 
     channels: np.ndarray
-    n_channels: int
+    freqs: np.ndarray
     factor: float
     unit: str
     nested: bool
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
-        out = np.full((self.n_channels, len(mask)), np.nan, dtype=np.float32)
+        out = np.full((len(self.freqs), len(mask)), np.nan, dtype=np.float32)
         whole = np.full(len(mask), np.nan, dtype=np.float32)
         ring = sphere.nest_to_ring(sphere.nside_of(mask)) if self.nested else slice(None)
         for place, pixels in zip(self.channels, maps, strict=True):
@@ -120,12 +122,40 @@ def read_cube(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_
         What is missing or contradicts the file, and how to give it.
     """
     raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name)
+    return make_cube(_with_freqs(path, raw, freqs), unit=unit, order=order)
+
+
+def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None):
+    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say."""
+    try:
+        raw = read_raw(path)
+    except InputError:
+        if maps_name is None and freqs_name is None:
+            raise
+        raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name)
+    raw = _with_freqs(path, raw, freqs if raw.freqs is None else None)
+    return make_cube(
+        raw, unit=unit if raw.unit is None else None, order=order if raw.nested is None else None
+    )
+
+
+def _with_freqs(path, raw, freqs):
+    """The `RawCube` with frequencies, its own or `freqs`, an array or a path."""
     if freqs is not None:
         freqs = read_freqs(freqs) if isinstance(freqs, str) or hasattr(freqs, "__fspath__") else freqs
-        raw = replace(raw, freqs=real_array("freqs", freqs).astype(float))
+        freqs = real_array("freqs", freqs).astype(float)
+        if raw.freqs is not None and not (freqs.shape == raw.freqs.shape and _same(freqs, raw.freqs)):
+            raise InputError(
+                f"{path} tells its frequencies, {_ends(raw.freqs)}, and those given are {_ends(freqs)}, or "
+                "in another order; leave them out, or mend the file."
+            )
+        raw = replace(raw, freqs=freqs)
     if raw.freqs is None:
-        raise InputError(f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz.")
-    return make_cube(raw, unit=unit, order=order)
+        raise InputError(
+            f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name "
+            "their dataset (--freqs-name)."
+        )
+    return raw
 
 
 def make_cube(raw, *, unit=None, order=None):
@@ -143,26 +173,61 @@ def make_cube(raw, *, unit=None, order=None):
             f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
         )
     channels, mask = _seen(raw.maps, np.argsort(freqs, kind="stable"), remarks)
-    freqs = checked_freqs(freqs[channels], len(channels))
+    given, freqs = freqs, _checked_freqs(freqs[channels])
     if not mask.any():
         raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
     if nested:
         mask = _to_ring(mask)
     maps = np.empty((len(channels), int(mask.sum())), dtype=np.float32)
     for place, out in zip(channels, maps, strict=True):
-        pixels = raw.maps[place]
+        pixels = _wide(raw.maps[place])
         out[:] = (_to_ring(pixels) if nested else pixels)[mask] * factor
     if not mask.all():
         remarks.append(f"{mask.mean():.1%} of the sky is seen in every channel; the rest is masked.")
-    layout = Layout(channels=channels, n_channels=len(raw.maps), factor=factor, unit=unit, nested=nested)
+    _look_at(maps, freqs, remarks)
+    layout = Layout(channels=channels, freqs=given, factor=factor, unit=unit, nested=nested)
     return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
+
+
+def _checked_freqs(freqs):
+    """Ascending frequencies; which of them are equal, if some are."""
+    twice = freqs[1:][np.diff(freqs) == 0]
+    if len(twice):
+        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
+    return checked_freqs(freqs, len(freqs))
+
+
+def _look_at(maps, freqs, remarks):
+    """Say what is odd about a cube, and may be a mistake: zeros, constant channels, uneven ones."""
+    if not maps.any():
+        raise InputError("all maps are zero.")
+    constant = [freq for freq, pixels in zip(freqs, maps, strict=True) if pixels.min() == pixels.max()]
+    if constant and maps.shape[1] > 1:
+        names = ", ".join(f"{freq:g}" for freq in constant[:5])
+        remarks.append(f"{len(constant)} channels have one value everywhere, as dead ones: {names} MHz.")
+    empty = np.mean(~maps.any(axis=0))
+    if empty:
+        remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")
+    steps = np.diff(freqs)
+    if steps.max() > _UNEVEN * steps.min():
+        remarks.append(
+            f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) takes them as evenly spaced."
+        )
+
+
+def _same(one, two):
+    return np.allclose(one, two, rtol=_ROUNDING, atol=0)
+
+
+def _ends(freqs):
+    return f"{freqs.size} from {freqs.min():g} to {freqs.max():g} MHz" if freqs.size else "none"
 
 
 def _seen(maps, order, remarks):
     """Of the channels in `order` those that see anything, and the pixels that all of these see."""
     channels, mask = [], np.ones(maps.shape[1], dtype=bool)
     for place in order:
-        seen = np.abs(maps[place]) < _LARGEST  # False for NaN
+        seen = np.abs(_wide(maps[place])) < _LARGEST  # False for NaN
         if seen.any():
             channels.append(place)
             mask &= seen
@@ -171,6 +236,11 @@ def _seen(maps, order, remarks):
     if len(channels) < len(maps):
         remarks.append(f"{len(maps) - len(channels)} of {len(maps)} channels see nothing and are left out.")
     return np.array(channels), mask
+
+
+def _wide(pixels):
+    """Pixels in no less than float32: float16 ends at 65504."""
+    return pixels.astype(np.result_type(pixels, np.float32), copy=False)
 
 
 def _to_ring(pixels):

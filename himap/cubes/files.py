@@ -1,7 +1,6 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import h5py
@@ -9,34 +8,13 @@ import healpy as hp
 import numpy as np
 from astropy import units as u
 
+from himap.cubes import fits
+from himap.cubes.raw import RawCube, is_nested
 from himap.errors import InputError
 
-__all__ = ["RawCube", "read_array", "read_freqs", "read_numbers", "read_raw"]
+__all__ = ["read_array", "read_freqs", "read_numbers", "read_raw"]
 
-_HDF5, _FITS = (".h5", ".hdf5", ".hdf"), (".fits", ".fit", ".fits.gz")
-_FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*MHz", re.IGNORECASE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RawCube:
-    """What a file says; None for what it does not.
-
-    Attributes
-    ----------
-    maps
-        (n_channels, n_pix), in the order, unit and pixelisation of the file.
-    freqs
-        Channel centres, MHz, (n_channels,).
-    unit
-        Of the maps, as text.
-    nested
-        Whether pixels are in NESTED order.
-    """
-
-    maps: np.ndarray
-    freqs: np.ndarray | None = None
-    unit: str | None = None
-    nested: bool | None = None
+_HDF5 = (".h5", ".hdf5", ".hdf")
 
 
 def read_raw(path, *, maps_name=None, freqs_name=None):
@@ -58,8 +36,11 @@ def read_raw(path, *, maps_name=None, freqs_name=None):
     if not path.exists():
         raise InputError(f"there is no file {path}.")
     if path.is_dir():
-        return _fits_files(path)
-    readers = {_HDF5: lambda: _hdf5(path, maps_name, freqs_name), _FITS: lambda: _fits_columns(path)}
+        return fits.maps_of_folder(path)
+    readers = {
+        _HDF5: lambda: _hdf5(path, maps_name, freqs_name),
+        fits.ENDINGS: lambda: fits.maps_of_file(path),
+    }
     readers[(".npy",)] = lambda: _npy(path)
     for suffixes, reader in readers.items():
         if path.name.lower().endswith(suffixes):
@@ -74,9 +55,12 @@ def read_raw(path, *, maps_name=None, freqs_name=None):
 def read_array(path):
     """The array of a .npy file; object arrays, which could run code, are refused."""
     try:
-        return np.load(path, allow_pickle=False)
+        found = np.load(path, allow_pickle=False)
     except (ValueError, OSError, EOFError) as error:
         raise InputError(f"{path} is no .npy file of plain numbers ({error}).") from None
+    if not isinstance(found, np.ndarray):
+        raise InputError(f"{path} is an archive of arrays (.npz); save the one that is meant as .npy.")
+    return found
 
 
 def read_freqs(path):
@@ -119,7 +103,7 @@ def _hdf5(path, maps_name, freqs_name):
                 maps=values,
                 freqs=None if name is None else _in_mhz(arrays[name][...], _attribute(arrays[name], "unit")),
                 unit=_attribute(maps, "unit") or _attribute(file, "unit"),
-                nested=_nested(_attribute(maps, "order") or _attribute(file, "order")),
+                nested=is_nested(_attribute(maps, "order") or _attribute(file, "order")),
             )
     except OSError as error:
         raise InputError(f"{path} cannot be read as HDF5 ({error}).") from None
@@ -168,8 +152,22 @@ def _the_freqs(path, arrays, name, n_channels):
             )
         return name
     lines = [one for one, item in arrays.items() if item.shape == (n_channels,)]
-    named = [one for one in lines if re.match(r"freq|nu", one.rpartition("/")[2], re.IGNORECASE)]
-    return named[0] if len(named) == 1 else lines[0] if len(lines) == 1 else None
+    for tells in (_is_called_frequency, lambda one: _is_frequency(_attribute(arrays[one], "unit"))):
+        found = [one for one in lines if tells(one)]
+        if len(found) == 1:
+            return found[0]
+    return None
+
+
+def _is_called_frequency(name):
+    return re.fullmatch(r"freq\w*|nus?|nu_\w+|\w*_mhz", name.rpartition("/")[2], re.IGNORECASE)
+
+
+def _is_frequency(unit):
+    try:
+        return unit is not None and u.Unit(unit).is_equivalent(u.Hz)
+    except ValueError:
+        return False
 
 
 def _listing(arrays):
@@ -184,84 +182,9 @@ def _attribute(item, start):
     return None
 
 
-def _nested(order):
-    """Whether the text of an ordering means NESTED; None where there is none."""
-    if order is None:
-        return None
-    if order.strip().upper() not in ("RING", "NEST", "NESTED"):
-        raise InputError(f"the order of pixels must be RING or NESTED, the file says {order!r}.")
-    return order.strip().upper().startswith("NEST")
-
-
 def _in_mhz(values, unit):
     """Frequencies of a file in MHz; without a unit they are taken to be that."""
     try:
         return np.asarray(values, dtype=float) * u.Unit(unit or "MHz").to(u.MHz)
     except (ValueError, u.UnitConversionError):
         raise InputError(f"frequencies must be in Hz, MHz or GHz, the file says {unit!r}.") from None
-
-
-def _fits_maps(path):
-    """Maps (n, n_pix) of the table of a FITS file, NaN or UNSEEN where there are none, and its header."""
-    try:
-        maps, header = hp.read_map(path, field=None, dtype=None, nest=None, h=True)
-    except Exception as error:  # healpy and astropy raise all kinds for a file that is something else
-        raise InputError(f"{path} cannot be read as HEALPix maps in FITS ({error}).") from None
-    return np.atleast_2d(maps), dict(header)
-
-
-def _fits_columns(path):
-    """One file with a column for each channel, as healpy writes a list of maps."""
-    maps, header = _fits_maps(path)
-    names = [str(header.get(f"TTYPE{n + 1}", "")) for n in range(len(maps))]
-    if header.get("INDXSCHM") == "EXPLICIT":  # the first column tells the pixels, and is no map
-        names = [str(header.get(f"TTYPE{n + 2}", "")) for n in range(len(maps))]
-    return RawCube(
-        maps=maps,
-        freqs=_from_texts(names),
-        unit=header.get("TUNIT1") or header.get("TUNIT2") or None,
-        nested=_nested(header.get("ORDERING")),
-    )
-
-
-def _fits_files(folder):
-    """A folder with a file for each channel, in the order of their names."""
-    paths = sorted(path for path in folder.iterdir() if path.name.lower().endswith(_FITS))
-    if not paths:
-        raise InputError(f"the folder {folder} holds no .fits file.")
-    maps, headers = [], []
-    for path in paths:
-        found, header = _fits_maps(path)
-        if len(found) != 1 or (maps and found[0].shape != maps[0].shape):
-            raise InputError(
-                f"{path} must hold one map of the size of the others, "
-                f"got {len(found)} of {found.shape[1]} pixels."
-            )
-        maps.append(found[0])
-        headers.append(header)
-    orders, units = ({header.get(key) for header in headers} for key in ("ORDERING", "TUNIT1"))
-    if len(orders) > 1 or len(units) > 1:
-        raise InputError(
-            f"the files in {folder} must have one order of pixels and one unit, got "
-            f"{', '.join(map(str, orders))} and {', '.join(map(str, units))}."
-        )
-    return RawCube(
-        maps=np.array(maps),
-        freqs=_from_headers(headers) if all("FREQ" in header for header in headers) else _from_paths(paths),
-        unit=units.pop() or None,
-        nested=_nested(orders.pop()),
-    )
-
-
-def _from_headers(headers):
-    return np.array([float(header["FREQ"]) for header in headers])
-
-
-def _from_paths(paths):
-    return _from_texts([path.name for path in paths])
-
-
-def _from_texts(texts):
-    """The frequencies that texts such as "map_950.5MHz.fits" tell, if all do."""
-    found = [_FREQUENCY.search(text) for text in texts]
-    return np.array([float(match[1]) for match in found]) if all(found) else None

@@ -20,6 +20,7 @@ from himap.spectra import (
 
 __all__ = [
     "SpectraBeside",
+    "check_truth",
     "compared",
     "maps_figure",
     "modes_figure",
@@ -82,7 +83,7 @@ def compared(cleaned, truth):
         A truth of another resolution, other channels, or that does not see what was cleaned.
     """
     cube = cleaned.cube
-    _check_truth(cube, truth)
+    check_truth(cube, truth)
     maps = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
     angular = angular_power_pair(*(cube.on_sphere(one) for one in maps), mask=_mask_of(cube))
     found, true = (
@@ -92,11 +93,25 @@ def compared(cleaned, truth):
     return Comparison.of(found, true, l_top=2 * cube.nside)
 
 
-def _check_truth(cube, truth):
-    if truth.nside != cube.nside or not np.array_equal(truth.freqs, cube.freqs):
+def check_truth(cube, truth):
+    """Refuse a truth, a `Cube`, that is not one of `cube`.
+
+    Raises
+    ------
+    InputError
+        It has another resolution or other channels, or does not see what the cube does.
+    """
+    if truth.nside != cube.nside or len(truth.freqs) != len(cube.freqs):
         raise InputError(
             f"the truth must have the channels and the nside of the cube, {len(cube.freqs)} and "
             f"{cube.nside}; got {len(truth.freqs)} and {truth.nside}."
+        )
+    other = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
+    if other.any():
+        first = int(other.argmax())
+        raise InputError(
+            f"the truth must have the frequencies of the cube, got {truth.freqs[first]:.10g} MHz where that "
+            f"has {cube.freqs[first]:.10g}."
         )
     if (cube.mask & ~truth.mask).any():
         raise InputError("the truth must see all pixels of the cube.")

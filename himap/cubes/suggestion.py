@@ -69,7 +69,7 @@ class Suggestion:
         return int(views.min()), int(views.max())
 
 
-def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **parameters):
+def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **parameters):
     """Which numbers of sources to consider for a cube, without the truth.
 
     Recommended is the range of what the three views say: eigenvalues that stand out, the least criterion, and
@@ -82,9 +82,9 @@ def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **paramet
     method
         Name of a method that has a number of sources.
     n_sources
-        The numbers to try, ascending, two at least.
-    beams
-        b_l, for methods that use them.
+        The numbers to try, ascending, two at least; 1 to 10 unless given, or as many as the channels allow.
+    beams, peaks
+        As in `clean_cube`.
     parameters
         Other parameters of the method.
 
@@ -97,6 +97,7 @@ def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **paramet
     InputError
         A method without sources, numbers that do not ascend, or what the method refuses.
     """
+    n_sources = range(1, min(11, len(cube.freqs))) if n_sources is None else n_sources
     counts = np.array(list(n_sources))
     if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
@@ -105,7 +106,7 @@ def suggest(cube, method="pca", *, n_sources=range(1, 11), beams=None, **paramet
     line = _line(values)
     left, spectra, spectra_of = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
-        cleaned = clean_cube(cube, method, beams=beams, n_sources=int(count), **parameters)
+        cleaned = clean_cube(cube, method, beams=beams, peaks=peaks, n_sources=int(count), **parameters)
         spectra_of = spectra_of or SpectraBeside(cleaned)
         left.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))

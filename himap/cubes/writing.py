@@ -1,7 +1,7 @@
 """What was made of a cube, written as it was given: HDF5, FITS or .npy, whole files or none."""
 
 import json
-import os
+import tempfile
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -19,18 +19,24 @@ __all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned"]
 OUTPUTS = (".h5", ".fits", ".npy")
 
 
-def check_cube_output(path, *, overwrite):
+def check_cube_output(path, *, overwrite, inputs=()):
     """`path` as one that can be written, or an error before the work begins.
 
     Raises
     ------
     InputError
-        Another ending, a folder that cannot be written to, or a file that is there and not to be overwritten.
+        Another ending, a folder that cannot be written to, a file that is there and not to be overwritten, or
+        one of `inputs`, which never is.
     """
+    path = _checked_name(path)
+    _check_place([*files_of(path), path.with_suffix(".html")], overwrite, inputs)
+    return path
+
+
+def _checked_name(path):
     path = Path(path)
     if path.suffix not in OUTPUTS:
         raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
-    _check_place(companions(path), overwrite)
     return path
 
 
@@ -43,25 +49,33 @@ def check_page(path, *, overwrite):
     return path
 
 
-def _check_place(paths, overwrite):
+def _check_place(paths, overwrite, inputs=()):
     folder = paths[0].resolve().parent
-    if paths[0].is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
-        raise InputError(f"the output {paths[0]} cannot be written: is {folder} a folder that can be?")
+    try:  # what the permissions promise is not always so
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"the output {paths[0]} cannot be written ({error.strerror}): is {folder} a folder that can be?"
+        ) from None
+    originals = {Path(one).resolve() for one in inputs}
     for one in paths:
+        if one.is_dir():
+            raise InputError(f"the output {one} is a folder; give the name of a file.")
+        if originals & {one.resolve(), folder}:
+            raise InputError(f"{one} would change what it is made from; choose another output.")
         if one.exists() and not overwrite:
-            raise InputError(f"{one} exists; choose another output, or give --overwrite.")
+            raise InputError(f"{one} exists; choose another output, or give --overwrite (overwrite=True).")
 
 
-def companions(path):
-    """All files that go with the output `path`, itself included."""
-    path = Path(path)
-    beside = [path.with_suffix(".html")]
-    if path.suffix != ".h5":
-        beside += [path.with_name(f"{path.stem}_foreground{path.suffix}"), _named(path, "_mixing.txt")]
-    return [path, *beside]
+def files_of(path):
+    """All files that a cleaned cube is written to, `path` first."""
+    if path.suffix == ".h5":
+        return [path]
+    return [path, path.with_name(f"{path.stem}_foreground{path.suffix}"), _named(path, "_mixing.txt")]
 
 
-def save_cleaned(cleaned, path):
+def save_cleaned(cleaned, path, *, overwrite=False):
     """Write a `CleanedCube`: residual, foreground and mixing matrix.
 
     Channels, pixels and units are as in the file that the cube came from; pixels that were not seen are NaN
@@ -72,13 +86,19 @@ def save_cleaned(cleaned, path):
     -------
     list
         The paths that were written.
+
+    Raises
+    ------
+    InputError
+        Another ending than .h5, .fits or .npy, or a file that is there already, without `overwrite`.
     """
-    path, cube = Path(path), cleaned.cube
+    path, cube = _checked_name(path), cleaned.cube
+    paths = files_of(path)
+    _check_place(paths, overwrite)
     if path.suffix == ".h5":
         with whole_file(path) as temporary:
             _write_hdf5(cleaned, temporary)
-        return [path]
-    paths = [path, path.with_name(f"{path.stem}_foreground{path.suffix}"), _named(path, "_mixing.txt")]
+        return paths
     with ExitStack() as stack:  # all of them or none
         *targets, table = [stack.enter_context(whole_file(one)) for one in paths]
         for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
@@ -101,18 +121,12 @@ def _as_given(cleaned):
         yield name, cleaned.cube.layout.as_given(maps, cleaned.cube.mask)
 
 
-def _freqs_as_given(cube):
-    freqs = np.full(cube.layout.n_channels, np.nan)
-    freqs[cube.layout.channels] = cube.freqs
-    return freqs
-
-
 def _write_hdf5(cleaned, path):
     cube, found = cleaned.cube, cleaned.separation
     with h5py.File(path, "w") as file:
         for name, maps in _as_given(cleaned):
             file.create_dataset(name, data=maps).attrs["unit"] = cube.layout.unit
-        file.create_dataset("freqs", data=_freqs_as_given(cube)).attrs["unit"] = "MHz"
+        file.create_dataset("freqs", data=cube.layout.freqs).attrs["unit"] = "MHz"
         file.create_dataset("mixing", data=found.mixing).attrs["rows"] = "channels by frequency, ascending"
         file.attrs["ordering"] = "NESTED" if cube.layout.nested else "RING"
         file.attrs["method"] = cleaned.method.name
@@ -122,14 +136,13 @@ def _write_hdf5(cleaned, path):
 
 def _write_fits(name, maps, cleaned, path):
     layout = cleaned.cube.layout
-    freqs = _freqs_as_given(cleaned.cube)
     maps[~np.isfinite(maps)] = hp.UNSEEN
     hp.write_map(
         path,
         maps,
         nest=layout.nested,
         dtype=np.float32,
-        column_names=[f"{name} {freq:g} MHz" for freq in freqs],
+        column_names=[f"{name} {freq:.10g} MHz" for freq in layout.freqs],
         column_units=layout.unit,
         extra_header=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
     )

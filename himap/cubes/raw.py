@@ -1,0 +1,40 @@
+"""What a file says of a cube, before it is made to what himap works with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap.errors import InputError
+
+__all__ = ["RawCube", "is_nested"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawCube:
+    """What a file says; None for what it does not.
+
+    Attributes
+    ----------
+    maps
+        (n_channels, n_pix), in the order, unit and pixelisation of the file.
+    freqs
+        Channel centres, MHz, (n_channels,).
+    unit
+        Of the maps, as text.
+    nested
+        Whether pixels are in NESTED order.
+    """
+
+    maps: np.ndarray
+    freqs: np.ndarray | None = None
+    unit: str | None = None
+    nested: bool | None = None
+
+
+def is_nested(order):
+    """Whether the text of an ordering means NESTED; None where there is none."""
+    if order is None:
+        return None
+    if order.strip().upper() not in ("RING", "NEST", "NESTED"):
+        raise InputError(f"the order of pixels must be RING or NESTED, the file says {order!r}.")
+    return order.strip().upper().startswith("NEST")
