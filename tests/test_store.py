@@ -334,6 +334,6 @@ def test_what_himap_did_not_make_is_not_cleared(lab):
     thesis = cache.cache_folder() / "project" / "data" / "thesis.txt"
     thesis.parent.mkdir(parents=True)
     thesis.write_text("years of work")
-    assert [entry.product for entry in cache.cache_info()] == ["lab.base"]
+    assert len(cache.cache_info()) == 1
     cache.clear_cache()
     assert thesis.exists() and not cache.cache_info()
