@@ -1,9 +1,9 @@
 """Notebook files: what is kept of an executed notebook, its stamp, and how it is written.
 
 An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
-file only where the content changes, and its pictures are packed. Its stamp holds the fingerprint of its
-code, the parameters that were passed, a digest of its text, which shows whether it was edited since, and
-when it was last executed: the commit, the time it took, the versions.
+file only where the content changes, its stamp aside, and its pictures are packed. Its stamp holds the
+fingerprint of its code, the parameters that were passed, a digest of its text, which shows whether it was
+edited since, and when it was last executed: the commit, the time it took, the versions.
 """
 
 import base64
