@@ -164,11 +164,12 @@ def _cube_and_beams(path, remover, beam, dish, reading):
 
 
 def _widths(beams):
-    """What widths b_l tell: those of Gaussians that are half at the same l."""
+    """The FWHM of Gaussians that fall as b_l do, at the last l where they are above a tenth."""
     import numpy as np
 
-    degrees = np.arange(beams.shape[1]) + 0.5  # a Gaussian falls with l (l + 1)
-    half = np.array([np.interp(-0.5, -beam, degrees, right=np.inf) for beam in beams])
-    low, high = np.rad2deg(4 * np.log(2) / np.array([half.max(), half.min()]))
-    unresolved = " (0: too narrow for these maps)" if low == 0 else ""
-    return f"{low:.2g} to {high:.2g} deg{unresolved}"
+    found = []
+    for beam in beams:
+        last = max(np.flatnonzero(beam > 0.1)[-1], 1)
+        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
+        found.append(np.rad2deg(np.sqrt(8 * np.log(2)) * sigma))
+    return f"{min(found):.3g} to {max(found):.3g} deg"

@@ -8,7 +8,7 @@ from astropy.io import fits
 from click.testing import CliRunner
 
 from himap.cli import main
-from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned
+from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, write_report
 from himap.cubes.cube import read_truth
 from himap.errors import InputError
 from himap.removal.pca import PCA
@@ -168,7 +168,7 @@ class TestBeamFiles:
         done = himap(
             "clean", "good.h5", "--method", "sdecgmca", "--beam", "evolving", "--dish", 2, "-o", "c.h5"
         )
-        assert done.exit_code == 0 and "FWHM of 7.6 to 9.5 deg" in done.output
+        assert done.exit_code == 0 and "FWHM of 7.6 to 9.54 deg" in done.output
 
 
 class TestOutputs:
@@ -195,6 +195,10 @@ class TestOutputs:
         done = self.clean("good.h5", "-o", "p.h5")
         assert done.exit_code == 2 and "p.html is a folder" in done.output
         assert not (here / "p.h5").exists()
+
+    def test_a_page_from_python(self, here):
+        write_report(clean_cube(read_cube("good.h5"), PCA(n_sources=2)), "page.html")
+        assert "<h2>Spectra</h2>" in (here / "page.html").read_text()
 
     def test_python_does_not_write_over_files_unasked(self, here):
         cleaned = clean_cube(read_cube("good.h5"), PCA(n_sources=2))

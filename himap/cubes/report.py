@@ -1,6 +1,7 @@
 """A page on a cleaned cube: spectra, leading modes, maps of what is left, and what to look at."""
 
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 
@@ -118,10 +119,10 @@ def check_truth(cube, truth):
 
 
 def write_report(cleaned, path, *, truth=None):
-    """Write the page, one HTML file that needs nothing else."""
+    """Write the page to `path`, one HTML file that needs nothing else."""
     found = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [*_head(cleaned), *_spectra_part(found), *_modes_part(cleaned), *_maps_part(cleaned)]
-    path.write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
+    Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
 
 def _head(cleaned):
@@ -177,7 +178,8 @@ def spectra_figure(found):
 def _spectra_part(found):
     text = (
         "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
-        "was taken. A bump at one k is a ripple of the instrument."
+        "was taken. A bump at one k is a ripple of the instrument. A rise towards the largest multipoles, "
+        "after a method that uses the beam, means that the beam is not that of the cube."
     )
     parts = [
         "<h2>Spectra</h2>",
