@@ -8,6 +8,7 @@ second one that writes the same, leaves nothing half done under the right name. 
 import contextlib
 import json
 import os
+import re
 import shutil
 import socket
 import uuid
@@ -191,9 +192,9 @@ def cache_info():
 
 def _is_ours(path):
     """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too."""
-    return path.is_dir() and (
-        path.name.startswith(f"{_UNFINISHED}-") or (path / _NOTE).is_file() or (path / _VALUE).is_file()
-    )
+    if re.fullmatch(rf"{_UNFINISHED}-.+-\d+-[0-9a-f]{{8}}", path.name):
+        return path.is_dir()
+    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and (path / _VALUE).is_file()
 
 
 def _entry(path):

@@ -135,8 +135,8 @@ def angular_power_pair(recovered, truth, *, mask=None):
 def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
     """The first of `angular_power_pair` where the coefficients of the truth are at hand.
 
-    `truth_alms` (n_channels, n_alm) are those of `masked_alms`. In place of the truth any cube will do from
-    which the recovered one differs by a few spectra.
+    `truth_alms` (n_channels, n_alm) are those of `masked_alms`, or what the maps were made from. In place of
+    the truth any cube will do from which the recovered one differs by a few spectra.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
     spectra, alms = _alms_of_difference(recovered, truth, weights)

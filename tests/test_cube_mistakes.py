@@ -135,11 +135,12 @@ class TestMissing:
         with pytest.raises(InputError, match="all maps are zero"):
             read_cube("c.h5")
 
-    def test_blind_channels_come_back_with_their_frequency(self, maps, here):
+    @pytest.mark.parametrize("name", ["c.fits", "c.h5"])
+    def test_blind_channels_come_back_with_their_frequency(self, name, maps, here):
         maps[[4, 9]] = np.nan
         write_hdf5("a.h5", maps)
-        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), "c.fits")
-        again = read_cube("c.fits")
+        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), name)
+        again = read_cube(name, maps_name="residual" if name == "c.h5" else None)
         assert again.freqs == pytest.approx(np.delete(FREQS, [4, 9]), rel=1e-9)
         assert "2 of 24 channels see nothing" in " ".join(again.remarks)
 

@@ -130,6 +130,14 @@ def test_short_logarithmic_axes_have_plain_ticks():
     assert [label for label in labels if label] == ["2", "5", "10", "20", "50", "100"]
 
 
+def test_ratio_panels_are_linear_from_zero_and_logarithmic_over_a_wide_range():
+    k = np.arange(1.0, 4.0)
+    panel = PANEL | {"true": (k, k), "curves": [({"label": "PCA"}, k, 2 * k, k)]}
+    for limits, scale in (((0, 2), "linear"), ((0.5, 2), "linear"), ((0.02, 1e5), "log")):
+        _, bottom = plotting.spectrum([panel], ratio_limits=limits).axes
+        assert bottom.get_yscale() == scale and bottom.get_ylim() == limits
+
+
 def test_figures_of_curves_carry_their_numbers():
     k = np.arange(1.0, 4.0)
     style = {"label": "PCA"}

@@ -248,7 +248,9 @@ def test_a_writer_that_is_killed_leaves_no_result(lab):
 def test_writers_at_work_are_left_alone(lab):
     lab.base(SURVEY)
     folder = _value_file().parents[1]
-    names = {host: f"unfinished-{host}-{os.getpid()}-a" for host in (socket.gethostname(), "elsewhere")}
+    names = {
+        host: f"unfinished-{host}-{os.getpid()}-0123abcd" for host in (socket.gethostname(), "elsewhere")
+    }
     for name in names.values():
         (folder / name).mkdir()
     lab.base(SURVEY, scale=2.0)
@@ -331,9 +333,13 @@ def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
 def test_what_himap_did_not_make_is_not_cleared(lab):
     """HIMAP_CACHE may name a folder that holds other things too."""
     lab.base(SURVEY)
-    thesis = cache.cache_folder() / "project" / "data" / "thesis.txt"
-    thesis.parent.mkdir(parents=True)
-    thesis.write_text("years of work")
+    others = [
+        cache.cache_folder() / "project" / name
+        for name in ("data/thesis.txt", "unfinished-draft/note.json", "models/value.pkl")
+    ]
+    for path in others:
+        path.parent.mkdir(parents=True)
+        path.write_text("{}")
     assert len(cache.cache_info()) == 1
     cache.clear_cache()
-    assert thesis.exists() and not cache.cache_info()
+    assert all(path.exists() for path in others) and not cache.cache_info()

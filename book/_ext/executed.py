@@ -7,7 +7,7 @@ from pathlib import Path
 
 import nbformat
 
-ENDINGS = {"text/csv": "csv", "application/x-npz": "npz"}
+from himap.figure_data import DATA_TYPES
 
 
 @dataclass(frozen=True)
@@ -36,21 +36,10 @@ class Figure:
     data: dict[str, bytes] = field(default_factory=dict)
 
 
-def notebooks(srcdir):
-    """Paths of the executed notebooks of the book, in order."""
-    return sorted(Path(srcdir, "notebooks").glob("[0-9]*.ipynb"))
-
-
-def title(path):
-    """The first heading of a notebook."""
-    text = "\n".join(cell.source for cell in _cells(path) if cell.cell_type == "markdown")
-    return re.search(r"^# (.*)$", text, flags=re.M)[1]
-
-
 def figures(path):
     """The figures of one notebook, in order."""
     found = []
-    for cell in _cells(path):
+    for cell in nbformat.read(path, as_version=4).cells:
         about = cell.metadata.get("mystnb", {}).get("figure")
         bundles = [output.get("data", {}) for output in cell.get("outputs", [])]
         shown = [data for data in bundles if "image/png" in data]
@@ -69,13 +58,8 @@ def figures(path):
     return found
 
 
-def _cells(path):
-    return nbformat.read(path, as_version=4).cells
-
-
 def _numbers(data):
-    texts = {kind: data[kind] for kind in ENDINGS if kind in data}
+    texts = {ending: data[kind] for kind, ending in DATA_TYPES.items() if kind in data}
     return {
-        ENDINGS[kind]: text.encode() if kind == "text/csv" else base64.b64decode(text)
-        for kind, text in texts.items()
+        ending: text.encode() if ending == "csv" else base64.b64decode(text) for ending, text in texts.items()
     }

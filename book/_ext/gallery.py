@@ -8,9 +8,11 @@ import re
 from pathlib import Path
 
 from docutils import nodes
-from executed import figures, notebooks, title
+from executed import figures
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
+
+from himap.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
 
@@ -21,19 +23,20 @@ class Gallery(SphinxDirective):
     required_arguments = 1
 
     def run(self):
-        there = {path: figures(path) for path in notebooks(self.env.srcdir)}
-        for path in there:
-            self.env.note_dependency(str(path))
+        chapters = notebooks(Path(self.env.srcdir, "notebooks"))
+        there = {chapter: figures(chapter.executed) for chapter in chapters}
+        for chapter in there:
+            self.env.note_dependency(str(chapter.executed))
         if self.arguments[0] == "paper":
             whole = sorted((one for many in there.values() for one in many if one.paper), key=_order)
             return [self._grid(whole)]
         if self.arguments[0] == "chapters":
-            return [node for path, many in there.items() if many for node in self._chapter(path, many)]
+            return [node for one, many in there.items() if many for node in self._chapter(one.title, many)]
         raise self.error(f"a gallery of `paper` or of `chapters`, not of {self.arguments[0]!r}")
 
-    def _chapter(self, path, many):
+    def _chapter(self, title, many):
         count = f"{len(many)} figure{'s' if len(many) > 1 else ''}"
-        label = f"<summary>{html.escape(title(path))} <small>({count})</small></summary>"
+        label = f"<summary>{html.escape(title)} <small>({count})</small></summary>"
         opening = f'<details class="himap-chapter">{label}'
         return [_raw(opening), self._grid(many), _raw("</details>")]
 

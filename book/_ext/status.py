@@ -3,13 +3,12 @@
 from importlib.metadata import version
 from pathlib import Path
 
-import nbformat
 from docutils import nodes
 from docutils.statemachine import StringList
-from executed import notebooks
 from sphinx.util.docutils import SphinxDirective
 
-from himap.notebook_files import STAMP
+from himap.notebook_files import STAMP, read_notebook
+from himap.notebooks import notebooks
 from himap.provenance import duration, environment
 from himap.reproduce import stale
 
@@ -20,12 +19,12 @@ class Status(SphinxDirective):
     """The directive: two tables."""
 
     def run(self):
-        paths = notebooks(self.env.srcdir)
-        for path in paths:
-            self.env.note_dependency(str(path))
-        stamps = {path: nbformat.read(path, as_version=4).metadata[STAMP] for path in paths}
-        executions = {path.stem: stamp.get("execution", {}) for path, stamp in stamps.items()}
-        text = [*_runs(executions, stale(Path(self.env.srcdir, "notebooks"))), "", *_versions(executions)]
+        folder = Path(self.env.srcdir, "notebooks")
+        executions = {}
+        for one in notebooks(folder):
+            self.env.note_dependency(str(one.executed))
+            executions[one.name] = read_notebook(one.executed).metadata[STAMP].get("execution", {})
+        text = [*_runs(executions, stale(folder)), "", *_versions(executions)]
         node = nodes.container()
         self.state.nested_parse(StringList(text, "status"), self.content_offset, node)
         return node.children
