@@ -240,19 +240,21 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     make = cleaned if cleaned.is_cached(case, remover, mask_peaks) else cleaned.compute
     left, truth = make(case, remover, mask_peaks), observation(case).truth
     errors = diagnostics.line_errors(left.maps, truth)
-    found = recovered_angular_power(left.maps, truth, truth_alms(case))
+    alms = truth_alms(case)
     width = case.survey.channel_width
     masked = masked_truth = None
     if post_mask:
         kept = ~diagnostics.flagged_lines(errors)
+        pair = angular_power_pair(left.maps, truth, mask=kept, truth_alms=alms)
         masked, masked_truth = (
             Spectra(angular=angular, frequency=frequency_power(maps, width, mask=kept))
-            for angular, maps in zip(
-                angular_power_pair(left.maps, truth, mask=kept), (left.maps, truth), strict=True
-            )
+            for angular, maps in zip(pair, (left.maps, truth), strict=True)
         )
     return Assessment(
-        spectra=Spectra(angular=found, frequency=frequency_power(left.maps, width)),
+        spectra=Spectra(
+            angular=recovered_angular_power(left.maps, truth, alms),
+            frequency=frequency_power(left.maps, width),
+        ),
         correlation=diagnostics.correlation(left.maps, truth),
         line_errors=errors,
         masked=masked,

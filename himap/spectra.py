@@ -30,6 +30,7 @@ _MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps 
 _BLOCK = 4096  # lines of sight at a time
 _CHANNELS = 16  # at a time
 _FAINT = 3e-8  # of the variance of the truth: spectra of a difference that no power spectrum shows
+_MOST = 0.75  # of the sky kept: what is left out is then small enough for a rough analysis
 _MINOR = 1e-3  # of the variance of a channel of the truth: a rough analysis, good to percents, will do
 
 
@@ -101,7 +102,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
 
 
-def angular_power_pair(recovered, truth, *, mask=None):
+def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
     """Angular power spectra of a cleaned cube and of the truth, in little more than the time of one.
 
     What a method leaves differs from the truth by what is left of the foregrounds and by what it took of HI.
@@ -114,6 +115,9 @@ def angular_power_pair(recovered, truth, *, mask=None):
         (n_channels, n_pix), mK, RING.
     mask
         As in `angular_power`.
+    truth_alms
+        Coefficients of the whole truth, mask or not, to 3 nside - 1, (n_channels, n_alm), where they are at
+        hand: if the mask keeps most of the sky, only what it takes away is transformed, and once.
 
     Returns
     -------
@@ -122,10 +126,15 @@ def angular_power_pair(recovered, truth, *, mask=None):
         up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
+    if truth_alms is not None:
+        _checked(truth, None)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
     pseudo = np.empty((2, len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
-        alm = _alms(truth[channels], weights)
+        if truth_alms is None or weights.mean() < _MOST:
+            alm = _alms(truth[channels], weights)
+        else:
+            alm = _alms_of_most(truth[channels], weights, truth_alms[channels])
         pseudo[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
         pseudo[1, channels] = sphere.power_spectrum(alm)
     both = _from_pseudo(np.concatenate(pseudo), weights, mask)
@@ -158,6 +167,20 @@ def _alms(maps, weights):
     kept = weights > 0
     centred = np.array([_centred(pixels, weights, kept) for pixels in maps], dtype=maps.dtype)
     return sphere.analyse(centred)
+
+
+def _alms_of_most(maps, weights, whole):
+    """As `_alms`, from the coefficients `whole` of the maps without weights, less those of what these take.
+
+    That is little, so plain quadrature does for it; the rest has no error of quadrature at all.
+    """
+    kept = weights > 0
+    alms, taken = whole.copy(), np.empty_like(maps)
+    for pixels, alm, out in zip(maps, alms, taken, strict=True):
+        mean = np.average(pixels[kept], weights=weights[kept])
+        alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)
+        out[:] = (1 - weights) * (pixels - mean)
+    return alms - sphere.analyse(taken, n_iter=0)
 
 
 def _from_pseudo(pseudo, weights, mask):
@@ -285,10 +308,12 @@ def frequency_power(maps, channel_width, *, mask=None):
         raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
     n_channels, n_pix = maps.shape
     kept = weights > 0
-    mean = np.array([np.average(channel[kept], weights=weights[kept]) for channel in maps])
-    total = np.zeros(n_channels // 2 + 1)
+    inside, norm = slice(None) if kept.all() else kept, weights.sum()
+    mean = np.array([channel[inside] @ weights[inside] / norm for channel in maps]).astype(maps.dtype)
+    total, weights = np.zeros(n_channels // 2 + 1), weights.astype(maps.dtype)
     for block in progress(blocks(n_pix, _BLOCK), "frequency spectra"):
-        lines = maps[:, block][:, kept[block]] - mean[:, None]
-        total += np.abs(fft.rfft(lines, axis=0, workers=-1)) ** 2 @ weights[block][kept[block]]
-    power = total * channel_width / (n_channels * weights.sum())
+        lines = np.where(kept[block], maps[:, block] - mean[:, None], 0)
+        modes = fft.rfft(lines, axis=0, workers=-1)
+        total += (modes.real**2 + modes.imag**2) @ weights[block]
+    power = total * channel_width / (n_channels * norm)
     return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)

@@ -251,6 +251,25 @@ class TestPair:
         assert found.degrees == pytest.approx(expected.degrees)
         assert found.cl == pytest.approx(expected.cl, rel=1e-6)
 
+    @pytest.mark.parametrize("mask", [None, cut(10), cut(40), cut(10) * 0.5])
+    def test_coefficients_of_the_whole_truth(self, pair, mask):
+        """Little cut out, much, and everything in part: as if the masked truth were transformed."""
+        alms = sphere.analyse(pair[1], n_iter=9)
+        found = spectra.angular_power_pair(*pair, mask=mask, truth_alms=alms)
+        expected = spectra.angular_power_pair(*pair, mask=mask)
+        for one, other in zip(found, expected, strict=True):
+            seen = slice(1, np.searchsorted(other.degrees, 2 * NSIDE))
+            assert one.degrees == pytest.approx(other.degrees)
+            assert one.mean[seen] == pytest.approx(other.mean[seen], rel=2e-3)
+            assert one.cl[:, seen] == pytest.approx(other.cl[:, seen], rel=0.02)
+
+    def test_coefficients_of_the_whole_truth_want_it_whole(self, pair):
+        truth, mask = pair[1].copy(), cut(10)
+        truth[:, mask == 0] = np.nan
+        spectra.angular_power_pair(pair[0], truth, mask=mask)
+        with pytest.raises(InputError, match="finite|NaN"):
+            spectra.angular_power_pair(pair[0], truth, mask=mask, truth_alms=np.zeros((12, 1)))
+
     def test_equal_cubes_have_equal_spectra(self, pair):
         found, true = spectra.angular_power_pair(pair[1], pair[1])
         assert np.array_equal(found.cl, true.cl)
