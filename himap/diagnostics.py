@@ -11,6 +11,7 @@ __all__ = [
     "MSE_DEFINITIONS",
     "band_max",
     "band_mean",
+    "band_means",
     "correlation",
     "error_variance",
     "flagged_lines",
@@ -22,6 +23,9 @@ __all__ = [
 
 BUMP = (0.25, 0.38)
 """k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
+
+_ANGULAR_BANDS = ((1, 10), (10, 200))
+_FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, np.inf))
 
 MSE_DEFINITIONS = {
     "relative": "mean of (S / S_true - 1)^2",
@@ -55,6 +59,35 @@ def band_mean(x, values, low, high):
 def band_max(x, values, low, high):
     """Largest of `values` where low < x < high."""
     return float(values[_inside(x, low, high)].max())
+
+
+def band_means(degrees, angular, k, frequency):
+    """Means of both ratios over bands, and the highest P/P0 near k = 0.31, {name: value}.
+
+    Parameters
+    ----------
+    degrees, angular
+        l, ascending, and C/C0, (n_l,).
+    k, frequency
+        k, 1/MHz, and P/P0, (n_k,).
+
+    Returns
+    -------
+    dict
+        Without the bands that hold none of the values.
+    """
+    numbers = {}
+    for low, high in _ANGULAR_BANDS:
+        high = min(high, int(degrees[-1]))
+        if _within(degrees, low, high).any():
+            numbers[f"C/C0, {low} < l < {high}"] = band_mean(degrees, angular, low, high)
+    for low, high in _FREQUENCY_BANDS:
+        name = f"P/P0, k > {low}" if high == np.inf else f"P/P0, {low} < k < {high}"
+        if _within(k, low, high).any():
+            numbers[name] = band_mean(k, frequency, low, high)
+    if _within(k, *BUMP).any():
+        numbers["P/P0, highest near k = 0.31"] = band_max(k, frequency, *BUMP)
+    return numbers
 
 
 def largest_deviation(x, ratios, low, high):
@@ -126,11 +159,14 @@ def _pearson(one, two):
     return one @ two / np.sqrt((one @ one) * (two @ two))
 
 
+def _within(x, low, high):
+    return (np.asarray(x) > low) & (np.asarray(x) < high)
+
+
 def _inside(x, low, high):
-    x = np.asarray(x)
-    inside = (x > low) & (x < high)
+    inside = _within(x, low, high)
     if not inside.any():
         raise InputError(
-            f"nothing lies between {low} and {high}: the values go from {x.min():g} to {x.max():g}."
+            f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}."
         )
     return inside

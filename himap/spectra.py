@@ -4,7 +4,6 @@ The mean over the sky is removed from every channel first, as in the paper.
 """
 
 import numbers
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +11,9 @@ from scipy import fft
 
 from himap import sphere
 from himap.blocked import blocks
-from himap.checks import checked_cube, real_array, whole_number
+from himap.checks import checked_cube, whole_number
 from himap.errors import InputError
+from himap.masks import bin_matrix, decoupled, mask_weights
 from himap.progress import progress
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "recovered_angular_power",
 ]
 
-_MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 _BLOCK = 4096  # lines of sight at a time
 _CHANNELS = 16  # at a time
 _FAINT = 3e-8  # of the variance of the truth: spectra of a difference that no power spectrum shows
@@ -95,9 +94,9 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     for channel, out in zip(progress(maps, "angular spectra"), cl, strict=True):
         centred = _centred(channel, weights, kept)
         out[:] = sphere.power_spectrum(sphere.analyse(centred.astype(maps.dtype), full))
-    bins = _bin_matrix(full, bin_width)
+    bins = bin_matrix(full, bin_width)
     degrees = bins @ np.arange(full + 1)
-    cl = cl @ bins.T if mask is None else _decoupled(cl, weights, bins)
+    cl = cl @ bins.T if mask is None else decoupled(cl, weights, bins)
     inside = degrees <= lmax
     return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
 
@@ -186,8 +185,8 @@ def _alms_of_most(maps, weights, whole):
 def _from_pseudo(pseudo, weights, mask):
     """The `AngularPower` of pseudo-C_l to 3 nside - 1, in bins as wide as the mask asks for."""
     lmax = pseudo.shape[1] - 1
-    bins = _bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
-    cl = pseudo @ bins.T if mask is None else _decoupled(pseudo, weights, bins)
+    bins = bin_matrix(lmax, min(int(np.ceil(1 / weights.mean())), lmax))
+    cl = pseudo @ bins.T if mask is None else decoupled(pseudo, weights, bins)
     return AngularPower(degrees=bins @ np.arange(lmax + 1), cl=cl)
 
 
@@ -235,53 +234,11 @@ def _centred(pixels, weights, kept):
     return weights * np.where(kept, pixels - mean, 0)
 
 
-def _decoupled(pseudo, weights, bins):
-    """Binned C_l from pseudo-C_l, or their ratio to the kept sky where that cannot be had."""
-    mask_cl = sphere.power_spectrum(sphere.analyse(weights))
-    binned = bins @ sphere.coupling_matrix(mask_cl, bins.shape[1] - 1) @ (bins > 0).T
-    condition = np.linalg.cond(binned)
-    if condition > _MAX_CONDITION:
-        f_sky = np.mean(weights**2)
-        warnings.warn(
-            f"the mask keeps {f_sky:.1%} of the sky and its coupling matrix has condition number "
-            f"{condition:.1e}: C_l are divided by that fraction instead of decoupled; use wider bins.",
-            stacklevel=3,
-        )
-        return pseudo @ bins.T / f_sky
-    return np.linalg.solve(binned, bins @ pseudo.T).T
-
-
-def _bin_matrix(lmax, width):
-    """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a bin of its own."""
-    first = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
-    if first[-1] - first[-2] < width and len(first) > 3:
-        first = np.delete(first, -2)  # the last bin takes the remainder
-    degree = np.arange(lmax + 1)
-    inside = (degree >= first[:-1, None]) & (degree < first[1:, None])
-    return inside / inside.sum(axis=1, keepdims=True)
-
-
 def _checked(maps, mask):
     """Maps and weights; what the mask leaves out may be anything."""
     shape = np.shape(maps)
-    weights = _weights(mask, shape[-1] if shape else 0)
+    weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
-
-
-def _weights(mask, n_pix):
-    """The mask as float64 weights, checked."""
-    if mask is None:
-        return np.ones(n_pix)
-    if np.asarray(mask).dtype != bool:
-        mask = real_array("the mask", mask)
-    weights = np.asarray(mask, dtype=np.float64)
-    if weights.shape != (n_pix,):
-        raise InputError(f"the mask must have shape (n_pix,) = ({n_pix},), got {weights.shape}.")
-    if not (np.isfinite(weights).all() and weights.min() >= 0 and weights.max() <= 1):
-        raise InputError("the mask must be True where kept, or weights between 0 and 1; got values outside.")
-    if not weights.any():
-        raise InputError("the mask keeps no pixel; True (or 1) means kept.")
-    return weights
 
 
 def frequency_power(maps, channel_width, *, mask=None):

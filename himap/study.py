@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from himap import pipeline, plotting
-from himap.diagnostics import BUMP
+from himap import diagnostics, pipeline, plotting
 from himap.errors import InputError
 from himap.evidence import Comparison
 from himap.memory import check_memory
@@ -26,9 +25,6 @@ N_SOURCES = {beam: row["n_sources"] for beam, row in TABLE_1.items()}
 """Number of components that the paper removes, by beam (Table 1)."""
 
 BEAMS = tuple(N_SOURCES)
-
-ANGULAR_BANDS = ((1, 10), (10, 200))
-FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, np.inf))
 
 _AXES = {
     "angular": {
@@ -226,17 +222,8 @@ class Study:
         return one.degrees, one.angular_ratio, one.k, one.frequency_ratio
 
     def bands(self, beam, remover, **options):
-        """Means of both ratios over bands, and the highest P/P0 near k = 0.31, {name: value}."""
-        degrees, angular, k, frequency = self.ratios(beam, remover, **options)
-        numbers = {}
-        for low, high in ANGULAR_BANDS:
-            high = min(high, self.l_top)
-            _add(numbers, f"C/C0, {low} < l < {high}", degrees, angular, low, high, np.mean)
-        for low, high in FREQUENCY_BANDS:
-            name = f"P/P0, k > {low}" if high == np.inf else f"P/P0, {low} < k < {high}"
-            _add(numbers, name, k, frequency, low, high, np.mean)
-        _add(numbers, "P/P0, highest near k = 0.31", k, frequency, *BUMP, np.max)
-        return numbers
+        """`diagnostics.band_means` of one method, {name: value}."""
+        return diagnostics.band_means(*self.ratios(beam, remover, **options))
 
     @staticmethod
     def label(remover):
@@ -302,9 +289,3 @@ def _title(beam, methods):
     """The beam, and the number of components where all methods that have one agree."""
     counts = {one.n_sources for one in methods if hasattr(one, "n_sources")}
     return f"{beam}, {counts.pop()} components" if len(counts) == 1 else beam
-
-
-def _add(numbers, name, x, values, low, high, reduce):
-    inside = (x > low) & (x < high)
-    if inside.any():
-        numbers[name] = float(reduce(values[inside]))

@@ -72,3 +72,17 @@ def test_bands():
 def test_bad_spectra(pair, message):
     with pytest.raises(InputError, match=message):
         diagnostics.ratio(*pair)
+
+
+def test_means_over_bands():
+    degrees, k = np.arange(2, 257), np.arange(1, 51) * 0.02
+    means = diagnostics.band_means(degrees, degrees / 10, k, k**2)
+    assert means["C/C0, 1 < l < 10"] == pytest.approx(0.55)
+    assert means["C/C0, 10 < l < 200"] == pytest.approx(10.5)
+    assert means["P/P0, 0 < k < 0.03"] == pytest.approx(4e-4)
+    assert means["P/P0, highest near k = 0.31"] == pytest.approx(0.36**2)
+
+
+def test_bands_without_values_are_left_out():
+    means = diagnostics.band_means(np.arange(2, 9), np.ones(7), np.array([0.05, 0.2]), np.array([3.0, 5.0]))
+    assert means == {"C/C0, 1 < l < 8": 1, "P/P0, 0.03 < k < 0.1": 3, "P/P0, k > 0.1": 5}

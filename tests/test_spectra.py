@@ -4,7 +4,7 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap import spectra, sphere
+from himap import masks, spectra, sphere
 from himap.errors import InputError
 
 NSIDE = 32
@@ -66,10 +66,10 @@ def apodised(width):
 @pytest.mark.parametrize("weights", [cut(20).astype(float), apodised(15)], ids=["sharp", "apodised"])
 def test_decoupling_inverts_the_coupling_exactly(weights):
     """Pseudo-spectra made by the coupling matrix itself, of a steep spectrum: no sample variance."""
-    bins = spectra._bin_matrix(LMAX, 2)
+    bins = masks.bin_matrix(LMAX, 2)
     steep = 1 / (1 + np.arange(len(bins))) ** 3.0
     coupling = sphere.coupling_matrix(sphere.power_spectrum(sphere.analyse(weights)), LMAX)
-    decoupled = spectra._decoupled((coupling @ (bins > 0).T @ steep)[None], weights, bins)[0]
+    decoupled = masks.decoupled((coupling @ (bins > 0).T @ steep)[None], weights, bins)[0]
     assert decoupled == pytest.approx(steep, rel=1e-6)
 
 
@@ -81,7 +81,7 @@ def test_decoupling_against_namaster(red_cl, rng, weights):
     maps = realisations(red_cl, 1, rng)
     kept = weights > 0
     centred = np.where(kept, maps[0] - np.average(maps[0][kept], weights=weights[kept]), 0)
-    bins = spectra._bin_matrix(LMAX, 2)
+    bins = masks.bin_matrix(LMAX, 2)
     bands = nmt.NmtBin(
         ells=np.arange(LMAX + 1), bpws=(bins > 0).argmax(axis=0), weights=np.ones(LMAX + 1), lmax=LMAX
     )
@@ -96,7 +96,7 @@ def test_decoupling_against_namaster(red_cl, rng, weights):
 
 def test_fallback_divides_by_the_mean_square_of_the_weights(rng, monkeypatch):
     """White noise under fractional weights: their mean square is what the pseudo-spectrum loses."""
-    monkeypatch.setattr(spectra, "_MAX_CONDITION", 0)
+    monkeypatch.setattr(masks, "_MAX_CONDITION", 0)
     with pytest.warns(UserWarning, match="divided by that fraction"):
         power = spectra.angular_power(rng.standard_normal((4, N_PIX)), mask=apodised(15))
     inside = (power.degrees > 20) & (power.degrees < 64)

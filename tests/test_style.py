@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = [
     "errors", "outputs", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
     "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
-    "cosmology", "sphere", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
+    "cosmology", "sphere", "masks", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
     "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "figure_data", "plotting", "study",
     "cubes", "parameters", "notebook_files", "notebooks", "kernels", "kernel_manager", "reproduce",
     "cli_shared", "cli_cache", "cli_cubes", "cli", "__main__",
