@@ -173,8 +173,11 @@ def _alms_of_most(maps, weights, whole):
 
     That is little, so plain quadrature does for it; the rest has no error of quadrature at all.
     """
-    kept = weights > 0
     alms, taken = whole.copy(), np.empty_like(maps)
+    if weights.min() == 1:
+        alms[:, 0] = 0
+        return alms
+    kept = weights > 0
     for pixels, alm, out in zip(maps, alms, taken, strict=True):
         mean = np.average(pixels[kept], weights=weights[kept])
         alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)

@@ -53,6 +53,7 @@ study = Study(
     template_dir=template_dir,
     small_scales=small_scales,
     ripple=ripple,
+    keep_cubes=False,
 )
 observed = study.observed(beam)
 freqs = observed.freqs

@@ -107,11 +107,12 @@ pca = PCA(n_sources=n_sources)
 # differ only if the whitening kept more components than sources are removed.
 
 # %%
-difference = {
-    name: study.cleaned(name, methods[0]).maps - study.cleaned(name, PCA(n_sources=methods[0].n_sources)).maps
+different = {
+    name: study.cleaned(name, methods[0]).maps
+    != study.cleaned(name, PCA(n_sources=methods[0].n_sources)).maps
     for name, methods in removers.items()
 }
-show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, cube in difference.items()})
+show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, cube in different.items()})
 
 # %% [markdown]
 # ## What is removed

@@ -47,7 +47,7 @@ import warnings
 
 import numpy as np
 
-from himap import plotting
+from himap import pipeline, plotting, sphere
 from himap.instrument.noise import noise_maps, noise_sigma
 from himap.numbers import show
 from himap.removal import harmonic
@@ -56,7 +56,7 @@ from himap.removal.base import SeparationWarning
 from himap.removal.channels import Channels
 from himap.removal.sdecgmca import TABLE_1, SDecGMCA
 from himap.removal.sparsity import SparseSources
-from himap.spectra import angular_power, frequency_power
+from himap.spectra import frequency_power, recovered_angular_power
 from himap.study import BEAMS, Study
 
 study = Study(
@@ -147,7 +147,7 @@ numbers = study.band_numbers(removers)
 three = SDecGMCA.for_beam("oscillating", iteration=iteration, n_sources=3)
 for name, value in study.bands("oscillating", three).items():
     numbers[f"oscillating, 3 sources: {name}"] = (value, 0.02)
-numbers |= {f"{name}: settled": study.cleaned(name, removers[name][0]).converged for name in BEAMS}
+numbers |= {f"{name}: settled": study.assessed(name, removers[name][0]).converged for name in BEAMS}
 show(numbers)
 
 # %% [markdown]
@@ -163,17 +163,21 @@ seen = study.observed("oscillating")
 sigma = noise_sigma(case.survey)
 masked = study.peak_masked("oscillating").maps
 other = noise_maps(case.survey, np.random.default_rng(1)) - noise_maps(case.survey, case.survey.rng("noise"))
+alms = {"own": pipeline.truth_alms(case)}
+alms["other"] = alms["own"] + sphere.analyse(other)
 
 
-def ratios(which, *, level=1.0, extra=0):
+def ratios(which, *, level=1.0, noise="own"):
     """C/C0 and P/P0 of one run with another noise level, or with other noise."""
     method = SDecGMCA.for_beam("oscillating", iteration=which, noise=tuple(level * sigma))
+    extra = other if noise == "other" else 0
     left = method.clean(
         seen.maps + extra, freqs=seen.freqs, beams=seen.beams, separate_on=masked + extra
     ).residual
     truth, width = seen.truth + extra, case.survey.channel_width
+    recovered = recovered_angular_power(left, truth, alms[noise]).mean
     return (
-        angular_power(left).mean[2:] / angular_power(truth).mean[2:],
+        (recovered / sphere.power_spectrum(alms[noise]).mean(axis=0))[2:],
         (frequency_power(left, width).power / frequency_power(truth, width).power)[1:],
     )
 
@@ -181,7 +185,7 @@ def ratios(which, *, level=1.0, extra=0):
 changes = {
     "as it is": {},
     "noise level + 0.1 %": {"level": 1.001},
-    "other noise": {"extra": other},
+    "other noise": {"noise": "other"},
 }
 runs = {
     which: {name: ratios(which, **change) for name, change in changes.items()}

@@ -56,6 +56,7 @@ study = Study(
     template_dir=template_dir,
     small_scales=small_scales,
     ripple=ripple,
+    keep_cubes=False,
 )
 n_sources = {"degraded": n_degraded, "evolving": n_evolving, "oscillating": n_oscillating}
 removers = {
@@ -109,7 +110,7 @@ unsettled = [
     f"{beam}, {study.label(one)}"
     for beam, methods in removers.items()
     for one in methods
-    if not study.cleaned(beam, one).converged
+    if not study.assessed(beam, one).converged
 ]
 print("; ".join(unsettled) or "none")
 

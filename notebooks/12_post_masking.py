@@ -169,8 +169,13 @@ def lost_to(remover):
     maps = centred(observed.truth - peaks).astype(np.float32)
     if remover.needs_beams:
         return through_beams(maps, mixing, relative)
-    basis, _ = np.linalg.qr(mixing)
+    basis = np.linalg.qr(mixing)[0].astype(np.float32)
     return basis @ (basis.T @ maps)
+
+
+def rms(cube, lines):
+    """Over some lines of sight, in every channel, (n_channels,)."""
+    return np.sqrt(np.mean(cube[:, lines] ** 2, axis=1))
 
 
 def percentile(values, lines):
@@ -186,7 +191,7 @@ for one in blind:
     lost, out = lost_to(one), flagged[one.name]
     error = centred(study.cleaned(beam, one).maps) - truth
     left = error + lost
-    parts[one.name] = left, lost
+    parts[one.name] = {"foreground left": rms(left, out), "HI lost": rms(lost, out), "truth": rms(truth, out)}
     power = (error[:, out] ** 2).sum(axis=1)
     table[study.label(one)] = {
         f"{what}, {where} [mK]": (np.sqrt(np.mean(cube[:, lines] ** 2)), 0.0005)
@@ -207,11 +212,7 @@ looks = {
 }
 panels = []
 for name in ("pca", "sdecgmca"):
-    cubes = zip(looks, (*parts[name], truth), strict=True)
-    curves = [
-        (observed.freqs, np.sqrt(np.mean(cube[:, flagged[name]] ** 2, axis=1)), looks[what] | {"label": what})
-        for what, cube in cubes
-    ]
+    curves = [(observed.freqs, values, looks[what] | {"label": what}) for what, values in parts[name].items()]
     panels.append(
         {
             "curves": curves,

@@ -69,6 +69,7 @@ common = {
     "template_dir": template_dir,
     "small_scales": small_scales,
     "ripple": ripple,
+    "keep_cubes": False,
 }
 dimming = Dimming(weight=plane_weight, edge=plane_edge)
 full, dimmed = Study(**common), Study(**common, dimming=dimming)
@@ -193,7 +194,7 @@ def errors_of(study, remover):
     if remover.needs_beams:
         lost = through_beams(maps, result.mixing, seen.beams / seen.beams.max(axis=0))
     else:
-        basis, _ = np.linalg.qr(result.mixing)
+        basis = np.linalg.qr(result.mixing)[0].astype(np.float32)
         lost = basis @ (basis.T @ maps)
     return (centred(result.maps - seen.truth) + lost).std(), lost.std()
 

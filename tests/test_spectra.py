@@ -262,6 +262,7 @@ class TestPair:
             assert one.degrees == pytest.approx(other.degrees)
             assert one.mean[seen] == pytest.approx(other.mean[seen], rel=2e-3)
             assert one.cl[:, seen] == pytest.approx(other.cl[:, seen], rel=0.02)
+            assert one.cl[:, 0] == pytest.approx(other.cl[:, 0], abs=1e-3 * other.cl[0, 1])
 
     def test_coefficients_of_the_whole_truth_want_it_whole(self, pair):
         truth, mask = pair[1].copy(), cut(10)
