@@ -9,8 +9,8 @@ alternative takes longer.
 """
 
 import json
+import time
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 
@@ -19,6 +19,7 @@ from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
 from himap import pipeline
+from himap.outputs import whole_file
 from himap.provenance import Provenance
 
 
@@ -29,7 +30,7 @@ from himap.provenance import Provenance
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(preset, case, only, alone, output):
     """Measure the steps at one preset."""
-    survey, galaxy = case.survey, case.galaxy.source
+    survey, galaxy, started = case.survey, case.galaxy.source, time.monotonic()
     machine = Machine.measured(survey.nside)
     click.echo(
         f"{preset}: nside {survey.nside}, {survey.n_channels} channels, {survey.box_cells}^3 cells, {galaxy} "
@@ -48,13 +49,23 @@ def main(preset, case, only, alone, output):
         found = measured(step, case, beside=not alone)
         rows.append(_row(step, found, machine, survey))
         click.echo(_line(_texts(rows[-1], preset)))
-    if output:
-        size = {name: getattr(survey, name) for name in ("nside", "n_channels", "box_cells")}
-        about = {"size": size} | asdict(
-            Provenance.of(survey, galaxy=galaxy, preset=preset, parameters={"beam": case.beam})
-        )
-        text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
-        Path(output).write_text(text + "\n")
+        if output:  # after each, for the next may run out of memory
+            about = _about(preset, case, started)
+            text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
+            with whole_file(output) as temporary:
+                temporary.write_text(text + "\n")
+
+
+def _about(preset, case, started):
+    size = {name: getattr(case.survey, name) for name in ("nside", "n_channels", "box_cells")}
+    made = Provenance.of(
+        case.survey,
+        galaxy=case.galaxy.source,
+        preset=preset,
+        parameters={"beam": case.beam},
+        started=started,
+    )
+    return {"size": size} | asdict(made)
 
 
 def _row(step, found, machine, survey):
