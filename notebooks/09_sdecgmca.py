@@ -177,7 +177,7 @@ def ratios(which, *, level=1.0, noise="own"):
     truth, width = seen.truth + extra, case.survey.channel_width
     recovered = recovered_angular_power(left, truth, alms[noise]).mean
     return (
-        (recovered / sphere.power_spectrum(alms[noise]).mean(axis=0))[2:],
+        recovered[2:] / sphere.power_spectrum(alms[noise]).mean(axis=0)[2:],
         (frequency_power(left, width).power / frequency_power(truth, width).power)[1:],
     )
 
