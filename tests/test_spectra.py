@@ -121,6 +121,18 @@ def test_what_is_masked_does_not_move_the_mean(rng):
     assert spectra.angular_power(bright, mask=cut(20)).cl == pytest.approx(expected)
 
 
+def test_what_the_mask_leaves_out_may_be_anything(rng):
+    maps, mask = rng.standard_normal((6, N_PIX)), cut(20)
+    holes = np.where(mask, maps, np.nan)
+    assert np.array_equal(
+        spectra.frequency_power(holes, 1.0, mask=mask).power,
+        spectra.frequency_power(maps, 1.0, mask=mask).power,
+    )
+    assert np.array_equal(
+        spectra.angular_power(holes, mask=mask).cl, spectra.angular_power(maps, mask=mask).cl
+    )
+
+
 def test_weights_count_once_in_the_frequency_spectrum(rng):
     maps = rng.standard_normal((8, N_PIX))
     weights = apodised(15)
@@ -251,9 +263,9 @@ class TestPair:
         assert found.degrees == pytest.approx(expected.degrees)
         assert found.cl == pytest.approx(expected.cl, rel=1e-6)
 
-    @pytest.mark.parametrize("mask", [None, cut(10), cut(40), cut(10) * 0.5])
+    @pytest.mark.parametrize("mask", [None, cut(10), 0.5 + 0.5 * cut(10), cut(40), cut(10) * 0.5])
     def test_coefficients_of_the_whole_truth(self, pair, mask):
-        """Little cut out, much, and everything in part: as if the masked truth were transformed."""
+        """Little taken, wholly or in part, or much: as if the masked truth were transformed."""
         alms = sphere.analyse(pair[1], n_iter=9)
         found = spectra.angular_power_pair(*pair, mask=mask, truth_alms=alms)
         expected = spectra.angular_power_pair(*pair, mask=mask)
