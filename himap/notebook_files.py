@@ -45,7 +45,7 @@ KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 """For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
 
-_LARGEST_DATA = 500_000  # characters of a figure's numbers; beyond it is a cloud of points
+_LARGEST_DATA = 2_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
 _VOLATILE_METADATA = ("papermill", "execution")
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 

@@ -295,7 +295,8 @@ def test_transparent_pictures_become_white():
 def test_clouds_of_points_are_not_kept():
     source = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1")])
     node = copy.deepcopy(source)
-    for text in ("x,y\n1,2\n", "1,2\n" * 200_000):
+    curves_of_the_paper = "degraded,SDecGMCA,123,1.2345e-05\n" * 40_000
+    for text in (curves_of_the_paper, "1,2\n" * 1_000_000):
         data = {"text/csv": text, "text/plain": "1"}
         node.cells[0].outputs.append(nbformat.v4.new_output("display_data", data=data))
     outputs = notebook_files.stamped(node, source, fingerprint="", parameters={}).cells[0].outputs
