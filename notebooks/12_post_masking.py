@@ -97,10 +97,10 @@ show_table(table)
 # %% [markdown]
 # A quarter of the sky lies within 15° of the plane. Of all methods but SDecGMCA nearly every flagged line of sight does: there the
 # foreground is brightest, and there they leave it. What SDecGMCA gets wrong is spread over the sky, in patches, with some excess
-# in the plane: most of it is outside. With the real Galaxy (`galaxy=templates`) the shares within the plane are 100 % and 44 %.
+# in the plane: most of it is outside. With the real Galaxy (`galaxy=templates`) the shares within the plane are 100 % and 45 %.
 
 
-# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles, 30 of them from the largest error to the smallest, for the oscillating beam (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed."}}
+# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles, up to 30 of them from the largest error to the smallest, for the oscillating beam (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed."}}
 def centred(cube):
     """Maps less the mean of every channel over the sky, (n_channels, n_pix)."""
     return cube - cube.mean(axis=1, keepdims=True, dtype=float).astype(cube.dtype)
@@ -111,13 +111,13 @@ recovered = centred(study.cleaned(beam, removers[method]).maps)
 truth = centred(observed.truth)
 out = flagged[method]
 by_error = np.flatnonzero(out)[np.argsort(-found[method].line_errors[out])]
-drawn = by_error[np.linspace(0, len(by_error) - 1, min(30, len(by_error))).astype(int)]
+chosen = by_error[np.linspace(0, len(by_error) - 1, min(30, len(by_error))).astype(int)]
 panels = []
 for title, cube in (("recovered", recovered), ("recovered minus true", recovered - truth)):
     thin = {"color": "#D55E00", "linewidth": 0.5, "alpha": 0.45}
     curves = [
         (observed.freqs, line, thin | {"label": f"_flagged {n + 1}" if n else "flagged"})
-        for n, line in enumerate(cube[:, drawn].T)
+        for n, line in enumerate(cube[:, chosen].T)
     ]
     low, middle, high = np.percentile(cube[:, ~out], (5, 50, 95), axis=1)
     black = {"color": "black", "linewidth": 1.2}
@@ -336,11 +336,11 @@ show_table(table)
 #
 # ## What to take away
 #
-# - The rule finds the Galactic plane for every method that leaves foreground there. For SDecGMCA it finds bright HI: 42 % of what is flagged lies within
+# - The rule finds the Galactic plane for every method that leaves foreground there. For SDecGMCA it finds bright HI: 43 % of what is flagged lies within
 #   15° of the plane, where 26 % of the sky is. With `iteration="published"` it is 33 %, so the stable iteration is not the reason.
-# - Without one to three percent of the sky PCA, FastICA and GMCA come within about 10 % of $C_\ell$, from 40 to 46 % off. Their peak at $k_\nu = 0.31$ is halved, and stays.
+# - Without one to three percent of the sky PCA, FastICA and GMCA come within about 10 % of $C_\ell$, from 40 to 45 % off. Their peak at $k_\nu = 0.31$ is halved, and stays.
 # - SDecGMCA needs no such mask: it is closer without it than they are with it.
-# - With the real Galaxy the same holds, with larger numbers for the others: PCA comes from 117 to 25 % in $C_\ell$, SDecGMCA from 6.5 to 5.7 %.
+# - With the real Galaxy the same holds, with larger numbers for the others: PCA comes from 115 to 25 % in $C_\ell$, SDecGMCA from 6.3 to 5.7 %.
 #
 # Three commands worth trying:
 #

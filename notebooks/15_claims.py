@@ -96,7 +96,7 @@ LedgerTable(recorded, links)
 # truth down to 0.12, and the plane no longer stands out. For the same reason P/P0 is not quite untouched by the evolving beam.
 #
 # **E2: PCA and FastICA beyond $\ell$ of about 150.** With four components they leave foreground with a power of 0.22 at $150 < \ell < 200$ and of 1.3 beyond, 95 % of it
-# within 10° of the plane. It grows with $\ell$ as the effect of a beam does. A fifth component takes it down to 0.002, and another 1 to 3 % of HI with it. So the claim
+# within 10° of the plane. It grows with $\ell$ as the effect of a beam does. A fifth component takes it down to 0.002, and another 0.4 to 2.4 % of HI with it. So the claim
 # would hold with five components, not with the paper's four. SDecGMCA misses its mark at $\ell = 4$ alone, in one realisation of five.
 #
 # **E3: GMCA's excess** is there, but at $\ell < 10$ and $k_\nu < 0.1$, not up to $\ell = 40$.
@@ -111,7 +111,7 @@ LedgerTable(recorded, links)
 # and 61 % at 256, by $c / (c + \lambda_\mathrm{min})$ with the smallest eigenvalue 0.039 and 0.006 of $\mathbf{A}^\top \mathrm{diag}(\hat H^\ell)^2 \mathbf{A}$. The explanation holds; the peak is not a must.
 #
 # **N1, N2, N3: three sources, not five.** The beam is in the model and adds no spectra of its own, so three are enough, and every further one takes HI and nothing
-# else: {doc}`11_ns_scan`. With two the error is a hundred million times that with five, and from ten on at least three times, as the paper says.
+# else: {doc}`11_ns_scan`. With two the error is two hundred million times that with five, and from ten on some three times or more, as the paper says.
 #
 # **B1: peak masking does not matter.** It replaces 0.25 % of all voxels, and total errors change by less than 1 %, but for SDecGMCA, which does better without it in three realisations of five.
 # The ripple of the beam raises the scatter along every line of sight, and hides the peaks that the rule should find ({doc}`03_peak_masking`).
