@@ -337,7 +337,7 @@ show_table(table)
 # ## What to take away
 #
 # - The rule finds the Galactic plane for every method that leaves foreground there. For SDecGMCA it finds bright HI: 43 % of what is flagged lies within
-#   15° of the plane, where 26 % of the sky is. With `iteration="published"` it is 33 %, so the stable iteration is not the reason.
+#   15° of the plane, where 26 % of the sky is. With `iteration="published"` it is 39 %, so the stable iteration is not the reason.
 # - Without one to three percent of the sky PCA, FastICA and GMCA come within about 10 % of $C_\ell$, from 40 to 45 % off. Their peak at $k_\nu = 0.31$ is halved, and stays.
 # - SDecGMCA needs no such mask: it is closer without it than they are with it.
 # - With the real Galaxy the same holds, with larger numbers for the others: PCA comes from 115 to 25 % in $C_\ell$, SDecGMCA from 6.3 to 5.7 %.
