@@ -3,9 +3,8 @@
 from importlib.metadata import version
 from pathlib import Path
 
-from docutils import nodes
-from docutils.statemachine import StringList
 from sphinx.util.docutils import SphinxDirective
+from tables import parsed, table
 
 from himap.notebook_files import STAMP, read_notebook
 from himap.notebooks import notebooks
@@ -25,23 +24,21 @@ class Status(SphinxDirective):
             self.env.note_dependency(str(one.executed))
             executions[one.name] = read_notebook(one.executed).metadata[STAMP].get("execution", {})
         text = [*_runs(executions, stale(folder)), "", *_versions(executions)]
-        node = nodes.container()
-        self.state.nested_parse(StringList(text, "status"), self.content_offset, node)
-        return node.children
+        return parsed(self, text)
 
 
 def _runs(executions, old):
     """Lines of the table of notebooks."""
-    lines = ["| Notebook | State | Time | himap | Commit |", "|---|---|---|---|---|"]
+    rows = []
     for name, one in executions.items():
         commit = f"`{one['commit']}`{' with edits' if one['dirty'] else ''}" if one else ""
         time = duration(one["seconds"]) if one else ""
         state = f"stale: {old[name]}" if name in old else "fresh"
-        lines.append(
-            f"| [{name}](../notebooks/{name}.ipynb) | {state} | {time} | {one.get('himap', '')} | {commit} |"
-        )
+        rows.append([f"[{name}](../notebooks/{name}.ipynb)", state, time, one.get("himap", ""), commit])
     total = sum(one.get("seconds", 0) for one in executions.values())
-    return [*lines, f"| all | | {duration(total)} | | |"]
+    return table(
+        ["Notebook", "State", "Time", "himap", "Commit"], [*rows, ["all", "", duration(total), "", ""]]
+    )
 
 
 def _versions(executions):
@@ -53,7 +50,7 @@ def _versions(executions):
     rows = {name: ", ".join(sorted(filter(None, numbers))) for name, numbers in found.items()}
     rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
     rows["commit (rendering)"] = f"`{environment()['commit']}`"
-    return ["| Package | Version |", "|---|---|", *(f"| {name} | {it} |" for name, it in rows.items())]
+    return table(["Package", "Version"], rows.items())
 
 
 def setup(app):
