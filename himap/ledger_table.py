@@ -5,7 +5,7 @@ from collections import Counter
 
 from himap.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 
-__all__ = ["LedgerTable", "plain_rows", "summary"]
+__all__ = ["BADGES", "LedgerTable", "plain_rows", "summary"]
 
 VERDICTS = (REPRODUCED, DIFFERENT, FAILED, UNDECIDED)
 
@@ -17,13 +17,13 @@ _SECTIONS = {
     "5.2": "Sect. 5.2: the Galaxy dimmed",
     "A": "App. A: diagnostics",
 }
-# Dark enough for white letters, and told apart without colours by the sign.
-_BADGES = {
+BADGES = {
     REPRODUCED: ("✓", "#00664b"),
     DIFFERENT: ("≈", "#8a5a00"),
     FAILED: ("✗", "#a33c00"),
     UNDECIDED: ("–", "#666666"),
 }
+"""{verdict: (sign, colour)}; dark enough for white letters, and told apart without colours by the sign."""
 
 
 def summary(entries):
@@ -83,7 +83,7 @@ class LedgerTable:
 
     def _row(self, entry):
         claim = {key: html.escape(value) for key, value in entry.claim.items()}
-        sign, colour = _BADGES[entry.verdict]
+        sign, colour = BADGES[entry.verdict]
         badge = (
             f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
             f'white-space:nowrap">{sign} {entry.verdict}</span>'

@@ -28,7 +28,7 @@ class Gallery(SphinxDirective):
         for chapter in there:
             self.env.note_dependency(str(chapter.executed))
         if self.arguments[0] == "paper":
-            whole = sorted((one for many in there.values() for one in many if one.paper), key=_order)
+            whole = sorted((one for many in there.values() for one in many if one.paper), key=in_order)
             return [self._grid(whole)]
         if self.arguments[0] == "chapters":
             return [node for one, many in there.items() if many for node in self._chapter(one.title, many)]
@@ -45,9 +45,10 @@ class Gallery(SphinxDirective):
         return _raw(f'<ul class="himap-gallery">{"".join(self._item(one, up) for one in many)}</ul>')
 
     def _item(self, figure, up):
-        width, height = _thumbnail(figure, Path(self.env.app.outdir, "_static", "thumbnails"))
+        path = Path(self.env.app.outdir, "_static", "thumbnails", f"{figure.name}.webp")
+        width, height = small_picture(figure.png, path, WIDTH)
         number = f"<b>Fig. {figure.paper}</b> " if figure.paper else ""
-        caption = html.escape(_plain(figure.caption))
+        caption = html.escape(plain(figure.caption))
         return (
             f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}" title="{caption}">'
             f'<img src="{up}_static/thumbnails/{figure.name}.webp" alt="{caption}" width="{width}" '
@@ -55,24 +56,24 @@ class Gallery(SphinxDirective):
         )
 
 
-def _order(figure):
+def in_order(figure):
     """Figures 1 to 7, then those of the appendices."""
     letter, _, number = figure.paper.rpartition(".")
     return letter, int(number)
 
 
-def _plain(caption):
+def plain(caption):
     """A caption without the remark which figure of the paper it is, and without what begins after it."""
     return re.sub(r" \(the paper's Fig\.[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
 
 
-def _thumbnail(figure, folder):
-    """Write the small picture; returns its width and height."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with Image.open(io.BytesIO(figure.png)) as picture:
+def small_picture(png, path, width):
+    """Write a picture at most `width` pixels wide as WebP; returns its width and height."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with Image.open(io.BytesIO(png)) as picture:
         small = picture.convert("RGB")
-    small.thumbnail((WIDTH, 2 * WIDTH), Image.Resampling.LANCZOS)
-    small.save(folder / f"{figure.name}.webp", quality=70)
+    small.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
+    small.save(path, quality=70)
     return small.size
 
 
