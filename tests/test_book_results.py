@@ -1,4 +1,4 @@
-"""The page of what was measured once says what the files in book/results say."""
+"""The pages of what was measured once say what the files in book/results say."""
 
 import json
 import re
@@ -8,9 +8,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
+
+from himap.claims import CLAIMS
+from himap.ledger import read_ledger
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "book" / "results"
+SIGNS = {"reproduced": "✓", "reproduced with a difference": "≈", "not reproduced": "✗"}
 
 
 def stored(name):
@@ -35,12 +40,12 @@ def number(cell):
 
 @pytest.fixture(scope="module")
 def html(tmp_path_factory):
-    """A book of this page only; test_book.py renders them all, and knows warnings and broken links."""
+    """A book of these two pages only; test_book.py renders them all, and knows warnings and broken links."""
     folder = tmp_path_factory.mktemp("book")
     shutil.copy(ROOT / "_config.yml", folder)
     for name in ("book", "notebooks"):
         shutil.copytree(ROOT / name, folder / name)
-    toc = "format: jb-book\nroot: book/scale\n"
+    toc = "format: jb-book\nroot: book/scale\nchapters:\n  - file: book/paper_size\n"
     (folder / "_toc.yml").write_text(toc)
     jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
     outcome = subprocess.run([*jupyter_book, "build", str(folder)], capture_output=True, text=True)
@@ -52,6 +57,11 @@ def html(tmp_path_factory):
 def scale(html):
     """The tables of the page on scale."""
     return tables((html / "book" / "scale.html").read_text())
+
+
+@pytest.fixture(scope="module")
+def paper_size(html):
+    return (html / "book" / "paper_size.html").read_text()
 
 
 @pytest.mark.parametrize(("n", "name"), [(0, "steps_paper"), (1, "steps_laptop")])
@@ -111,3 +121,40 @@ def test_a_larger_survey_costs_what_the_exponents_say(scale):
     assert times.pop("HI light cone") == times.pop("observations, three beams") == 1
     assert times.pop("both spectra") == 18 and set(times.values()) == {3}
     assert number(total) == pytest.approx(hours, abs=1)
+
+
+def ledgers():
+    return sorted(path.stem for path in RESULTS.glob("claims_*.json"))
+
+
+def test_ledgers_stand_side_by_side(paper_size):
+    (head, *rows, last) = tables(paper_size)[0]
+    columns = [read_ledger(RESULTS / f"{name}.json") for name in ledgers()]
+    assert head[3:] == [f"{about['preset']}, {about['galaxy']}" for _, about in columns]
+    assert [row[0] for row in rows] == list(CLAIMS)
+    for n, (entries, _) in enumerate(columns):
+        for row, entry in zip(rows, entries, strict=True):
+            assert row[3 + n].startswith(f"{SIGNS[entry.verdict]} {entry.values[0]:.3g}")
+        verdicts = [entry.verdict for entry in entries]
+        assert last[3 + n] == " · ".join(f"{SIGNS[one]} {verdicts.count(one)}" for one in SIGNS)
+
+
+def folders():
+    return sorted(path.parent.name for path in RESULTS.glob("*/figures.json"))
+
+
+def test_figures_stand_beside_those_of_the_book(html, paper_size):
+    shown = re.findall(r'<a href="([^"]+)"><img src="([^"]+)"', paper_size)
+    for full, small in shown:
+        with Image.open(html / "book" / full) as large, Image.open(html / "book" / small) as picture:
+            assert picture.width <= large.width and picture.width >= 600, full
+    assert folders()
+    for folder in folders():
+        rows = stored(f"{folder}/figures")["figures"]
+        assert {"1", "2", "A.1", "A.2"} <= {row["paper"] for row in rows}
+        for row in rows:
+            assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
+            picture = f"_static/sizes/{folder}/{row['name']}.png"
+            original = html / "_static" / "sizes" / folder / f"{row['name']}.png"
+            assert f"../{picture}" in dict(shown)
+            assert original.read_bytes() == (RESULTS / folder / f"{row['name']}.png").read_bytes()

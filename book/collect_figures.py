@@ -1,0 +1,72 @@
+"""Gather the paper's figures from executed copies of the notebooks, for the book to show beside its own.
+
+    python book/collect_figures.py results/*_paper_*templates*.ipynb book/results/paper_templates
+
+takes the figures of the paper among them and writes each as NAME.png, and ``figures.json`` with what made
+them and the numbers of their curves. All figures of the folder are written anew together.
+"""
+
+import csv
+import io
+import json
+import math
+import sys
+from pathlib import Path
+
+import click
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "_ext"))
+
+from executed import figures
+
+from himap.notebook_files import STAMP, read_notebook
+from himap.outputs import whole_file
+
+PLACES = {"template_dir"}  # parameters that say where something lies on one machine
+
+
+@click.command()
+@click.argument("copies", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.argument("target", type=click.Path(file_okay=False))
+def main(copies, target):
+    """Gather the figures of COPIES, executed notebooks, in the folder TARGET."""
+    rows = []
+    for copy in sorted(copies, key=lambda path: Path(path).name):
+        stamp = read_notebook(copy).metadata[STAMP]
+        made = {name: value for name, value in stamp["parameters"].items() if name not in PLACES}
+        for figure in figures(copy):
+            if figure.paper:
+                with whole_file(Path(target, f"{figure.name}.png")) as temporary:
+                    temporary.write_bytes(figure.png)
+                about = {"name": figure.name, "paper": figure.paper, "parameters": made}
+                rows.append(about | {"execution": stamp["execution"], "panels": curves(figure)})
+    if not rows:
+        raise click.ClickException("none of these notebooks has a figure of the paper.")
+    with whole_file(Path(target, "figures.json")) as temporary:
+        temporary.write_text(json.dumps({"figures": rows}, separators=(",", ":")) + "\n")
+
+
+def curves(figure):
+    """{panel: [{"x": [...], "y": {curve: [...]}}]} of a figure's CSV, curves with the same x together."""
+    panels = {}
+    for row in csv.DictReader(io.StringIO(figure.data.get("csv", b"").decode())):
+        xs, ys = panels.setdefault(row["panel"], {}).setdefault(row["curve"], ([], []))
+        xs.append(float(row["x"]))
+        ys.append(_rounded(float(row["y"])))
+    return {panel: _together(named) for panel, named in panels.items()}
+
+
+def _rounded(value):
+    """Four digits; None, which JSON has, for what is no number."""
+    return float(f"{value:.4g}") if math.isfinite(value) else None
+
+
+def _together(named):
+    groups = {}
+    for curve, (xs, ys) in named.items():
+        groups.setdefault(tuple(xs), {})[curve] = ys
+    return [{"x": list(xs), "y": ys} for xs, ys in groups.items()]
+
+
+if __name__ == "__main__":
+    main()

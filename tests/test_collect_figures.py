@@ -1,0 +1,82 @@
+"""The figures of executed copies are gathered with their numbers and with what made them."""
+
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not installed
+
+import collect_figures
+from executed import Figure, figures  # collect_figures knows where it is
+
+from himap.notebook_files import STAMP, read_notebook, write_notebook
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def gathered(tmp_path_factory):
+    """The folder that is written for a copy of a chapter with other parameters, and the copy."""
+    folder = tmp_path_factory.mktemp("gathered")
+    node = read_notebook(ROOT / "notebooks" / "10_results.ipynb")
+    parameters = {"preset": "paper", "galaxy": "templates", "template_dir": "/somewhere/else"}
+    node.metadata[STAMP]["parameters"] = parameters
+    write_notebook(node, folder / "copy.ipynb")
+    arguments = [str(folder / "copy.ipynb"), str(folder / "out")]
+    CliRunner().invoke(collect_figures.main, arguments, catch_exceptions=False)
+    return folder / "out", folder / "copy.ipynb"
+
+
+def rows_of(folder):
+    return json.loads((folder / "figures.json").read_text())["figures"]
+
+
+def test_what_made_a_figure_stays_with_it_but_no_path(gathered):
+    folder, copy = gathered
+    execution = read_notebook(copy).metadata[STAMP]["execution"]
+    assert [row["paper"] for row in rows_of(folder)] == ["1", "2"]
+    for row in rows_of(folder):
+        assert row["parameters"] == {"preset": "paper", "galaxy": "templates"}
+        assert row["execution"] == execution and execution["commit"]
+        with Image.open(folder / f"{row['name']}.png") as picture:
+            assert picture.width > 500
+    assert "somewhere" not in (folder / "figures.json").read_text()
+
+
+def test_numbers_are_those_of_the_notebook(gathered):
+    folder, copy = gathered
+    for figure, row in zip(figures(copy), rows_of(folder), strict=True):
+        found = {
+            (panel, curve): (group["x"], ys)
+            for panel, groups in row["panels"].items()
+            for group in groups
+            for curve, ys in group["y"].items()
+        }
+        expected = {}
+        for line in csv.DictReader(io.StringIO(figure.data["csv"].decode())):
+            expected.setdefault((line["panel"], line["curve"]), []).append((line["x"], line["y"]))
+        assert found.keys() == expected.keys() and len(found) > 10
+        for key, points in expected.items():
+            assert np.allclose(found[key], np.asarray(points, dtype=float).T, rtol=1e-3), key
+
+
+def test_curves_on_other_points_keep_their_own():
+    text = b"panel,curve,x,y\np,a,1,2\np,a,2,3\np,b,1,4\np,b,2,5\np,c,7,nan\n"
+    one = Figure(name="f", caption="", notebook="n", paper="1", png=b"", data={"csv": text})
+    assert collect_figures.curves(one) == {
+        "p": [{"x": [1, 2], "y": {"a": [2, 3], "b": [4, 5]}}, {"x": [7], "y": {"c": [None]}}]
+    }
+
+
+def test_notebooks_without_such_figures_are_told(tmp_path):
+    arguments = [str(ROOT / "notebooks" / "01_simulations.ipynb"), str(tmp_path / "out")]
+    outcome = CliRunner().invoke(collect_figures.main, arguments)
+    assert outcome.exit_code and "has a figure of the paper" in outcome.output
+    assert not (tmp_path / "out").exists()
