@@ -40,7 +40,7 @@ class Ledgers(SphinxDirective):
         rows = [_claim(of_one) for of_one in zip(*(rows for rows, _ in read), strict=True)]
         columns = [f"{about.preset}, {about.galaxy}" for _, about in read]
         lines = table(
-            ["Claim", "Measured", "Paper", *columns],
+            ["Claim", "Measured", "The paper says", *columns],
             [*rows, ["all", "", "", *(_count(rows) for rows, _ in read)]],
         )
         for column, (_, about) in zip(columns, read, strict=True):
