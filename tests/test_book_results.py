@@ -71,9 +71,8 @@ def test_every_step_has_a_row(scale, n, name):
     assert len(rows) == len(steps) == 10
     assert ("Goal" in head) == (name == "steps_paper")
     for row, step in zip(rows, steps, strict=True):
-        cells = dict(
-            zip(reversed(head), reversed(row), strict=True)
-        )  # of two goals, the first is that of time
+        # Of two goals, the first, that of time, is kept.
+        cells = dict(zip(reversed(head), reversed(row), strict=True))
         assert row[0] == step["step"]
         assert number(cells["Time"]) == pytest.approx(step["seconds"], rel=0.006)
         assert number(cells["Memory"]) == pytest.approx(step["memory_gb"], abs=0.05)

@@ -18,11 +18,11 @@ from himap.memory import estimate
 from himap.provenance import Provenance
 from himap.survey import PRESETS
 
-TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}
+_TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}
 """How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
 
 _HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
-NO_BREAK = "\N{NO-BREAK SPACE}"
+_NO_BREAK = "\N{NO-BREAK SPACE}"
 _CORES = 2  # of the machine that the steps were measured on
 
 
@@ -43,18 +43,18 @@ class Steps(SphinxDirective):
 
 def _step(row, goals):
     beside = row.get("alternative")
-    cells = [row["step"], f"{short(row['seconds'], 3)} s", f"{row['goal_seconds']} s"]
-    cells += [f"{row['memory_gb']:.1f} GB", f"{row['goal_gb']} GB", f"{short(row['floor_seconds'])} s"]
-    cells.append(f"{short(row['seconds'] / row['floor_seconds'])} ×")
-    cells = [cell.replace(" ", NO_BREAK) for cell in cells[1:]]
+    cells = [f"{_short(row['seconds'], 3)} s", f"{row['goal_seconds']} s"]
+    cells += [f"{row['memory_gb']:.1f} GB", f"{row['goal_gb']} GB", f"{_short(row['floor_seconds'])} s"]
+    cells.append(f"{_short(row['seconds'] / row['floor_seconds'])} ×")
+    cells = [cell.replace(" ", _NO_BREAK) for cell in cells]
     if goals:
         cells[0] = f"**{cells[0]}**" if row["seconds"] > row["goal_seconds"] else cells[0]
         cells[2] = f"**{cells[2]}**" if row["memory_gb"] > row["goal_gb"] else cells[2]
-    cells.append(f"{short(beside['seconds'] / row['seconds'])} × {beside['name']}" if beside else "")
+    cells.append(f"{_short(beside['seconds'] / row['seconds'])} × {beside['name']}" if beside else "")
     return [row["step"], *(cells if goals else [cell for n, cell in enumerate(cells) if n not in (1, 3)])]
 
 
-def short(value, digits=2):
+def _short(value, digits=2):
     """A number with that many digits, without an exponent."""
     return f"{float(f'{value:.{digits}g}'):,g}"
 
@@ -105,11 +105,17 @@ class Extrapolated(SphinxDirective):
             with_channels = scaling["found"]["n_channels"][name]["exponent"]
             sizes = smaller["about"]["size"], larger["about"]["size"], asked
             once = row["seconds"] * _growth(row["seconds"] / before["seconds"], with_channels, *sizes)
-            times, held = TIMES.get(name, 3), memory[_HELD.get(name, "cleaning")] / 1e9
+            times, held = _TIMES.get(name, 3), memory[_HELD.get(name, "cleaning")] / 1e9
             hours = _CORES * many * times * once / 3600
             total += hours
             rows.append(
-                [name, f"{short(once / 60)}{NO_BREAK}min", times, f"{hours:,.0f}", f"{held:.0f}{NO_BREAK}GB"]
+                [
+                    name,
+                    f"{_short(once / 60)}{_NO_BREAK}min",
+                    times,
+                    f"{hours:,.0f}",
+                    f"{held:.0f}{_NO_BREAK}GB",
+                ]
             )
         rows.append(["all", "", "", f"{total:,.0f}", ""])
         head = ["Step", "Once, two cores", "Times", f"Core hours, {many} realisations", "Memory"]

@@ -3,13 +3,13 @@
 from docutils import nodes
 from docutils.statemachine import StringList
 
-BAR = r"\|"
+_BAR = r"\|"
 
 
 def table(head, rows):
     """Lines of a Markdown table of texts; a bar in a text stays one."""
     lines = [head, ["---"] * len(head), *rows]
-    return [f"| {' | '.join(str(cell).replace('|', BAR) for cell in cells)} |" for cells in lines]
+    return [f"| {' | '.join(str(cell).replace('|', _BAR) for cell in cells)} |" for cells in lines]
 
 
 def parsed(directive, lines):
