@@ -123,8 +123,19 @@ def test_a_larger_survey_costs_what_the_exponents_say(scale):
     assert number(total) == pytest.approx(hours, abs=1)
 
 
+def arguments(directive):
+    """What the page at the paper's size shows with `directive`, in its order."""
+    page = (ROOT / "book" / "paper_size.md").read_text()
+    return re.search(rf"^```\{{{directive}\}} (.+)$", page, re.M)[1].split()
+
+
 def ledgers():
-    return sorted(path.stem for path in RESULTS.glob("claims_*.json"))
+    return arguments("ledgers")
+
+
+def test_all_that_is_stored_is_shown():
+    assert set(ledgers()) == {path.stem for path in RESULTS.glob("claims_*.json")}
+    assert set(folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 
 def test_ledgers_stand_side_by_side(paper_size):
@@ -140,7 +151,7 @@ def test_ledgers_stand_side_by_side(paper_size):
 
 
 def folders():
-    return sorted(path.parent.name for path in RESULTS.glob("*/figures.json"))
+    return arguments("beside")
 
 
 def test_figures_stand_beside_those_of_the_book(html, paper_size):
@@ -148,7 +159,6 @@ def test_figures_stand_beside_those_of_the_book(html, paper_size):
     for full, small in shown:
         with Image.open(html / "book" / full) as large, Image.open(html / "book" / small) as picture:
             assert picture.width <= large.width and picture.width >= 600, full
-    assert folders()
     for folder in folders():
         rows = stored(f"{folder}/figures")["figures"]
         assert {row["paper"] for row in rows} == PAPER
