@@ -65,7 +65,7 @@ def paper_size(html):
     return (html / "book" / "paper_size.html").read_text()
 
 
-@pytest.mark.parametrize(("n", "name"), [(0, "steps_paper"), (1, "steps_laptop")])
+@pytest.mark.parametrize(("n", "name"), [(0, "steps_paper"), (2, "steps_laptop")])
 def test_every_step_has_a_row(scale, n, name):
     head, *rows = scale[n]
     steps = stored(name)["steps"]
@@ -87,6 +87,19 @@ def test_every_step_has_a_row(scale, n, name):
             assert number(cells["Goal"]) == step["goal_seconds"]
 
 
+def test_the_whole_is_the_sum_of_its_parts(scale):
+    head, *rows, total = scale[1]
+    assert head == ["Part", "Time", "Goal"] and len(rows) == 8
+    once = {row["execution"]["seconds"] for row in stored("paper_synthetic/figures")["figures"]}
+    seconds = stored("steps_paper")["steps"][0]["seconds"] + sum(once)
+    seconds += stored("claims_paper_synthetic")["about"]["seconds"]
+    assert number(total[1]) == pytest.approx(seconds / 60, abs=0.5)
+    assert sum(number(row[1]) for row in rows) == pytest.approx(seconds / 60, rel=0.02)
+    assert number(total[2]) == 90
+    figures = [word for row in rows for word in re.findall(r"[AB]\.\d|\b\d(?=,|$)", row[0])]
+    assert set(figures) == PAPER and len(figures) == len(PAPER)
+
+
 def test_what_misses_its_goal_is_bold(html):
     (page,) = re.findall(r"<table.*?</table>", (html / "book" / "scale.html").read_text(), re.S)[:1]
     missed = [
@@ -100,7 +113,7 @@ def test_what_misses_its_goal_is_bold(html):
 
 
 def test_exponents_are_those_of_the_figure(scale):
-    _, *rows = scale[2]
+    _, *rows = scale[3]
     found = stored("scaling")["found"]
     assert len(rows) == 10
     for name, *exponents in rows:
@@ -109,7 +122,7 @@ def test_exponents_are_those_of_the_figure(scale):
 
 def test_a_larger_survey_costs_what_the_exponents_say(scale):
     """nside 512, 2000 channels: once more what lay between laptop and paper, then twice the channels."""
-    _, *rows, (_, _, _, total, _) = scale[3]
+    _, *rows, (_, _, _, total, _) = scale[4]
     found, hours = stored("scaling")["found"], 0
     both = zip(rows, *(stored(f"steps_{name}")["steps"] for name in ("laptop", "paper")), strict=True)
     for row, laptop, paper in both:

@@ -110,13 +110,13 @@ class Beside(SphinxDirective):
 
 
 def _made(parameters, execution):
-    """One line: parameters that differ from the notebook's, version, commit and time."""
-    chosen = dict(parameters)
-    preset = chosen.pop("preset", "quick")
+    """One line: preset, Galaxy, other parameters that are not the notebook's, version, commit and time."""
+    chosen = {"preset": "quick", "galaxy": "synthetic"} | parameters
+    size = f"{chosen.pop('preset')}, {chosen.pop('galaxy')} Galaxy"
     changed = [f"{name} = {value}" for name, value in chosen.items()]
     edits = " with edits" if execution["dirty"] else ""
     himap = f"himap {execution['himap']}, commit {execution['commit']}{edits}"
-    return " · ".join([preset, *changed, himap, duration(execution["seconds"])])
+    return " · ".join([size, *changed, himap, duration(execution["seconds"])])
 
 
 def setup(app):

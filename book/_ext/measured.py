@@ -2,12 +2,15 @@
 
 ``{measured-steps} steps_paper``: time, memory, floor and alternative of every step; ``{measured-growth}
 scaling``: the exponents; ``{extrapolated-steps} steps_laptop steps_paper scaling``: what the steps would cost
-at another size. The arguments are names of JSON files in ``book/results``.
+at another size; ``{measured-whole} steps_paper claims_paper_synthetic paper_synthetic``: how long light cone,
+ledger and figures took together. The arguments are names of JSON files and folders in ``book/results``.
 """
 
 import json
 import math
 from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from docutils.parsers.rst import directives
@@ -133,6 +136,35 @@ def _factors(before, after):
     return {name: after[name] / before[name] for name in ("nside", "n_channels")}
 
 
+class Whole(SphinxDirective):
+    """Its arguments are the files of the steps and of a ledger, and a folder of figures."""
+
+    required_arguments = 3
+    option_spec = {"goal": directives.positive_int}  # minutes
+
+    def run(self):
+        steps, ledger, figures = (
+            _read(self, name) for name in (*self.arguments[:2], f"{self.arguments[2]}/figures")
+        )
+        light_cone = steps["steps"][0]
+        parts = {light_cone["step"]: light_cone["seconds"]}
+        parts["the ledger, with its observations"] = ledger["about"]["seconds"]
+        for seconds, papers in _chapters(figures["figures"]):
+            parts[f"the chapter of Fig{'s' * (len(papers) > 1)}. {', '.join(papers)}"] = seconds
+        total, goal = sum(parts.values()) / 60, self.options["goal"]
+        whole = f"{total:.0f}{_NO_BREAK}min"
+        rows = [[part, f"{_short(seconds / 60)}{_NO_BREAK}min", ""] for part, seconds in parts.items()]
+        rows.append(["all", f"**{whole}**" if total > goal else whole, f"{goal}{_NO_BREAK}min"])
+        return parsed(self, table(["Part", "Time", "Goal"], rows))
+
+
+def _chapters(figures):
+    """(seconds, numbers of the paper's figures) of each notebook; its figures stand together and share one
+    execution."""
+    for execution, several in groupby(figures, key=itemgetter("execution")):
+        yield execution["seconds"], list(dict.fromkeys(figure["paper"] for figure in several))
+
+
 def _read(directive, name):
     path = Path(directive.env.srcdir, "book", "results", f"{name}.json")
     directive.env.note_dependency(str(path))
@@ -148,4 +180,5 @@ def setup(app):
     app.add_directive("measured-steps", Steps)
     app.add_directive("measured-growth", Growth)
     app.add_directive("extrapolated-steps", Extrapolated)
+    app.add_directive("measured-whole", Whole)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
