@@ -18,9 +18,9 @@ from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
-from himap import pipeline
 from himap.outputs import whole_file
-from himap.provenance import Provenance
+from himap.paper import pipeline
+from himap.products.provenance import Provenance
 
 
 @click.command()

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from sklearn.decomposition import PCA, FastICA
 from sklearn.exceptions import ConvergenceWarning
 
-from himap import sphere
+from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover
 from himap.removal.gmca import details

@@ -4,9 +4,9 @@ from functools import wraps
 
 import click
 
-from himap import pipeline
-from himap.parameters import parse_texts
-from himap.removal.sdecgmca import TABLE_1
+from himap.companion.parameters import parse_texts
+from himap.paper import pipeline
+from himap.removal.sdecgmca.method import TABLE_1
 from himap.sky.galaxy import SOURCES, Galaxy
 from himap.survey import PRESETS, Survey
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.machine import Needs
-from himap import sphere
-from himap.cosmology import Cosmology, redshift
+from himap.maps import sphere
+from himap.sky.cosmology import Cosmology, redshift
 from himap.sky.light_cone import plan_rays
 
 _ANALYSIS = 2 * sphere.N_ITER_FLAT + 1  # transforms

@@ -5,7 +5,7 @@ from time import perf_counter
 
 import numpy as np
 
-from himap import sphere
+from himap.maps import sphere
 
 __all__ = ["Machine", "Needs"]
 

@@ -8,7 +8,7 @@ from multiprocessing import get_context
 import psutil
 
 from benchmarks.steps import STEPS
-from himap import pipeline
+from himap.paper import pipeline
 from himap.removal.parametric import Parametric
 from himap.survey import Survey
 

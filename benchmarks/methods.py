@@ -23,10 +23,11 @@ import numpy as np
 
 from benchmarks.alternatives import Run, alternatives, timed
 from benchmarks.cases import case_options
-from himap import pipeline, removal
+from himap import removal
+from himap.paper import pipeline
 from himap.removal.base import SeparationWarning
 from himap.removal.peaks import mask_peaks
-from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
 from himap.survey import Survey
 
 PRELOADED = ["benchmarks.alternatives"]  # with all that it imports

@@ -19,8 +19,9 @@ import numpy as np
 
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
-from himap import pipeline, sphere
-from himap.provenance import Provenance
+from himap.maps import sphere
+from himap.paper import pipeline
+from himap.products.provenance import Provenance
 from himap.survey import PRESETS
 
 SIZES = {

@@ -17,13 +17,15 @@ from benchmarks.alternatives import (
     plain_power_laws,
     plain_residual,
 )
-from himap import pipeline, spectra, sphere
-from himap.evidence import methods_for
 from himap.instrument.beams import BEAM_MODELS
+from himap.maps import sphere
+from himap.measures import power_spectra as spectra
+from himap.paper import pipeline
+from himap.paper.evidence import methods_for
 from himap.removal.base import SeparationWarning
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
-from himap.removal.sdecgmca import TABLE_1
+from himap.removal.sdecgmca.method import TABLE_1
 
 __all__ = ["STEPS", "Step"]
 

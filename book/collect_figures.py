@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "_ext"))
 
 from executed import figures
 
-from himap.notebook_files import STAMP, read_notebook
+from himap.companion.notebook_files import STAMP, read_notebook
 from himap.outputs import whole_file
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine

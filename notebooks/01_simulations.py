@@ -35,11 +35,13 @@ small_scales: bool = True  # add structure beyond the resolution of the template
 # %%
 import numpy as np
 
-from himap import pipeline, plotting, sphere
-from himap.cosmology import HIModel, redshift
-from himap.numbers import show
-from himap.provenance import Provenance
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.maps import sphere
+from himap.paper import pipeline
+from himap.products.provenance import Provenance
 from himap.sky import point_sources
+from himap.sky.cosmology import HIModel, redshift
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 

@@ -34,11 +34,13 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 # %%
 import numpy as np
 
-from himap import pipeline, plotting, sphere
+from himap.figures import plotting
+from himap.figures.numbers import show
 from himap.instrument import beams
 from himap.instrument.noise import noise_sigma, system_temperature
-from himap.numbers import show
-from himap.provenance import Provenance
+from himap.maps import sphere
+from himap.paper import pipeline
+from himap.products.provenance import Provenance
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 

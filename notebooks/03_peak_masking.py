@@ -40,11 +40,12 @@ n_sigma: float = 5.0  # channels further from the baseline are masked
 # %%
 import numpy as np
 
-from himap import plotting, sphere
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.maps import sphere
+from himap.paper.study import BEAMS, N_SOURCES, Study
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks, smooth_baselines
-from himap.study import BEAMS, N_SOURCES, Study
 
 study = Study(
     preset=preset,

@@ -41,10 +41,10 @@ n_sources: int = 3  # components to remove, for the beam shown in detail
 # %%
 import numpy as np
 
-from himap import plotting
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.paper.study import BEAMS, Study, each_beam
 from himap.removal.pca import PCA, channel_covariance
-from himap.study import BEAMS, Study, each_beam
 
 study = Study(
     preset=preset,

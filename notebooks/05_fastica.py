@@ -42,11 +42,11 @@ contrast: str = "logcosh"  # contrast function: logcosh, exp or cube
 # %%
 import numpy as np
 
-from himap import plotting
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.paper.study import Study, each_beam
 from himap.removal.fastica import FastICA
 from himap.removal.pca import PCA
-from himap.study import Study, each_beam
 
 study = Study(
     preset=preset,

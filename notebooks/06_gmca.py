@@ -42,12 +42,13 @@ n_sigma: float = 3.0  # last threshold, in units of the noise of each scale
 # %%
 import numpy as np
 
-from himap import pipeline, plotting
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.maps.starlets import starlet_filters, starlets
+from himap.paper import pipeline
+from himap.paper.study import Study, each_beam
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.starlets import starlet_filters, starlets
-from himap.study import Study, each_beam
 
 study = Study(
     preset=preset,

@@ -43,11 +43,12 @@ n_sigma: float = 5.0  # channels further from the first fit are left out of the 
 # %%
 import numpy as np
 
-from himap import plotting, sphere
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.maps import sphere
+from himap.paper.study import BEAMS, Study
 from himap.removal.peaks import smooth_baselines
 from himap.removal.polynomial import Polynomial
-from himap.study import BEAMS, Study
 
 study = Study(
     preset=preset,

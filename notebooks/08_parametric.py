@@ -44,10 +44,12 @@ beta_max: float = -2.2  # flattest index of the second power law
 # %%
 import numpy as np
 
-from himap import pipeline, plotting, sphere
-from himap.numbers import show
+from himap.figures import plotting
+from himap.figures.numbers import show
+from himap.maps import sphere
+from himap.paper import pipeline
+from himap.paper.study import BEAMS, Study
 from himap.removal.parametric import Parametric
-from himap.study import BEAMS, Study
 
 study = Study(
     preset=preset,

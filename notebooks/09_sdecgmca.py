@@ -47,17 +47,19 @@ import warnings
 
 import numpy as np
 
-from himap import pipeline, plotting, sphere
+from himap.figures import plotting
+from himap.figures.numbers import show
 from himap.instrument.noise import noise_maps, noise_sigma
-from himap.numbers import show
+from himap.maps import sphere
+from himap.measures.power_spectra import frequency_power, recovered_angular_power
+from himap.paper import pipeline
+from himap.paper.study import BEAMS, Study
 from himap.removal import harmonic
 from himap.removal.analysis import analysed
 from himap.removal.base import SeparationWarning
-from himap.removal.channels import Channels
-from himap.removal.sdecgmca import TABLE_1, SDecGMCA
-from himap.removal.sparsity import SparseSources
-from himap.spectra import frequency_power, recovered_angular_power
-from himap.study import BEAMS, Study
+from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca.mixture import Channels
+from himap.removal.sdecgmca.sparse_sources import SparseSources
 
 study = Study(
     preset=preset,

@@ -39,15 +39,15 @@ iteration: str = "stable"  # SDecGMCA: stable or published
 # %%
 import warnings
 
-from himap.numbers import show_table
+from himap.figures.numbers import show_table
+from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 from himap.removal.fastica import FastICA
 from himap.removal.gmca import GMCA
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
-from himap.removal.sdecgmca import SDecGMCA
-from himap.study import Study
+from himap.removal.sdecgmca.method import SDecGMCA
 
 study = Study(
     preset=preset,

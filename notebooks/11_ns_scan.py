@@ -44,15 +44,16 @@ from dataclasses import fields
 
 import numpy as np
 
-from himap import plotting, removal
+from himap import removal
 from himap.checks import whole_number
-from himap.claims.base import LOW_K, angular_error, bump, frequency_error
-from himap.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.errors import InputError
-from himap.numbers import show_table
+from himap.figures import plotting
+from himap.figures.numbers import show_table
+from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
+from himap.paper.claims.base import LOW_K, angular_error, bump, frequency_error
+from himap.paper.study import Study
 from himap.removal.base import REGISTRY, SeparationWarning
-from himap.removal.sdecgmca import SDecGMCA
-from himap.study import Study
+from himap.removal.sdecgmca.method import SDecGMCA
 
 study = Study(
     preset=preset,

@@ -45,14 +45,16 @@ import warnings
 
 import numpy as np
 
-from himap import diagnostics, plotting, sphere
 from himap.errors import InputError
-from himap.evidence import methods_for
-from himap.numbers import show_table
+from himap.figures import plotting
+from himap.figures.numbers import show_table
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.measures.power_spectra import angular_power
+from himap.paper.evidence import methods_for
+from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
-from himap.spectra import angular_power
-from himap.study import Study
 
 study = Study(
     preset=preset,

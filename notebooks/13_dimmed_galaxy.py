@@ -50,17 +50,19 @@ import warnings
 
 import numpy as np
 
-from himap import pipeline, plotting, sphere
-from himap.diagnostics import band_max, band_mean
-from himap.evidence import methods_for
-from himap.numbers import show_table
+from himap.figures import plotting
+from himap.figures.numbers import show_table
+from himap.maps import sphere
+from himap.measures.diagnostics import band_max, band_mean
+from himap.measures.power_spectra import frequency_power
+from himap.paper import pipeline
+from himap.paper.evidence import methods_for
+from himap.paper.study import Study
 from himap.removal import peaks
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
 from himap.removal.pca import PCA
 from himap.sky.dimming import Dimming
-from himap.spectra import frequency_power
-from himap.study import Study
 
 common = {
     "preset": preset,

@@ -38,12 +38,12 @@ import warnings
 
 import numpy as np
 
-from himap import plotting
-from himap.diagnostics import error_variance
-from himap.evidence import methods_for
-from himap.numbers import show_table
+from himap.figures import plotting
+from himap.figures.numbers import show_table
+from himap.measures.diagnostics import error_variance
+from himap.paper.evidence import methods_for
+from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
-from himap.study import Study
 
 study = Study(
     preset=preset,

@@ -45,10 +45,10 @@ n_realisations: int = 1  # seeds; 5 or more for verdicts that are worth somethin
 # %%
 import warnings
 
-from himap.ledger import RECORDED, evaluate, read_ledger, realisations
-from himap.ledger_table import LedgerTable, summary
-from himap.notebooks import notebooks
-from himap.numbers import show, show_table
+from himap.companion.notebooks import notebooks
+from himap.figures.numbers import show, show_table
+from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations
+from himap.paper.ledger_table import LedgerTable, summary
 from himap.removal.base import SeparationWarning
 
 skies = realisations(

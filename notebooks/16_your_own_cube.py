@@ -50,14 +50,14 @@ from pathlib import Path
 import healpy as hp
 import numpy as np
 
-from himap import diagnostics
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggest
 from himap.cubes.report import compared, maps_figure, modes_figure, spectra_figure
 from himap.cubes.suggestion import advice, views_figure
 from himap.errors import InputError
-from himap.numbers import show, show_table
+from himap.figures.numbers import show, show_table
+from himap.measures import diagnostics
+from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
-from himap.study import Study
 
 warnings.simplefilter("ignore", SeparationWarning)  # the reports say which methods settle
 study = Study(

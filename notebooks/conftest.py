@@ -11,11 +11,11 @@ import re
 import nbval.kernel
 from nbval.plugin import IPyNbCell
 
-from himap.figure_data import DATA_TYPES
-from himap.kernel_manager import LocalKernelManager
-from himap.notebook_files import has_code
-from himap.numbers import agree
-from himap.provenance import VOLATILE
+from himap.companion.kernel_manager import LocalKernelManager
+from himap.companion.notebook_files import has_code
+from himap.figures.data import DATA_TYPES
+from himap.figures.numbers import agree
+from himap.products.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest

@@ -1,7 +1,7 @@
 """Entries of a ledger that several tests share."""
 
-from himap.claims import CLAIMS, REPRODUCED
-from himap.ledger import Entry
+from himap.paper.claims import CLAIMS, REPRODUCED
+from himap.paper.ledger import Entry
 
 
 def entry(*verdicts, values=None, id="D1"):

@@ -3,7 +3,7 @@
 import healpy as hp
 import numpy as np
 
-from himap import sphere
+from himap.maps import sphere
 
 BANDS = [(0, 2), (2, 5), (5, 10), (10, 20), (20, 40), (40, 90)]  # |b|, deg
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap import sphere
+from himap.maps import sphere
 from himap.removal import harmonic
 
 NSIDE, LMAX = 16, 32

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
 
-from himap import sphere
+from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.beam_projection import through_beams
 

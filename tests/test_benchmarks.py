@@ -10,12 +10,13 @@ import pytest
 from click.testing import CliRunner
 from sklearn import decomposition
 
-from himap import removal, sphere
+from himap import removal
+from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 from himap.removal.peaks import smooth_baselines
-from himap.removal.sdecgmca import TABLE_1
+from himap.removal.sdecgmca.method import TABLE_1
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from himap.claims import CLAIMS
-from himap.ledger import read_ledger
+from himap.paper.claims import CLAIMS
+from himap.paper.ledger import read_ledger
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "book" / "results"

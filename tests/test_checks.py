@@ -6,11 +6,12 @@ import astropy.units as u
 import numpy as np
 import pytest
 
-from himap import pipeline, spectra
 from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.observe import observe
+from himap.measures import power_spectra as spectra
+from himap.paper import pipeline
 from himap.removal.pca import PCA
 from himap.survey import Survey
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from himap import sphere
-from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
-from himap.claims.base import METHODS, Finding
-from himap.evidence import Comparison, Evidence, Recovery
+from himap.maps import sphere
+from himap.measures.results import Comparison
+from himap.paper.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.paper.claims.base import METHODS, Finding
+from himap.paper.evidence import Evidence, Recovery
 
 DEGREES = np.arange(2.0, 257)
 K = 2 * np.pi * np.arange(1, 126) / 500  # 1/MHz

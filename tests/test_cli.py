@@ -14,12 +14,14 @@ from click.testing import CliRunner
 from ledgers import entry
 
 import himap
-from himap import cache, ledger, notebooks, reproduce
-from himap.claims import DIFFERENT, FAILED, REPRODUCED
-from himap.cli import main
+from himap.cli.main import main
+from himap.companion import notebooks, reproduce
 from himap.errors import InputError
-from himap.memory import LIMIT_VARIABLE
-from himap.parallel import DASK_VARIABLE, JOBS_VARIABLE
+from himap.paper import ledger
+from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED
+from himap.products import cache
+from himap.products.memory import LIMIT_VARIABLE
+from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
 from himap.survey import PRESETS
 
 TOY = """\
@@ -42,7 +44,7 @@ if n_sources > 10:
 PRODUCTS = """\
 import numpy as np
 
-from himap.store import product
+from himap.products.store import product
 
 
 @product
@@ -342,6 +344,6 @@ class TestClaims:
 def test_what_is_slow_to_import_waits_until_it_is_needed():
     """`himap --help` would take seconds."""
     slow = "{'healpy', 'sklearn', 'camb', 'numba'}"
-    code = f"import sys, himap.cli; print(sorted({slow} & set(sys.modules)))"
+    code = f"import sys, himap.cli.main; print(sorted({slow} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

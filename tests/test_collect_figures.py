@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not 
 import collect_figures
 from executed import Figure, figures  # collect_figures knows where it is
 
-from himap.notebook_files import STAMP, read_notebook, write_notebook
+from himap.companion.notebook_files import STAMP, read_notebook, write_notebook
 
 ROOT = Path(__file__).resolve().parents[1]
 

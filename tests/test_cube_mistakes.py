@@ -7,7 +7,7 @@ import pytest
 from astropy.io import fits
 from click.testing import CliRunner
 
-from himap.cli import main
+from himap.cli.main import main
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, write_report
 from himap.cubes.cube import read_truth
 from himap.errors import InputError

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from himap import removal, sphere
-from himap.cli import main
+from himap import removal
+from himap.cli.main import main
 from himap.cubes import beams_of, clean_cube, read_cube, report, save_cleaned, suggestion
 from himap.cubes.beams import BEAM_NAMES, meerkat_fwhm
 from himap.instrument.beams import diffraction_fwhm
+from himap.maps import sphere
 from himap.removal.peaks import mask_peaks
 
 METHODS = removal.available()

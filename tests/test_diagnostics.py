@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from himap import diagnostics
 from himap.errors import InputError
+from himap.measures import diagnostics
 
 
 @pytest.fixture

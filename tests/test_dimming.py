@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from himap import pipeline, sphere
 from himap.errors import InputError
+from himap.maps import sphere
+from himap.paper import pipeline
 from himap.removal.pca import PCA
 from himap.sky.dimming import Dimming
 from himap.survey import Survey

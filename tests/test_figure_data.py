@@ -8,7 +8,8 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
-from himap import figure_data, plotting
+from himap.figures import data as figure_data
+from himap.figures import plotting
 
 
 def arrays(figure):

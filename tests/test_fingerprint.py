@@ -5,9 +5,10 @@ import textwrap
 
 import pytest
 
-from himap import errors, fingerprint, survey
+from himap import errors, survey
 from himap.errors import InputError
-from himap.fingerprint import CodeTree, code_fingerprint
+from himap.products import fingerprint
+from himap.products.fingerprint import CodeTree, code_fingerprint
 
 FILES = {
     "__init__.py": "VERSION = 1",
@@ -28,7 +29,7 @@ FILES = {
     "removal/pca.py": "from toy.removal import base\nclass PCA: n = 1\nbase.KNOWN.append(PCA)",
     "removal/tools/__init__.py": "def tool(): ...",
     "pipeline.py": """
-        from himap.store import product
+        from himap.products.store import product
         import toy.spectra as spectra
         from toy import removal
         from toy.sky import hi
@@ -121,9 +122,9 @@ def test_the_cells_of_a_notebook():
 
 
 def test_the_store_itself_does_not_count(monkeypatch):
-    before = CodeTree().source_fingerprint("from himap.store import product")
+    before = CodeTree().source_fingerprint("from himap.products.store import product")
     monkeypatch.setattr(fingerprint, "IGNORED", set())
-    assert CodeTree().source_fingerprint("from himap.store import product") != before
+    assert CodeTree().source_fingerprint("from himap.products.store import product") != before
 
 
 def test_live_objects():

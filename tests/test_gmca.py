@@ -4,13 +4,13 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.starlets import starlet_filters, starlets
 from himap.removal import gmca
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.starlets import starlet_filters, starlets
 
 N_CHANNELS = 8
 FREQS = np.linspace(905, 1395, N_CHANNELS)
@@ -167,7 +167,7 @@ def test_thresholds(rng):
 
 def test_in_blocks_is_at_once(sky, monkeypatch):
     whole = clean(sky).residual
-    monkeypatch.setattr("himap.blocked._BLOCK", 1000)
+    monkeypatch.setattr("himap.maps.blocked._BLOCK", 1000)
     assert clean(sky).residual == pytest.approx(whole, abs=2e-3)
 
 

@@ -7,11 +7,11 @@ import katbeam
 import numpy as np
 import pytest
 
-from himap import sphere
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.noise import noise_maps, noise_sigma, system_temperature
 from himap.instrument.observe import observe
+from himap.maps import sphere
 from himap.survey import Survey
 
 SURVEY = Survey(nside=16, n_channels=4, box_cells=16)

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from ledgers import entry
 
-from himap import pipeline
-from himap.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.companion.notebooks import notebooks
 from himap.errors import InputError
-from himap.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
-from himap.ledger_table import LedgerTable, plain_rows, summary
-from himap.notebooks import notebooks
+from himap.paper import pipeline
+from himap.paper.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
+from himap.paper.ledger_table import LedgerTable, plain_rows, summary
 
 ROOT = Path(__file__).resolve().parents[1]
 

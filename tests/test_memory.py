@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from himap import memory, pipeline
 from himap.errors import InputError
-from himap.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
-from himap.parallel import JOBS_VARIABLE
-from himap.study import Study
+from himap.paper import pipeline
+from himap.paper.study import Study
+from himap.products import memory
+from himap.products.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
+from himap.products.parallel import JOBS_VARIABLE
 from himap.survey import PRESETS
 
 PAPER = PRESETS["paper"]
@@ -68,7 +69,8 @@ def test_long_work_asks_first(monkeypatch, step):
 
 PEAK = """
 import resource
-from himap import memory, pipeline
+from himap.products import memory
+from himap.paper import pipeline
 from himap.survey import Survey
 survey = Survey(nside=64, n_channels=100, box_cells=256)
 steps = memory.estimate(survey)

@@ -11,8 +11,8 @@ import nbformat
 import pytest
 
 import himap
-from himap import reproduce
-from himap.notebooks import notebooks
+from himap.companion import reproduce
+from himap.companion.notebooks import notebooks
 
 ROOT = Path(himap.__file__).parents[1]
 CONFTEST = ROOT / "notebooks" / "conftest.py"
@@ -63,7 +63,7 @@ def shown(text, html):
     return nbformat.v4.new_output("execute_result", data, execution_count=1)
 
 
-SHOW = "from himap.numbers import show\nshow({'ratio': (1.002, 0.01)})"
+SHOW = "from himap.figures.numbers import show\nshow({'ratio': (1.002, 0.01)})"
 TABLE = (
     '<table><tr><td style="text-align:left">{}</td><td>{} ± 0.010</td>'
     '<td style="text-align:left"></td></tr></table>'

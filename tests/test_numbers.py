@@ -5,7 +5,7 @@ import math
 import pytest
 
 from himap.errors import InputError
-from himap.numbers import agree, show, show_table
+from himap.figures.numbers import agree, show, show_table
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import os
 import numpy as np
 import pytest
 
-from himap import pipeline
 from himap.errors import InputError
-from himap.parallel import JOBS_VARIABLE, make_all, n_jobs
+from himap.paper import pipeline
+from himap.products.parallel import JOBS_VARIABLE, make_all, n_jobs
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA

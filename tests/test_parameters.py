@@ -2,8 +2,8 @@
 
 import pytest
 
+from himap.companion.parameters import check_parameters, describe_parameters, parse_texts, read_parameters
 from himap.errors import InputError
-from himap.parameters import check_parameters, describe_parameters, parse_texts, read_parameters
 
 CELL = """
 preset: str = "quick"  # the preset

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from himap import diagnostics, pipeline, sphere
 from himap.errors import InputError
 from himap.instrument.beams import beam_from_array, beam_model
 from himap.instrument.noise import noise_maps
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.paper import pipeline
 from himap.removal.pca import PCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy

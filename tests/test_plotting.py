@@ -6,9 +6,10 @@ import pytest
 
 matplotlib.use("agg")
 
-from himap import plotting, sphere
-from himap.evidence import methods_for
+from himap.figures import plotting
 from himap.instrument.beams import BEAM_MODELS
+from himap.maps import sphere
+from himap.paper.evidence import methods_for
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():

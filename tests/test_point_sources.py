@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap import sphere
+from himap.maps import sphere
 from himap.sky import point_sources as ps
 
 

@@ -18,9 +18,9 @@ import pytest
 import yaml
 
 from himap import __version__
-from himap.cli import main
-from himap.notebooks import find
-from himap.parameters import check_parameters, parse_texts
+from himap.cli.main import main
+from himap.companion.notebooks import find
+from himap.companion.parameters import check_parameters, parse_texts
 from himap.survey import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import himap
-from himap import provenance
-from himap.provenance import VOLATILE, Provenance
+from himap.products import provenance
+from himap.products.provenance import VOLATILE, Provenance
 from himap.survey import PRESETS, Survey
 
 ROOT = Path(himap.__file__).parents[1]

@@ -154,7 +154,7 @@ DIGESTS = """
 import hashlib, warnings
 import numpy as np
 from himap import removal
-from himap.sphere import gaussian_beam
+from himap.maps.sphere import gaussian_beam
 warnings.simplefilter("ignore")
 rng = np.random.default_rng(3)
 freqs, beams = np.linspace(900, 1400, 40), gaussian_beam(np.deg2rad(np.linspace(12, 5, 40)), 47)
@@ -242,7 +242,7 @@ def test_pca_equals_scikit_learn(sky):
 
 def test_pca_in_blocks_is_pca_at_once(sky, monkeypatch):
     whole = PCA(n_sources=3).clean(sky, freqs=FREQS).residual
-    monkeypatch.setattr("himap.blocked._BLOCK", 100)
+    monkeypatch.setattr("himap.maps.blocked._BLOCK", 100)
     assert PCA(n_sources=3).clean(sky, freqs=FREQS).residual == pytest.approx(whole, abs=2e-3)
 
 

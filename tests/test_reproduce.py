@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from himap import __version__, notebook_files, notebooks, reproduce
+from himap import __version__
+from himap.companion import notebook_files, notebooks, reproduce
 from himap.errors import InputError
 
 TOY = """\

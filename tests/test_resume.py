@@ -10,12 +10,12 @@ from functools import partial
 from pathlib import Path
 
 import himap
-from himap import cache
+from himap.products import cache
 
 ROOT = Path(himap.__file__).parents[1]
 
 CHAIN = """
-from himap import pipeline
+from himap.paper import pipeline
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 from himap.survey import Survey
@@ -36,7 +36,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 n_sources: int = 2  # components to remove
 
 # %%
-from himap import pipeline
+from himap.paper import pipeline
 from himap.removal.pca import PCA
 from himap.survey import Survey
 
@@ -47,7 +47,8 @@ print(found.angular.mean.tolist(), found.frequency.power.tolist())
 
 COMMAND = """
 import sys, pathlib
-from himap import cli, notebooks
+from himap.cli.main import main as cli
+from himap.companion import notebooks
 notebooks._PACKAGE = pathlib.Path({package!r})
 cli.main()
 """

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, sparse_sources
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import SeparationWarning
-from himap.removal.channels import Channels
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.removal.sdecgmca import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca.mixture import Channels
 
 FREQS = np.linspace(900, 1400, 8)
 
@@ -92,7 +92,7 @@ class TestSeparation:
         runs = []
         for rounding in (None, 0.0):
             if rounding is not None:
-                monkeypatch.setattr("himap.removal.sdecgmca._ROUNDING", rounding)
+                monkeypatch.setattr("himap.removal.sdecgmca.method._ROUNDING", rounding)
             runs.append(SDecGMCA(n_sources=4).clean(seen, freqs=FREQS, beams=BEAMS).separation)
         assert runs[0].n_iterations == runs[1].n_iterations > 1
         assert np.array_equal(*(run.foreground for run in runs))
@@ -128,7 +128,7 @@ class TestSeparation:
             assert np.abs(cleaned.residual).max() < 1e-5 * maps.max()
 
     def test_near_degenerate_mixing_is_a_warning_and_a_remark(self, problem, monkeypatch):
-        monkeypatch.setattr("himap.removal.sdecgmca._CONDITION_LIMIT", 0.5)
+        monkeypatch.setattr("himap.removal.sdecgmca.method._CONDITION_LIMIT", 0.5)
         with pytest.warns(SeparationWarning, match="near-degenerate"):
             cleaned = SDecGMCA(n_sources=2).clean(problem[0], freqs=FREQS, beams=BEAMS)
         assert "use fewer sources" in cleaned.separation.remark

@@ -4,8 +4,8 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1

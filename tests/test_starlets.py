@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from himap import sphere
-from himap.starlets import starlet_filters, starlets
+from himap.maps import sphere
+from himap.maps.starlets import starlet_filters, starlets
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1

@@ -16,8 +16,8 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 import himap
-from himap import cache
 from himap.errors import InputError
+from himap.products import cache
 from himap.survey import PRESETS
 
 ROOT = Path(himap.__file__).parents[1]
@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.store import product
+from himap.products.store import product
 from himap.survey import Survey
 
 SCALE = 2.0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from himap.errors import InputError
+from himap.paper.study import BEAMS, N_SOURCES, Study, each_beam
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
-from himap.study import BEAMS, N_SOURCES, Study, each_beam
 
 TINY = {"nside": 8, "box_cells": 16}
 
@@ -40,7 +40,7 @@ def test_bands_are_means_of_the_ratios(study):
 
 def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     lower = partial(mask_peaks, n_sigma=3.0)  # so small a sky has no peaks of 5 sigma
-    monkeypatch.setattr("himap.pipeline.peaks.mask_peaks", lower)
+    monkeypatch.setattr("himap.paper.pipeline.peaks.mask_peaks", lower)
     study = Study(preset="ci", survey=TINY | {"seed": 7})
     assert study.peak_masked("degraded").flagged.any()
     with_mask = study.cleaned("degraded", PCA(n_sources=2)).maps

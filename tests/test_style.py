@@ -1,40 +1,17 @@
-"""The project's style: ruff, and the direction of the imports."""
+"""The project's style: ruff, and the direction of the imports (import-linter, rules in pyproject.toml)."""
 
 import ast
+import os
+import re
+import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-
-# A room (a module or package of himap) may import the rooms before it, and no other.
-# fmt: off
-ROOMS = [
-    "errors", "outputs", "checks", "numbers", "progress", "blocked", "survey", "memory",  # no physics
-    "syntax", "fingerprint", "provenance", "cache", "store", "parallel",
-    "cosmology", "sphere", "masks", "starlets", "sky", "instrument", "removal", "spectra", "diagnostics",
-    "results", "pipeline", "evidence", "claims", "ledger", "ledger_table", "figure_data", "plotting", "study",
-    "cubes", "parameters", "notebook_files", "notebooks", "kernels", "kernel_manager", "reproduce",
-    "cli_shared", "cli_cache", "cli_cubes", "cli", "__main__",
-]
-# fmt: on
-
-# What the order alone does not forbid: a method knows neither the simulations nor where results are kept,
-# and the two halves of a simulation know nothing of each other.
-STRANGERS = {"removal": {"sky", "instrument", "cache", "store"}, "instrument": {"sky"}}
-
-# Packages that few modules may import; the templates and cubes use healpy for FITS.
-KEEPERS = {
-    "matplotlib": {"plotting"},
-    "healpy": {"sphere", "sky.templates", "cubes.files", "cubes.fits", "cubes.writing"},
-    "ducc0": {"sphere"},
-    "papermill": {"reproduce", "cli"},
-    "jupytext": {"notebooks"},
-    "click": {"cli", "cli_cache", "cli_cubes", "cli_shared"},
-    "pysm3": {"sky.galaxy", "sky.templates"},
-}
 
 
 def library():
@@ -47,88 +24,61 @@ def library():
     return sources
 
 
-def imported(source):
-    """Dotted names that a module imports, anywhere in it, with a leading dot for relative imports."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            module = "." * node.level + (node.module or "")
-            # `from himap import x` may name a module or something in himap/__init__.py.
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+def lint_imports(folder):
+    """Outcome of import-linter on the himap of a folder, by the contracts in its pyproject.toml."""
+    linter = [
+        sys.executable,
+        "-c",
+        "from importlinter.cli import lint_imports_command as f; f()",
+        "--no-cache",
+    ]
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    return subprocess.run(linter, cwd=folder, env=environment, capture_output=True, text=True)
 
 
-def violations(name, source):
-    """The rules that a module breaks, one sentence each."""
-    room = name.partition(".")[0]
-    if room not in ROOMS and room != "__init__":
-        return [f"himap/{room} has no place in ROOMS of tests/test_style.py: say which rooms it may import"]
-    return [message for target in imported(source) if (message := _violation(name, room, target))]
+def test_rooms_import_one_way():
+    outcome = lint_imports(ROOT)
+    assert outcome.returncode == 0, outcome.stdout
 
 
-def _violation(name, room, target):
-    top, _, rest = target.partition(".")
-    other = rest.partition(".")[0]
-    if target.startswith("."):
-        return f"{name}: {target} is a relative import; write it in full"
-    if top in KEEPERS and name not in KEEPERS[top]:
-        return f"{name} imports {top}, which is left to {', '.join(sorted(KEEPERS[top]))}"
-    if top != "himap" or other in (room, "__version__"):
-        return None
-    if room == "__init__" or other not in ROOMS:
-        return f"{name} imports {target}: himap/__init__.py neither imports nor offers anything"
-    if ROOMS.index(other) > ROOMS.index(room) or other in STRANGERS.get(room, ()):
-        return f"{name} must not import himap.{other}"
-    return None
+def test_wrong_ways_are_seen(tmp_path):
+    """Wrong imports in a copy break each contract, and so does a room that has no place."""
+    shutil.copytree(ROOT / "himap", tmp_path / "himap", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    wrong = {
+        "survey": "import himap.maps.sphere",
+        "instrument/noise": "from himap.sky import hi",
+        "removal/pca": "def f():\n    from himap.sky.hi import hi_maps",
+        "products/store": "from himap.maps.sphere import analyse",
+        "cubes/cube": "from himap.products.store import product",
+        "paper/study": "import matplotlib.pyplot as plt",
+        "maps/masks": "from ducc0 import sht",
+        "sky/hi": "import healpy as hp",
+        "figures/numbers": "import jupytext",
+        "companion/notebooks": "import click",
+        "attic": '"""No place."""',
+    }
+    for name, line in wrong.items():
+        with open(tmp_path / "himap" / f"{name}.py", "a") as file:
+            file.write(f"\n{line}\n")
+    outcome = lint_imports(tmp_path)
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    broken = re.findall(r"^(.*) BROKEN$", outcome.stdout, re.M)
+    assert {name.strip() for name in broken} == {one["name"] for one in contracts}
+    for said in (
+        "himap.attic",
+        "himap.survey -> himap.maps.sphere",
+        "himap.instrument.noise -> himap.sky.hi",
+    ):
+        assert said in outcome.stdout
 
 
 @pytest.mark.parametrize(("name", "source"), library().items(), ids=library())
-def test_imports_point_one_way(name, source):
-    assert not violations(name, source)
-
-
-@pytest.mark.parametrize(
-    ("name", "source"),
-    [
-        ("survey", "import himap.sphere"),
-        ("sphere", "from himap import sky"),
-        ("sky.hi", "from himap.removal import PCA"),
-        ("instrument.observe", "from himap.sky import hi"),
-        ("removal.pca", "from himap import spectra"),
-        ("removal.pca", "from himap.sky.hi import hi_maps"),
-        ("removal.pca", "from himap.instrument import beams"),
-        ("removal.pca", "def f():\n    from himap.diagnostics import ratio"),
-        ("spectra", "from himap.diagnostics import ratio"),
-        ("diagnostics", "from himap.plotting import spectrum"),
-        ("diagnostics", "import himap.pipeline"),
-        ("store", "from himap.sphere import analyse"),
-        ("progress", "from himap import cosmology"),
-        ("plotting", "from himap import reproduce"),
-        ("reproduce", "from himap.cli import main"),
-        ("spectra", "import matplotlib.pyplot as plt"),
-        ("instrument.beams", "import healpy as hp"),
-        ("sky.hi", "from ducc0 import sht"),
-        ("pipeline", "import papermill"),
-        ("plotting", "import jupytext"),
-        ("store", "import click"),
-        ("sky.hi", "from . import box"),
-        ("sky.hi", "from himap import PCA"),
-        ("__init__", "from himap.removal import PCA"),
-        ("attic", ""),
-    ],
-)
-def test_wrong_way_is_seen(name, source):
-    assert violations(name, source)
-
-
-def test_right_way_is_not_seen():
-    assert not violations(
-        "removal.pca", "from himap import sphere\nfrom himap.removal.base import Separation"
-    )
-    assert not violations(
-        "pipeline", "from himap.sky import hi\nfrom himap.spectra import angular\nimport numpy"
-    )
-    assert not violations("sky.templates", "import healpy")
+def test_imports_are_written_in_full(name, source):
+    relative = [
+        node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) and node.level
+    ]
+    assert not relative
 
 
 @pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=["check", "format"])

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import quad
 from skies import bands, spectrum
 
-from himap import sphere
+from himap.maps import sphere
 from himap.sky import synthetic
 from himap.sky.galaxy import Galaxy
 

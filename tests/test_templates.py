@@ -6,8 +6,8 @@ import pytest
 from astropy.io import fits
 from skies import bands, lognormal, spectrum
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.sky import small_scales
 from himap.sky.galaxy import Galaxy
 

@@ -15,11 +15,11 @@ from gallery import in_order, plain, small_picture
 from sphinx.util.docutils import SphinxDirective
 from tables import parsed, table
 
-from himap.ledger import read_ledger
-from himap.ledger_table import BADGES, plain_rows
-from himap.notebook_files import STAMP, read_notebook
-from himap.notebooks import notebooks
-from himap.provenance import Provenance, duration
+from himap.companion.notebook_files import STAMP, read_notebook
+from himap.companion.notebooks import notebooks
+from himap.paper.ledger import read_ledger
+from himap.paper.ledger_table import BADGES, plain_rows
+from himap.products.provenance import Provenance, duration
 
 _WIDTH = 760  # pixels: as wide as the page; a click leads to the whole picture
 

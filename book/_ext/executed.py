@@ -7,7 +7,7 @@ from pathlib import Path
 
 import nbformat
 
-from himap.figure_data import DATA_TYPES
+from himap.figures.data import DATA_TYPES
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from executed import figures
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
 
-from himap.notebooks import notebooks
+from himap.companion.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
 

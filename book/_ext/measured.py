@@ -17,8 +17,8 @@ from docutils.parsers.rst import directives
 from sphinx.util.docutils import SphinxDirective
 from tables import parsed, table
 
-from himap.memory import estimate
-from himap.provenance import Provenance
+from himap.products.memory import estimate
+from himap.products.provenance import Provenance
 from himap.survey import PRESETS
 
 _TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}

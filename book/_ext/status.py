@@ -6,10 +6,10 @@ from pathlib import Path
 from sphinx.util.docutils import SphinxDirective
 from tables import parsed, table
 
-from himap.notebook_files import STAMP, read_notebook
-from himap.notebooks import notebooks
-from himap.provenance import duration, environment
-from himap.reproduce import stale
+from himap.companion.notebook_files import STAMP, read_notebook
+from himap.companion.notebooks import notebooks
+from himap.companion.reproduce import stale
+from himap.products.provenance import duration, environment
 
 RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from himap import sphere
 from himap.checks import checked_beams
 from himap.cubes.files import read_numbers
 from himap.errors import InputError
 from himap.instrument.beams import BEAM_MODELS, diffraction_fwhm, oscillating_fwhm
+from himap.maps import sphere
 
 __all__ = ["BEAM_NAMES", "beams_of", "meerkat_fwhm"]
 

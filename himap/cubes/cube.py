@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap import sphere
 from himap.checks import checked_freqs, real_array
 from himap.cubes.files import read_freqs, read_raw
 from himap.errors import InputError
+from himap.maps import sphere
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 

@@ -5,19 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
-from himap import plotting
 from himap.cubes import page
 from himap.errors import InputError
-from himap.evidence import Comparison
-from himap.removal.pca import channel_covariance
-from himap.results import Spectra
-from himap.spectra import (
+from himap.figures import plotting
+from himap.measures.power_spectra import (
     angular_power,
     angular_power_pair,
     frequency_power,
     masked_alms,
     recovered_angular_power,
 )
+from himap.measures.results import Comparison, Spectra
+from himap.removal.pca import channel_covariance
 
 __all__ = [
     "SpectraBeside",
@@ -69,7 +68,7 @@ def _mask_of(cube):
 
 
 def compared(cleaned, truth):
-    """Both spectra of a `CleanedCube` beside those of the truth, an `evidence.Comparison`.
+    """Both spectra of a `CleanedCube` beside those of the truth, an `results.Comparison`.
 
     Parameters
     ----------

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap import plotting
 from himap.cubes import page
 from himap.cubes.cleaning import clean_cube, method_for
 from himap.cubes.report import SpectraBeside
 from himap.errors import InputError
+from himap.figures import plotting
 from himap.progress import progress
 from himap.removal.pca import channel_covariance
 

@@ -9,9 +9,9 @@ import numpy as np
 from astropy import constants as const
 from astropy import units as u
 
-from himap import sphere
 from himap.checks import real_array
 from himap.errors import InputError
+from himap.maps import sphere
 
 __all__ = [
     "BEAM_MODELS",

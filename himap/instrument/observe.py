@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap import sphere
 from himap.checks import checked_cube
 from himap.errors import InputError
+from himap.maps import sphere
 
 __all__ = ["Observation", "observe"]
 

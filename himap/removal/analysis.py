@@ -5,8 +5,8 @@ from zlib import adler32, crc32
 
 import numpy as np
 
-from himap import sphere
-from himap.blocked import projection
+from himap.maps import sphere
+from himap.maps.blocked import projection
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.pca import channel_covariance

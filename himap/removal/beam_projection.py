@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from himap import sphere
-from himap.blocked import mixture, projection
+from himap.maps import sphere
+from himap.maps.blocked import mixture, projection
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.analysis import analysed

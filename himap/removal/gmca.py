@@ -5,16 +5,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap import sphere
-from himap.blocked import SplitCube, mixture, projection
 from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.blocked import SplitCube, mixture, projection
+from himap.maps.starlets import starlet_bands
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
 from himap.removal.harmonic import safe_inverse
 from himap.removal.pca import bright_axes, channel_covariance, principal_axes
-from himap.removal.sparsity import NORMAL, share_threshold
-from himap.starlets import starlet_bands
+from himap.removal.thresholds import NORMAL, share_threshold
 
 __all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from himap import sphere
+from himap.maps import sphere
 
 __all__ = [
     "blocks",

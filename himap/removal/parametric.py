@@ -7,8 +7,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import exprel
 
-from himap.blocked import blocks
 from himap.errors import InputError
+from himap.maps.blocked import blocks
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 

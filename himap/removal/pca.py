@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy import linalg
 
-from himap.blocked import blocks, mixture, projection
+from himap.maps.blocked import blocks, mixture, projection
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 

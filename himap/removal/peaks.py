@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.blocked import blocks
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
+from himap.maps.blocked import blocks
 from himap.progress import progress
 
 __all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from himap.blocked import mixture
+from himap.maps.blocked import mixture
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import check_clipping, smooth_baselines
 

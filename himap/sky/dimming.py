@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from himap import sphere
 from himap.checks import checked_field, parameter
+from himap.maps import sphere
 
 __all__ = ["Dimming"]
 

@@ -7,8 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.sky.synthetic import synthetic_galaxy
 from himap.sky.templates import (
     EXPECTED_FILES,

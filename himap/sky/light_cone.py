@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
-from himap import sphere
+from himap.maps import sphere
 from himap.progress import progress
 
 __all__ = ["Rays", "plan_rays", "trace"]

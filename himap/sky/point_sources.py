@@ -11,7 +11,7 @@ from astropy import constants as const
 from astropy import units as u
 from scipy.integrate import quad
 
-from himap import sphere
+from himap.maps import sphere
 from himap.sky.emission import PowerLaw
 
 __all__ = [

@@ -6,7 +6,7 @@ map keeps its own pixels: averaged back to its resolution it is what it was.
 
 import numpy as np
 
-from himap import sphere
+from himap.maps import sphere
 
 __all__ = ["EXPONENT", "SLOPE", "add_structure", "change_index_resolution", "raise_faint", "refine"]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
-from himap import sphere
+from himap.maps import sphere
 from himap.sky.emission import PowerLaw
 
 __all__ = ["FREE_FREE_INDEX", "synthetic_galaxy"]

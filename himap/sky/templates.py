@@ -10,8 +10,8 @@ import healpy as hp
 import numpy as np
 from astropy.io import fits
 
-from himap import sphere
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX

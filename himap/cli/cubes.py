@@ -1,0 +1,175 @@
+"""The commands of `himap` for cubes of one's own.
+
+What does the work is imported when it is needed: `himap --help` need not wait seconds for it.
+"""
+
+import time
+import warnings
+
+import click
+
+from himap.cli.shared import debug, named_values, print_table
+from himap.companion.parameters import parse_texts
+from himap.errors import InputError
+from himap.outputs import whole_file
+
+__all__ = ["clean", "suggest"]
+
+_OPTIONS = [
+    click.option("--beam", metavar="NAME", help="degraded, evolving, oscillating, meerkat, or a FILE."),
+    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
+    click.option("--overwrite", is_flag=True, help="Write over what is there."),
+    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
+    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
+    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
+    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
+]
+
+
+class _Methods(click.Option):
+    """The option of a method; its help lists all there are, found when it is asked for."""
+
+    def get_help_record(self, context):
+        from himap.removal import available
+
+        self.help = f"{', '.join(available())}."
+        return super().get_help_record(context)
+
+
+def _cube_options(command):
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("path", metavar="CUBE")
+@click.option("--method", cls=_Methods, required=True, metavar="NAME")
+@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
+@click.option(
+    "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
+)
+@_cube_options
+@debug
+def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite, **reading):
+    """Remove the foregrounds of the cube of maps in CUBE.
+
+    CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
+
+    \b
+    himap clean cube.h5 --method sdecgmca --beam oscillating -p n_sources=5 -o cleaned.h5
+    """
+    from himap.cubes.cleaning import clean_cube, method_for
+    from himap.cubes.cube import read_truth
+    from himap.cubes.report import check_truth, write_report
+    from himap.cubes.writing import check_cube_output, save_cleaned
+    from himap.removal import create
+    from himap.removal.base import SeparationWarning
+
+    started = time.monotonic()
+    inputs = [one for one in (path, truth, beam, reading["freqs"]) if one is not None]
+    output = check_cube_output(output, overwrite=overwrite, inputs=inputs)
+    remover = create(method, **_parameters(pairs))
+    cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
+    method_for(cube, remover)  # before the truth is read
+    true = None if truth is None else read_truth(truth, **reading)
+    if true is not None:
+        check_truth(cube, true)  # before the work
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
+        cleaned = clean_cube(cube, remover, beams=beams, peaks=not keep_peaks)
+    page = output.with_suffix(".html")
+    with whole_file(page) as temporary:
+        write_report(cleaned, temporary, truth=true)
+        written = save_cleaned(cleaned, output, overwrite=overwrite)
+    if not cleaned.separation.converged:
+        click.echo(f"{method} stopped before it converged.", err=True)
+    click.echo("  ".join(str(one) for one in [*written, page]) + f"  ({time.monotonic() - started:.0f} s)")
+
+
+@click.command()
+@click.argument("path", metavar="CUBE")
+@click.option("--method", cls=_Methods, default="pca", show_default=True, metavar="NAME")
+@click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
+@click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most.")
+@click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
+@_cube_options
+@debug
+def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, overwrite, **reading):
+    """Suggest how many sources to remove from the cube in CUBE, without the truth.
+
+    \b
+    himap suggest cube.h5 --method pca -o how_many.html
+    """
+    from himap.cubes import suggestion
+    from himap.cubes.writing import check_page
+    from himap.removal import create
+    from himap.removal.base import SeparationWarning
+
+    page = None if output is None else check_page(output, overwrite=overwrite)
+    parameters = _parameters(pairs)
+    if "n_sources" in parameters:
+        raise InputError(
+            "the numbers of sources to try are given with --from and --to, not with -p n_sources."
+        )
+    cube, beams = _cube_and_beams(path, create(method, **parameters), beam, dish, reading)
+    most = min(10, len(cube.freqs) - 1) if most is None else most
+    if most <= least:
+        raise InputError(f"--to must be more than --from, got {most} and {least}.")
+    counts = range(least, most + 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SeparationWarning)
+        found = suggestion.suggest(
+            cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
+        )
+    rows = [
+        (str(n), f"{value:.4f}", f"{change:.1%}" if change is not None else "")
+        for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
+    ]
+    print_table(("n_sources", "criterion", "change with one more"), rows)
+    click.echo(f"{found.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(found)}")
+    if page is not None:
+        with whole_file(page) as temporary:
+            suggestion.write_suggestion(found, temporary)
+        click.echo(page)
+
+
+def _parameters(pairs):
+    """Parameters of a method from texts NAME=VALUE."""
+    found = parse_texts([], named_values(pairs))
+    if "name" in found:
+        raise InputError("no method has a parameter called name; --method says which method.")
+    return found
+
+
+def _cube_and_beams(path, remover, beam, dish, reading):
+    """The cube, with its remarks told, and its beams, None where none are named."""
+    from himap.cubes.beams import beams_of
+    from himap.cubes.cube import read_cube
+
+    if dish is not None and beam is None:
+        raise InputError("--dish belongs to a beam; give --beam too.")
+    if beam is None and remover.needs_beams:
+        raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
+    cube = read_cube(path, **reading)
+    for remark in cube.remarks:
+        click.echo(remark, err=True)
+    beams = None if beam is None else beams_of(cube, beam, dish=dish)
+    if beams is not None:
+        click.echo(f"The beams have a FWHM of {_widths(beams)}.", err=True)
+    return cube, beams
+
+
+def _widths(beams):
+    """The FWHM of Gaussians that fall as b_l do, at the last l where they are above a tenth."""
+    import numpy as np
+
+    found = []
+    for beam in beams:
+        last = max(np.flatnonzero(beam > 0.1)[-1], 1)
+        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
+        found.append(np.rad2deg(np.sqrt(8 * np.log(2)) * sigma))
+    return f"{min(found):.3g} to {max(found):.3g} deg"

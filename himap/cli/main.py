@@ -1,0 +1,164 @@
+"""The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback."""
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from himap import __version__
+from himap.cli.cache import cache_commands
+from himap.cli.cubes import clean, suggest
+from himap.cli.shared import SETTINGS, Commands, debug, named_values, print_table, workers
+from himap.companion import reproduce
+from himap.companion.notebook_files import check_output, copy_name
+from himap.companion.notebooks import find, notebooks
+from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
+from himap.errors import InputError
+from himap.products.provenance import Provenance
+
+__all__ = ["main"]
+
+_SEEDS = 5  # of `himap claims`: fewer say little where a verdict depends on the realisation
+
+
+@click.group(cls=Commands, context_settings=SETTINGS)
+@click.version_option(__version__, message="himap %(version)s")
+@debug
+def main():
+    """Foreground removal in HI intensity mapping: the notebooks of the companion, and cubes of your own.
+
+    \b
+    himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
+    himap clean cube.h5 --method pca -p n_sources=4 -o cleaned.h5
+    """
+
+
+main.add_command(cache_commands)
+main.add_command(clean)
+main.add_command(suggest)
+
+
+@main.command("list")
+@click.argument("name", required=False)
+@debug
+def list_(name):
+    """List the notebooks, or the parameters of notebook NAME.
+
+    \b
+    himap list 04_pca
+    """
+    if name is None:
+        rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in notebooks()]
+        print_table(("notebook", "paper", "title"), rows)
+        return
+    notebook = find(name)
+    click.echo(notebook.title)
+    if notebook.section:
+        click.echo(f"Paper: Sect. {notebook.section}; figures: {', '.join(notebook.figures) or 'none'}")
+    click.echo(f"Parameters:\n{describe_parameters(notebook.parameters) or '  none'}")
+
+
+@main.command()
+@click.argument("names", metavar="[NAME]...", nargs=-1)
+@click.option("--preset", help="ci, quick, laptop or paper; default: the notebook's, quick.")
+@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter; the value may be JSON.")
+@click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
+@click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
+@click.option("--all", "every", is_flag=True, help="All notebooks, but for those that are done already.")
+@workers
+@debug
+def run(names, preset, pairs, output, stale, every):
+    """Execute notebooks, with other parameters if you like.
+
+    `himap list NAME` shows the parameters. The fields of a preset (nside, n_channels, seed, ...)
+    are parameters too. What was interrupted goes on where it stopped when it is run again.
+
+    \b
+    himap run 02_beams_and_noise --preset ci -p seed=7
+    himap run 04_pca -p galaxy=templates -p template_dir=maps -o pca.ipynb
+    himap run --all --preset laptop --jobs 2
+    """
+    if stale:
+        if preset or pairs or output or every:
+            raise InputError("--stale runs notebooks as they are committed; leave out all but their names.")
+        _refresh(names)
+        return
+    if every and names:
+        raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
+    if not (names or every):
+        raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
+    names = [one.name for one in notebooks()] if every else names
+    if output and len(names) > 1:
+        raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
+    values = _values(names, preset, named_values(pairs), some_accept=every)
+    for name in names:
+        started = time.monotonic()
+        path, done = reproduce.run(
+            name, preset=preset, parameters=values[name], output=output, again=not every
+        )
+        click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
+
+
+def _values(names, preset, texts, *, some_accept):
+    """{notebook: parameters}, checked before any runs; with `some_accept`, those that the notebook has."""
+    declared = {name: find(name).parameters for name in names}
+    for parameter in texts if some_accept else ():
+        if not any(accepts(one, parameter) for one in declared.values()):
+            raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
+    values = {}
+    for name, parameters in declared.items():
+        own = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
+        values[name] = parse_texts(parameters, own)
+        check_parameters(parameters, values[name], preset)
+    return values
+
+
+@main.command()
+@click.option("--preset", help="ci, quick, laptop or paper; default: that of 15_claims.")
+@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of 15_claims.")
+@click.option(
+    "-o", "--output", help="Where to write the JSON; default results/claims_PRESET_PARAMETERS.json."
+)
+@workers
+@debug
+def claims(preset, pairs, output):
+    """Evaluate every claim of the paper on five seeds, print the ledger, and write it as JSON.
+
+    \b
+    himap claims --preset quick --jobs 2
+    himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
+    """
+    # Imported here: other commands need not wait seconds for what does the work.
+    from himap.paper import ledger, ledger_table
+    from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+
+    declared = find("15_claims").parameters
+    values = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
+    defaults = {parameter.name: parameter.default for parameter in declared}
+    preset = values.get("preset", defaults["preset"])
+    name = copy_name("claims", preset, values, suffix=".json")
+    path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
+    started = time.monotonic()
+    skies = ledger.realisations(**defaults | {"n_realisations": _SEEDS} | values)
+    entries = ledger.evaluate(skies)
+    about = Provenance.of(
+        skies[0].survey,
+        galaxy=skies[0].galaxy,
+        preset=preset,
+        parameters={"n_realisations": len(skies)},
+        started=started,
+    )
+    ledger.write_ledger(entries, path, asdict(about))
+    header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
+    colours = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
+    print_table(header, ledger_table.plain_rows(entries), colours=(2, colours))
+    count = ledger_table.summary(entries)
+    click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
+    click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+def _refresh(names):
+    done = reproduce.refresh(names or None, report=lambda name, why: click.echo(f"{name}: {why}"))
+    if not done:
+        click.echo("every notebook is fresh")

@@ -1,0 +1,126 @@
+"""What the commands of `himap` share: options, errors told in one paragraph, tables."""
+
+import functools
+
+import click
+
+from himap.companion import reproduce
+from himap.companion.kernels import changed_environment
+from himap.errors import InputError
+from himap.products.memory import LIMIT_VARIABLE, parse_size
+from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
+
+__all__ = ["SETTINGS", "Commands", "debug", "named_values", "print_table", "size_text", "workers"]
+
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+class _BadInput(click.ClickException):
+    exit_code = 2
+
+
+class Commands(click.Group):
+    """Commands whose errors of the user's making are told in one paragraph."""
+
+    def invoke(self, context):
+        try:
+            return super().invoke(context)
+        except (InputError, reproduce.NotebookError) as error:
+            if context.meta.get("debug"):
+                raise
+            if isinstance(error, InputError):
+                raise _BadInput(str(error)) from None
+            raise click.ClickException(f"{error}\nAdd --debug for the traceback.") from None
+
+
+def _remember_debug(context, parameter, value):
+    context.meta["debug"] = value or context.meta.get("debug", False)
+
+
+debug = click.option(
+    "--debug",
+    is_flag=True,
+    expose_value=False,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
+
+
+def _checked_size(context, parameter, value):
+    if value is not None:
+        parse_size(value)
+    return value
+
+
+_WORKERS = {
+    JOBS_VARIABLE: click.option(
+        "--jobs",
+        JOBS_VARIABLE.lower(),
+        type=click.IntRange(min=1),
+        help="Processes that work at once on what is independent; default 1.",
+    ),
+    DASK_VARIABLE: click.option(
+        "--dask",
+        DASK_VARIABLE.lower(),
+        metavar="ADDRESS",
+        help="Scheduler of a Dask cluster to share the work, such as tcp://host:8786.",
+    ),
+    LIMIT_VARIABLE: click.option(
+        "--max-memory",
+        LIMIT_VARIABLE.lower(),
+        metavar="SIZE",
+        callback=_checked_size,
+        help="What may be used, such as 16GB; default: what is free.",
+    ),
+}
+
+
+def workers(command):
+    """The options that say who does the work of a command, and with how much memory.
+
+    Kernels and worker processes read them from the environment, where they are while the command runs.
+    """
+
+    @functools.wraps(command)
+    def wrapped(*args, **options):
+        given = {name: options.pop(name.lower()) for name in _WORKERS}
+        with changed_environment({name: str(value) for name, value in given.items() if value is not None}):
+            return command(*args, **options)
+
+    for option in reversed(_WORKERS.values()):
+        wrapped = option(wrapped)
+    return wrapped
+
+
+def named_values(pairs):
+    """{name: text} of texts NAME=VALUE."""
+    texts = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not (equals and name.isidentifier()):
+            raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
+        if name in texts:
+            raise InputError(
+                f"the parameter {name} is given twice, as {texts[name]} and as {text}; give one."
+            )
+        texts[name] = text
+    return texts
+
+
+def print_table(header, rows, colours=(None, {})):
+    """Aligned columns; `colours` are a column and the colour of each of its texts."""
+    column, colour_of = colours
+    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
+    for row in [header, *rows]:
+        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
+        if column is not None:
+            cells[column] = click.style(cells[column], fg=colour_of.get(row[column]))
+        click.echo("  ".join(cells).rstrip())
+
+
+def size_text(n_bytes):
+    for unit in ("B", "kB", "MB"):
+        if n_bytes < 1000:
+            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
+        n_bytes /= 1000
+    return f"{n_bytes:.1f} GB"

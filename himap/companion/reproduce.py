@@ -1,0 +1,198 @@
+"""Running the notebooks: with other parameters, or again because something they depend on changed.
+
+An executed notebook carries a stamp: the fingerprint of its code and of all that this reaches in himap. A
+notebook whose stamp is that of today's code is fresh.
+"""
+
+import copy
+import time
+from pathlib import Path
+
+from himap.companion.kernels import kernel_environment, terminal
+from himap.companion.notebook_files import (
+    KERNEL,
+    STAMP,
+    check_output,
+    code_cells,
+    copy_name,
+    read_notebook,
+    stamped,
+    text_digest,
+    with_outputs,
+    write_notebook,
+)
+from himap.companion.notebooks import find, notebooks
+from himap.companion.parameters import check_parameters
+from himap.errors import InputError
+from himap.products.provenance import environment
+
+__all__ = ["NotebookError", "refresh", "run", "stale"]
+
+_KERNEL_OPTIONS = ("--log-level=CRITICAL",)
+
+
+class NotebookError(RuntimeError):
+    """A notebook that stopped at an error; the message says where."""
+
+
+def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True):
+    """Execute a notebook with other parameters.
+
+    Parameters
+    ----------
+    name
+        As in `find`.
+    preset
+        Name of the preset; default: the notebook's.
+    parameters
+        {name: value}; fields of `Survey` may be among them.
+    output
+        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
+        other parameters that were passed in the name too, so that another run does not replace this one.
+    again
+        Whether to execute it also where the output is there, of today's code and these parameters.
+
+    Returns
+    -------
+    Path
+        Of the executed notebook, which is written whole or not at all.
+    bool
+        Whether it was executed now.
+
+    Raises
+    ------
+    InputError
+        A bad name, parameter or output, or bad input found by the notebook itself.
+    NotebookError
+        The notebook stopped at any other error.
+    """
+    notebook = find(name, folder)
+    values = check_parameters(notebook.parameters, parameters or {}, preset)
+    if output is None:
+        defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
+        preset = values.get("preset", defaults.get("preset"))
+        output = Path("results") / copy_name(notebook.name, preset, values)
+    output = check_output(Path(output))
+    if output.resolve() in {other.executed.resolve() for other in notebooks(folder)}:
+        raise InputError(
+            f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
+        )
+    if not again and _is_done(notebook, values, output):
+        return output, False
+    write_notebook(_execute(notebook, values, Path.cwd()), output)
+    return output, True
+
+
+def _is_done(notebook, parameters, path):
+    """Whether the notebook at `path` was executed with today's code and these parameters."""
+    try:
+        stamp = read_notebook(path).metadata.get(STAMP, {})
+    except (OSError, ValueError):
+        return False
+    return stamp.get("fingerprint") == notebook.fingerprint(parameters)
+
+
+def stale(folder=None):
+    """The notebooks whose executed file is not that of today's code: {name: why}."""
+    states = {notebook.name: _state(notebook) for notebook in notebooks(folder)}
+    return {name: state for name, state in states.items() if state}
+
+
+def refresh(names=None, folder=None, *, report=None):
+    """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
+
+    Parameters
+    ----------
+    names
+        Which, as in `find`; default all. Fresh ones are left alone.
+    report
+        Called as ``report(name, why)`` before each.
+
+    Returns
+    -------
+    dict
+        {name: why} of what was done.
+
+    Raises
+    ------
+    InputError
+        An ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost.
+    NotebookError
+        A notebook stopped at an error; it is as it was before.
+    """
+    chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
+    todo = {notebook: state for notebook in chosen if (state := _state(notebook))}
+    edited = [notebook.executed.name for notebook, state in todo.items() if state == _EDITED]
+    if edited:
+        raise InputError(
+            f"{', '.join(edited)} was edited in Jupyter and differs from its .py; take the edits over with "
+            "`jupytext --to py:percent` or delete the file, then run this again."
+        )
+    for notebook, state in todo.items():
+        if report:
+            report(notebook.name, state)
+        if state == _TEXT_CHANGED:
+            write_notebook(with_outputs(notebook.node, read_notebook(notebook.executed)), notebook.executed)
+        else:
+            write_notebook(_execute(notebook, {}, notebook.path.parent), notebook.executed)
+    return {notebook.name: state for notebook, state in todo.items()}
+
+
+_EDITED = "edited in Jupyter, unlike its .py"
+_TEXT_CHANGED = "its text changed"
+
+
+def _state(notebook):
+    """Why the executed notebook is stale; empty if it is fresh."""
+    try:
+        node = read_notebook(notebook.executed)
+    except (OSError, ValueError):
+        return "there is no executed notebook"
+    stamp = node.metadata.get(STAMP, {})
+    text, source = text_digest(node), text_digest(notebook.node)
+    if stamp and text not in (stamp.get("text"), source):
+        return _EDITED
+    if not stamp or any(cell.execution_count is None for cell in code_cells(node)):
+        return "it was never executed"
+    if stamp.get("fingerprint") != notebook.fingerprint():
+        return "its code, or code that it uses, changed"
+    return "" if text == source == stamp.get("text") else _TEXT_CHANGED
+
+
+def _execute(notebook, parameters, folder):
+    """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+    import papermill  # slow, and most commands do without
+    from nbclient.exceptions import DeadKernelError
+
+    from himap.companion.kernel_manager import AsyncLocalKernelManager
+
+    fingerprint = notebook.fingerprint(parameters)  # of the code that runs, whatever is edited meanwhile
+    node = copy.deepcopy(notebook.node)
+    node.metadata["kernelspec"] = dict(KERNEL)
+    started = time.monotonic()
+    watched = terminal()
+    bar = {"desc": notebook.name, "leave": False} if watched else False
+    try:
+        with kernel_environment(watched):
+            done = papermill.execute_notebook(
+                node,
+                None,
+                parameters,
+                cwd=folder,
+                progress_bar=bar,
+                extra_arguments=list(_KERNEL_OPTIONS),
+                kernel_manager_class=AsyncLocalKernelManager,
+            )
+    except papermill.PapermillExecutionError as error:
+        if error.ename == InputError.__name__:
+            raise InputError(error.evalue) from error
+        number = error.exec_count - bool(parameters)  # papermill adds a cell for them
+        raise NotebookError(
+            f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
+        ) from error
+    except DeadKernelError as error:
+        raise NotebookError(
+            f"the kernel of {notebook.name} died, most often because memory ran out; try a smaller preset."
+        ) from error
+    execution = environment() | {"seconds": round(time.monotonic() - started, 1)}
+    return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)

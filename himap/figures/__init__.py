@@ -1,0 +1,1 @@
+"""How anything is shown: figures, their numbers, tables."""

@@ -1,0 +1,99 @@
+"""The numbers behind a figure: a notebook keeps them beside the picture, the book offers them for download.
+
+Curves are kept as CSV. Maps and other images are kept as NPZ (numpy's ``np.load`` opens it), in base64: at
+most `NSIDE` for maps, rounded to four digits, so that a notebook stays small enough to be committed.
+"""
+
+import base64
+import csv
+import io
+
+import numpy as np
+
+from himap.maps import sphere
+
+__all__ = ["DATA_TYPES", "NSIDE", "with_curves", "with_image", "with_maps"]
+
+_CURVES, _ARRAYS = "text/csv", "application/x-npz"
+
+DATA_TYPES = {_CURVES: "csv", _ARRAYS: "npz"}
+"""{kind of output under which a notebook keeps the numbers of a figure: ending of a file of them}."""
+
+NSIDE = 32
+"""Largest nside at which the maps of a figure are kept; finer ones are averaged over its pixels."""
+
+_BITS = 13  # of the mantissa: 1.2e-4 of the value at most
+
+
+def with_curves(figure, curves):
+    """The figure with the numbers of its curves.
+
+    Parameters
+    ----------
+    figure
+        A matplotlib figure; it is changed and returned.
+    curves
+        [(panel, label, x, y)], texts and arrays (n,).
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("panel", "curve", "x", "y"))
+    for panel, label, xs, ys in curves:
+        writer.writerows((panel, label, f"{x:.5g}", f"{y:.5g}") for x, y in zip(xs, ys, strict=True))
+    return _carrying(figure, _CURVES, text.getvalue())
+
+
+def with_maps(figure, maps, units):
+    """The figure with its maps, at `NSIDE` or coarser.
+
+    Parameters
+    ----------
+    figure
+        A matplotlib figure; it is changed and returned.
+    maps
+        {title: (n_pix,)}, RING; pixels without a value are NaN.
+    units
+        The unit of each, in their order.
+
+    Notes
+    -----
+    The file holds ``maps`` (n_maps, n_pix), ``titles``, ``units``, ``ordering`` and ``coordinates``.
+    """
+    coarse = [_coarse(np.asarray(pixels, dtype=np.float64)) for pixels in maps.values()]
+    labels = {"titles": list(maps), "units": list(units), "ordering": "RING", "coordinates": "Galactic"}
+    return _carrying(figure, _ARRAYS, _packed(maps=np.stack(coarse), **labels))
+
+
+def with_image(figure, values, *, x, y, unit):
+    """The figure with an image (n_y, n_x) over `x` and `y`; all three are in the file under these names."""
+    return _carrying(figure, _ARRAYS, _packed(values=np.asarray(values), x=x, y=y, unit=unit))
+
+
+def _coarse(pixels):
+    """A map at `NSIDE` or coarser: means of the pixels that have a value."""
+    nside = sphere.nside_of(pixels)
+    if nside <= NSIDE:
+        return pixels
+    there = np.isfinite(pixels)
+    share = sphere.change_resolution(there.astype(np.float64), NSIDE)
+    mean = sphere.change_resolution(np.where(there, pixels, 0), NSIDE)
+    return np.divide(mean, share, out=np.full(len(mean), np.nan), where=share > 0)
+
+
+def _packed(**arrays):
+    """An NPZ file in base64; real numbers as float32, rounded."""
+    file = io.BytesIO()
+    np.savez_compressed(file, **{name: _rounded(np.asarray(array)) for name, array in arrays.items()})
+    return base64.b64encode(file.getvalue()).decode()
+
+
+def _rounded(array):
+    if array.dtype.kind != "f":
+        return array
+    mantissa, exponent = np.frexp(array)
+    return np.ldexp(np.round(mantissa * 2**_BITS) / 2**_BITS, exponent).astype(np.float32)
+
+
+def _carrying(figure, kind, text):
+    figure._repr_mimebundle_ = lambda include=None, exclude=None: {kind: text}
+    return figure

@@ -1,0 +1,276 @@
+"""Figures. The only module that knows matplotlib; every function returns the figure it makes.
+
+Figures carry their numbers (`himap.figures.data`): a notebook that shows one keeps them beside the picture.
+
+Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in
+style too, so they stay apart in grey. Maps use cividis, which is monotonic in lightness.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.ticker import MaxNLocator
+
+from himap.figures.data import with_curves, with_image, with_maps
+from himap.maps import sphere
+
+__all__ = [
+    "BEAM_STYLES",
+    "METHOD_STYLES",
+    "image",
+    "lines",
+    "save",
+    "sequence",
+    "sky_map",
+    "sky_maps",
+    "spectrum",
+    "stamp",
+]
+
+METHOD_STYLES = {
+    "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "--"},
+    "fastica": {"label": "FastICA", "color": "#E69F00", "linestyle": (0, (1, 1.2))},
+    "gmca": {"label": "GMCA", "color": "#009E73", "linestyle": "-."},
+    "sdecgmca": {"label": "SDecGMCA", "color": "#D55E00", "linestyle": "-", "linewidth": 2},
+    "polynomial": {"label": "polynomial", "color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+    "parametric": {"label": "parametric", "color": "#56B4E9", "linestyle": (0, (8, 3))},
+}
+"""Line style of every method, the same throughout the book; the order is that of the legends."""
+
+BEAM_STYLES = {
+    "degraded": {"label": "degraded", "color": "#0072B2", "linestyle": "-"},
+    "evolving": {"label": "evolving", "color": "#E69F00", "linestyle": "--"},
+    "oscillating": {"label": "oscillating", "color": "#009E73", "linestyle": "-."},
+}
+"""Line style of every beam, the same throughout the book."""
+
+_DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
+_TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
+_RC = {
+    "figure.dpi": 110,
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "figure.constrained_layout.use": True,
+}
+
+
+def _mollweide(n_columns=720):
+    """Longitude and latitude, deg, of a Mollweide image, Galactic centre in the middle, l to the left."""
+    x, y = np.meshgrid(np.linspace(-2, 2, n_columns), np.linspace(-1, 1, n_columns // 2))
+    with np.errstate(invalid="ignore"):
+        theta = np.arcsin(y)
+        lat = np.arcsin((2 * theta + np.sin(2 * theta)) / np.pi)
+        lon = -np.pi * x / (2 * np.cos(theta))
+    lon[np.abs(lon) > np.pi] = np.nan
+    return np.rad2deg(lon), np.rad2deg(lat)
+
+
+def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
+    """Draw one map (n_pix,) in Mollweide projection on `axes`; returns the image.
+
+    Colours go from one percentile of the map to another, `limits`, (1, 99) unless given, or over `span`, in
+    the unit of the map; `log` for logarithmic colours.
+    """
+    lon, lat = _mollweide()
+    inside = np.isfinite(lon)
+    image = np.full(lon.shape, np.nan)
+    image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
+    low, high = np.percentile(pixels, limits or (1, 99)) if span is None else span
+    norm = LogNorm(low, high) if log else Normalize(low, high)
+    shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap="cividis")
+    angle = np.linspace(0, 2 * np.pi, 400)
+    axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
+    axes.set_axis_off()
+    axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
+    bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
+    if not log:
+        bar.locator = MaxNLocator(4)  # five-digit numbers would run into each other
+    return shown
+
+
+def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None):
+    """A figure of several maps, {title: (n_pix,)}; each has its own colour bar.
+
+    In two columns, or three where that leaves fewer gaps, unless `columns` says otherwise. `unit`, `log`,
+    `limits` and `span` as in `sky_map`, or dicts by title.
+    """
+    columns = columns or (3 if len(maps) in (3, 5, 6) else min(2, len(maps)))
+    rows = -(-len(maps) // columns)
+    with plt.rc_context(_RC):
+        figure, panels = plt.subplots(
+            rows, columns, figsize=(4.6 * columns, 2.9 * rows), dpi=80, squeeze=False
+        )
+        for axes in panels.flat[len(maps) :]:
+            axes.set_visible(False)
+        for axes, (title, pixels) in zip(panels.flat, maps.items(), strict=False):
+            options = {"unit": unit, "log": log, "limits": limits, "span": span}
+            chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
+            sky_map(axes, pixels, title=title, **chosen)
+    units = [unit.get(title) if isinstance(unit, dict) else unit for title in maps]
+    return with_maps(_finished(figure), maps, [one or "" for one in units])
+
+
+def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
+    """Spectra on logarithmic axes with a ratio panel below each, as in the paper's Figs. 1 and 2.
+
+    Parameters
+    ----------
+    panels
+        A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
+        list of (style, x, recovered, true) with styles as in `METHOD_STYLES` and spectra (n,); optional
+        "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
+        above.
+    ratio_limits
+        Range of the ratio panels, logarithmic over more than a factor of 100, else linear; curves that leave
+        it are cut off at its edge.
+    band
+        Half width of the grey band around 1.
+    """
+    one_scale = len({panel["ylabel"] for panel in panels}) == 1
+    many = max(len(panel["curves"]) for panel in panels) > 2
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(
+            2,
+            len(panels),
+            figsize=(1.2 + (3.3 if one_scale else 4.3) * len(panels), 4.8),
+            sharex="col",
+            sharey="row" if one_scale else "none",
+            squeeze=False,
+            height_ratios=(2.2, 1),
+        )
+        for (top, bottom), panel in zip(grid.T, panels, strict=True):
+            _spectrum_panel(top, bottom, panel, ratio_limits, band)
+            if not many:
+                top.legend()
+            if panel is panels[0] or not one_scale:
+                top.set_ylabel(panel["ylabel"])
+                bottom.set_ylabel(panel["ratio_label"])
+        if many:  # many curves leave no room inside the panels
+            handles = grid[0, -1].get_legend_handles_labels()[0]
+            rows = -(-len(handles) // 7)
+            figure.legend(handles=handles, loc="outside upper center", ncols=-(-len(handles) // rows))
+    points = [
+        (panel["title"], label, *curve)
+        for panel in panels
+        for label, curve in [
+            (_TRUTH["label"], panel["true"]),
+            *((style["label"], (at, recovered)) for style, at, recovered, _ in panel["curves"]),
+        ]
+    ]
+    return with_curves(_finished(figure), points)
+
+
+def _spectrum_panel(top, bottom, panel, ratio_limits, band):
+    """One spectrum and its ratio."""
+    low, high = panel.get("x_limits", (0, np.inf))
+
+    def shown(x):
+        return (x > 0) & (x >= low) & (x <= high)
+
+    x, y = panel["true"]
+    top.loglog(x[shown(x)], y[shown(x)], **_TRUTH)
+    bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
+    bottom.axhline(1, color="black", linewidth=0.8)
+    for style, at, recovered, true in panel["curves"]:
+        inside = shown(at)
+        top.plot(at[inside], recovered[inside], **style)
+        bottom.plot(at[inside], (recovered / true)[inside], **style)
+    top.set_title(panel["title"])
+    scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] > 0 else "linear"
+    bottom.set(ylim=ratio_limits, xlabel=panel["xlabel"], xscale="log", yscale=scale)
+    _plain_ticks(bottom.xaxis, x[shown(x)])
+
+
+def _plain_ticks(axis, values):
+    """Ticks at 1, 2, 5 of each decade, or 1, 3 over more than a hundredfold, as plain numbers."""
+    low, high = values[0], values[-1]
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    ticks = np.multiply.outer(decades, (1, 2, 5) if high < 200 * low else (1, 3)).ravel()
+    axis.set_ticks(ticks[(ticks >= low) & (ticks <= high)], minor=False)
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
+
+
+def lines(panels, *, columns=2, size=(4.6, 3.4)):
+    """A figure of line plots, one for each panel.
+
+    Parameters
+    ----------
+    panels
+        A list of dicts: "curves", a list of (x, y, style); optional "points", the same, drawn as
+        markers, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel, xscale, xlim...
+    """
+    rows = -(-len(panels) // columns)
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(rows, columns, figsize=(size[0] * columns, size[1] * rows), squeeze=False)
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes, panel in zip(grid.flat, panels, strict=False):
+            settings = {
+                key: value for key, value in panel.items() if key not in ("curves", "points", "legend")
+            }
+            for x, y, style in panel["curves"]:
+                axes.plot(x, y, **style)
+            for x, y, style in panel.get("points", []):
+                axes.plot(x, y, **({"linestyle": "none", "marker": "o", "markersize": 4} | style))
+            axes.set(**settings)
+            low, high = axes.get_xlim()
+            if axes.get_xscale() == "log" and high < 200 * low:  # powers of ten alone would be too few
+                _plain_ticks(axes.xaxis, (low, high))
+            if axes.get_legend_handles_labels()[1]:
+                axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
+    points = [
+        (panel.get("title", ""), style.get("label", ""), x, y)
+        for panel in panels
+        for x, y, style in [*panel["curves"], *panel.get("points", [])]
+    ]
+    return with_curves(_finished(figure), points)
+
+
+def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
+    """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
+    with plt.rc_context(_RC | {"axes.grid": False}):
+        figure, axes = plt.subplots(figsize=(9.2, 3.2))
+        low, high = np.percentile(values, limits)
+        extent = (x[0], x[-1], y[0], y[-1])
+        shown = axes.imshow(
+            values, origin="lower", aspect="auto", extent=extent, vmin=low, vmax=high, cmap="cividis"
+        )
+        axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
+        figure.colorbar(shown, label=unit, extend="both")
+    return with_image(_finished(figure), values, x=x, y=y, unit=unit)
+
+
+def _finished(figure):
+    """The figure, out of pyplot's hands: a notebook shows it once, where it is returned."""
+    plt.close(figure)
+    return figure
+
+
+def stamp(figure, provenance):
+    """Write where the figure comes from under it, in small print; returns the figure."""
+    size = np.clip(0.8 * figure.get_figwidth(), 6, 9)  # wide figures are shown scaled down
+    figure.supxlabel(str(provenance), fontsize=size, color="0.35")
+    return figure
+
+
+def save(figure, path, *, dpi=150):
+    """Write `figure` as a file, format by its ending."""
+    figure.savefig(path, dpi=dpi)
+
+
+def sequence(labels):
+    """Styles of curves that have an order, such as one for each number of components: [style, ...].
+
+    Colours go from dark to light, evenly for the eye, colour-blind or not, and in grey; neighbours differ in
+    their dashes too.
+    """
+    colours = plt.get_cmap("plasma")(np.linspace(0.05, 0.9, len(labels)))
+    return [
+        {"label": label, "color": colour, "linestyle": _DASHES[n % len(_DASHES)], "linewidth": 1.6}
+        for n, (label, colour) in enumerate(zip(labels, colours, strict=True))
+    ]

@@ -1,0 +1,1 @@
+"""Maps of the sphere: transforms, masks, wavelets, products with cubes of them."""

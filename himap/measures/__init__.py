@@ -1,0 +1,1 @@
+"""What is measured on a cleaned cube; the only rooms that know the truth."""

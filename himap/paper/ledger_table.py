@@ -1,0 +1,124 @@
+"""The ledger as a table: in a notebook, in the rendered book, and on a terminal."""
+
+import html
+from collections import Counter
+
+from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+
+__all__ = ["BADGES", "LedgerTable", "plain_rows", "summary"]
+
+VERDICTS = (REPRODUCED, DIFFERENT, FAILED, UNDECIDED)
+
+_SECTIONS = {
+    "4.2": "Sect. 4.2: methods and beams",
+    "4.3": "Sect. 4.3: the number of sources",
+    "4.1, B": "Sect. 4.1 and App. B: masking of peaks",
+    "5.1": "Sect. 5.1: lines of sight left out",
+    "5.2": "Sect. 5.2: the Galaxy dimmed",
+    "A": "App. A: diagnostics",
+}
+BADGES = {
+    REPRODUCED: ("✓", "#00664b"),
+    DIFFERENT: ("≈", "#8a5a00"),
+    FAILED: ("✗", "#a33c00"),
+    UNDECIDED: ("–", "#666666"),
+}
+"""{verdict: (sign, colour)}; dark enough for white letters, and told apart without colours by the sign."""
+
+
+def summary(entries):
+    """{verdict: how many claims}, every verdict there."""
+    count = Counter(entry.verdict for entry in entries)
+    return {verdict: count[verdict] for verdict in VERDICTS}
+
+
+def plain_rows(entries):
+    """Rows of text: id, beam, verdict, in how many realisations, measured, of the paper, what is measured."""
+    return [
+        (
+            entry.claim["id"],
+            entry.claim["beam"],
+            entry.verdict,
+            f"{entry.agreeing}/{len(entry.findings)}",
+            _measured(entry),
+            entry.claim["paper"],
+            entry.claim["number"],
+        )
+        for entry in entries
+    ]
+
+
+class LedgerTable:
+    """To end a notebook cell with: the ledger, grouped by section of the paper.
+
+    Parameters
+    ----------
+    entries
+        A list of `himap.paper.ledger.Entry`.
+    links
+        {notebook: {figure of the paper: name of the figure in the book}}, for links from claims to figures.
+    """
+
+    def __init__(self, entries, links=None):
+        self.entries, self.links = entries, links or {}
+
+    def __repr__(self):
+        rows = plain_rows(self.entries)
+        widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
+        lines = (
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows
+        )
+        return "\n".join(line.rstrip() for line in lines)
+
+    def _repr_html_(self):
+        parts = []
+        for section, title in _SECTIONS.items():
+            rows = [self._row(entry) for entry in self.entries if entry.claim["section"] == section]
+            if rows:
+                parts.append(f'<tr><th colspan="4" style="text-align:left">{title}</th></tr>' + "".join(rows))
+        head = "".join(
+            f'<th style="text-align:left">{word}</th>' for word in ("", "claim", "verdict", "measured; paper")
+        )
+        return f'<table style="font-size:90%"><tr>{head}</tr>{"".join(parts)}</table>'
+
+    def _row(self, entry):
+        claim = {key: html.escape(value) for key, value in entry.claim.items()}
+        sign, colour = BADGES[entry.verdict]
+        badge = (
+            f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
+            f'white-space:nowrap">{sign} {entry.verdict}</span>'
+        )
+        times = f"{entry.agreeing} of {len(entry.findings)}"
+        left = 'style="text-align:left;vertical-align:top;padding:4px 8px"'
+        measured = f"{html.escape(_measured(entry))}; {claim['paper']}<br><em>{claim['number']}</em>"
+        return (
+            f'<tr id="claim-{claim["id"]}"><td {left}>{claim["id"]}</td>'
+            f"<td {left}>{claim['statement']} <em>({claim['beam']})</em> {self._link(entry.claim)}"
+            f"<details><summary>reading and numbers</summary>{claim['reading']} "
+            f"{html.escape(entry.sentence)}{_failed(entry)}</details></td>"
+            f"<td {left}>{badge}<br>{times} realisations</td>"
+            f"<td {left}>{measured}</td></tr>"
+        )
+
+    def _link(self, claim):
+        page, figure = claim["notebook"], claim["figure"]
+        name = self.links.get(page, {}).get(figure, "")
+        anchor = f"#{name}" if name else ""
+        return f'<a href="{page}.html{anchor}">Fig. {html.escape(figure)}</a>'
+
+
+def _failed(entry):
+    """The parts of the claim that do not hold, and in how many realisations."""
+    parts = [f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items()]
+    total = len(entry.findings)
+    return f"<br>Does not hold (in how many of {total} realisations): {'; '.join(parts)}" if parts else ""
+
+
+def _measured(entry):
+    """Median, and the range over realisations where there are several."""
+    median, low, high = entry.values
+    if median != median:
+        return "–"
+    if len(entry.findings) == 1 or low == high:
+        return f"{median:.3g}"
+    return f"{median:.3g} ({low:.3g} to {high:.3g})"

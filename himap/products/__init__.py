@@ -1,0 +1,1 @@
+"""Made once, kept, shared among processes; this knows no physics."""

@@ -1,0 +1,146 @@
+"""Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
+
+import os
+import warnings
+
+import joblib
+
+from himap.errors import InputError
+from himap.products import cache
+from himap.progress import progress
+
+__all__ = ["DASK_VARIABLE", "JOBS_VARIABLE", "dask_address", "make_all", "n_jobs"]
+
+JOBS_VARIABLE = "HIMAP_JOBS"
+"""Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
+
+DASK_VARIABLE = "HIMAP_DASK"
+"""Environment variable with the address of a Dask scheduler; `himap run --dask` sets it."""
+
+_TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
+_CONNECT = 30  # s to reach the scheduler
+_RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
+
+
+def n_jobs():
+    """How many processes work at once, 1 unless the variable HIMAP_JOBS says otherwise.
+
+    Raises
+    ------
+    InputError
+        HIMAP_JOBS is no whole number above 0.
+    """
+    text = os.environ.get(JOBS_VARIABLE, "1")
+    if not text.isdecimal() or int(text) < 1:
+        raise InputError(f"{JOBS_VARIABLE} must be a whole number of processes above 0, got {text!r}.")
+    return int(text)
+
+
+def dask_address():
+    """Address of the Dask scheduler that the variable HIMAP_DASK names, or None."""
+    return os.environ.get(DASK_VARIABLE) or None
+
+
+def make_all(product, calls, description):
+    """Make sure that products are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
+
+    What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
+    do not travel: each process keeps what it computes in the cache folder, and reads from there.
+
+    Parameters
+    ----------
+    product
+        A `himap.products.store.Product`.
+    calls
+        The arguments of each call, a list of tuples.
+    description
+        A word or two in front of the bar, which shows the time left.
+
+    Returns
+    -------
+    int
+        How many were made now.
+
+    Raises
+    ------
+    InputError
+        A Dask scheduler that does not answer, or workers that write to another cache folder.
+    """
+    missing = [call for call in calls if not product.is_cached(*call)]
+    if not missing:
+        return 0
+    if dask_address():
+        done = _on_cluster(product, missing)
+    elif n_jobs() > 1 < len(missing):
+        done = _in_processes(product, missing)
+    else:
+        done = (_made(product, call) for call in missing)
+    for caught in progress(done, description, total=len(missing)):
+        for message, category in caught:
+            warnings.warn(message, category, stacklevel=2)
+    return len(missing)
+
+
+def _made(product, call):
+    product(*call)
+    return []
+
+
+def _in_processes(product, missing):
+    """The warnings of each piece of work, as they are done; the cores are shared out among the processes."""
+    jobs = min(n_jobs(), len(missing))
+    # joblib tells this to every other package with threads. New processes read it when they begin.
+    own_choice = os.environ.get(_TRANSFORM_THREADS)
+    os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
+    try:
+        # The processes live on for the next call, so each piece of work brings the settings of this one.
+        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
+        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+    finally:
+        if own_choice is None:
+            del os.environ[_TRANSFORM_THREADS]
+
+
+def _on_cluster(product, missing):
+    """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        raise InputError("--dask needs the package `distributed`: pip install distributed.") from None
+    address = dask_address()
+    try:
+        client = Client(address, timeout=_CONNECT)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler` and give "
+            "the address that it prints, such as tcp://host:8786."
+        ) from None
+    settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
+    settings.pop(DASK_VARIABLE)
+    with client:
+        futures = [
+            client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
+        ]
+        for _, caught in as_completed(futures, with_results=True):
+            yield caught
+    if not all(product.is_cached(*call) for call in missing):
+        raise InputError(
+            f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
+            "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
+        )
+
+
+def _settings():
+    """The variables of himap, {name: value}."""
+    return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
+
+
+def _make(product, call, settings):
+    """Compute and keep; the warnings, for the process that asked and its filters."""
+    for name in _settings().keys() - settings.keys():
+        del os.environ[name]
+    os.environ.update(settings)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        product(*call)
+    return [(str(one.message), one.category) for one in caught]

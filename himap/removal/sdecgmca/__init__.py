@@ -1,0 +1,5 @@
+"""SDecGMCA (paper, Sect. 3.3), and what only it needs."""
+
+from himap.removal.sdecgmca.method import SDecGMCA
+
+__all__ = ["SDecGMCA"]
