@@ -122,24 +122,18 @@ def write_maps(path, maps, *, names, unit, nested, cards=()):
         Further cards of the header, (key, value).
     """
     maps[~np.isfinite(maps)] = hp.UNSEEN
-    hp.write_map(
-        path,
-        maps,
-        nest=nested,
-        dtype=np.float32,
-        column_names=names,
-        column_units=unit,
-        extra_header=cards,
-    )
+    columns = {"column_names": names, "column_units": unit, "dtype": np.float32}
+    hp.write_map(path, maps, nest=nested, extra_header=cards, **columns)
 
 
 def is_nested(order, name="the order of pixels"):
     """Whether a text means NESTED order; None where there is none. `name` is what an error calls it."""
     if order is None:
         return None
-    if order.strip().upper() not in ("RING", "NEST", "NESTED"):
+    nested = {"RING": False, "NEST": True, "NESTED": True}.get(order.strip().upper())
+    if nested is None:
         raise InputError(f"{name} must be RING or NESTED, got {order!r}.")
-    return order.strip().upper() != "RING"
+    return nested
 
 
 def to_ring(pixels):
@@ -165,7 +159,7 @@ def temperature_unit(text, name="unit"):
         came = f"{name} {spelled!r}" if spelled else f"no {name}"
         raise InputError(
             "maps must be brightness temperatures (Rayleigh-Jeans), with a unit out of K, K_RJ, mK, mK_RJ, "
-            f"uK, uK_RJ, got {came}. Convert the maps, and write them with their unit, as by "
-            "healpy.write_map(..., column_units='K_RJ')."
+            f"uK, uK_RJ, got {came}. Convert the maps, and write them with their unit, as "
+            "healpy.write_map(..., column_units='K_RJ') does."
         )
     return unit
