@@ -44,7 +44,7 @@ _OPTIONS = [
     click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
-    click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
+    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
     click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
     click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
     click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
