@@ -6,6 +6,7 @@ column, so that one number that moves within its tolerance would change the text
 
 import html
 from functools import partial
+from itertools import zip_longest
 
 from tabulate import TableFormat, tabulate
 
@@ -59,7 +60,8 @@ class Table:
         head, *body = [[text(cell) for cell in row] for row in (self.header, *self.rows)]
         if style == "plain" and head:  # as a header it would make its columns wider than they need be
             head, body = [], [head, *body]
-        return tabulate(body, head, style, disable_numparse=True, colalign=self._align if body else None)
+        sides = self._align if body else None  # tabulate 0.9 has none to give to a table without rows
+        return tabulate(body, head, style, disable_numparse=True, colalign=sides)
 
 
 def _escaped(cell):
@@ -70,7 +72,7 @@ def _row(cells, widths, sides, head=False):
     """A row, as `tabulate` asks for it: the header with `head`, else one that its first cell names."""
     written = [
         _cell(cell.strip(), side, "col" if head else "row" if n == 0 else None)
-        for n, (cell, side) in enumerate(zip(cells, sides, strict=True))
+        for n, (cell, side) in enumerate(zip_longest(cells, sides, fillvalue="left"))
     ]
     row = f"<tr>{''.join(written)}</tr>"
     return f"<thead>{row}</thead>" if head else row
