@@ -4,11 +4,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sphinx.util.docutils import SphinxDirective
-from tables import parsed, table
+from tables import parsed
 
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
+from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 
 RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
@@ -36,9 +37,8 @@ def _runs(executions, old):
         state = f"stale: {old[name]}" if name in old else "fresh"
         rows.append([f"[{name}](../notebooks/{name}.ipynb)", state, time, one.get("himap", ""), commit])
     total = sum(one.get("seconds", 0) for one in executions.values())
-    return table(
-        ["Notebook", "State", "Time", "himap", "Commit"], [*rows, ["all", "", duration(total), "", ""]]
-    )
+    rows.append(["all", "", duration(total), "", ""])
+    return Table(["Notebook", "State", "Time", "himap", "Commit"], rows).markdown()
 
 
 def _versions(executions):
@@ -50,7 +50,7 @@ def _versions(executions):
     rows = {name: ", ".join(sorted(filter(None, numbers))) for name, numbers in found.items()}
     rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
     rows["commit (rendering)"] = f"`{environment()['commit']}`"
-    return table(["Package", "Version"], rows.items())
+    return Table(["Package", "Version"], rows.items()).markdown()
 
 
 def setup(app):
