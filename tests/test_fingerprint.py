@@ -174,6 +174,7 @@ BY_REGISTRY = BY_NAME - {"folder"}
         ("methods/pca.py", "axes(): ...", "axes(): return 1", BY_NAME | {"GMCA"}),
         ("methods/pca.py", "n = 1", "n = 1\nprint()", BY_NAME | {"PCA", "methods.PCA", "GMCA"}),
         ("methods/gmca.py", "k = axes()", "k = 1", BY_NAME | {"GMCA"}),
+        ("methods/gmca.py", "class GMCA", "print()\nclass GMCA", BY_NAME | {"GMCA"}),  # imports PCA, no more
         ("methods/base.py", "class Base: ...", "class Base: b = 1", BY_NAME | {"PCA", "methods.PCA", "Base"}),
         ("methods/base.py", "return x", "return 2 * x", BY_NAME | {"power"}),
         ("methods/deep/method.py", "d = 1", "d = 2", BY_NAME | {"Deep"}),
