@@ -1,8 +1,8 @@
 """On the real tree: an edit makes stale what uses the edited code, and nothing else.
 
-Methods are loaded by name in some places and named as classes in others. What an edit must make stale stands
-in the tables below: chapters by their number, and "ledger" for what `himap claims` stores. Stored figures are
-stale with their chapter (test_stored.py).
+Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
+stale stands in the tables below: chapters by their number, and "ledger" for what `himap claims` stores.
+Stored figures are stale with their chapter (test_stored.py).
 """
 
 import ast
@@ -21,24 +21,26 @@ HIMAP = Path(himap.__file__).parent
 CHAPTERS = {f"{n:02}" for n in range(1, 17)}
 JUDGED = {"15", "ledger"}
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY = {"11", "16"}  # take any method by its name
+ANY_METHOD = {"11", "16"}  # take any method by its name
+ANY_BEAM = CHAPTERS - {"01", "02", "10", "15"}  # those name the paper's three, or none
 OBSERVED = CHAPTERS - {"01"} | {"ledger"}
 CLEANED = OBSERVED - {"02"}
 
 # (file, definition): what an added statement there makes stale.
 METHODS = {
-    ("removal/pca.py", "PCA._separate"): {"03", "04", "05", "06"} | ALL_SIX | ANY,
-    ("removal/fastica.py", "FastICA._separate"): {"05"} | ALL_SIX | ANY,
-    ("removal/gmca.py", "GMCA._separate"): {"06"} | ALL_SIX | ANY,
-    ("removal/polynomial.py", "Polynomial._separate"): {"07"} | ALL_SIX | ANY,
-    ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY,
-    ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"09"} | ALL_SIX | ANY,
+    ("removal/pca.py", "PCA._separate"): {"03", "04", "05", "06"} | ALL_SIX | ANY_METHOD,
+    ("removal/fastica.py", "FastICA._separate"): {"05"} | ALL_SIX | ANY_METHOD,
+    ("removal/gmca.py", "GMCA._separate"): {"06"} | ALL_SIX | ANY_METHOD,
+    ("removal/polynomial.py", "Polynomial._separate"): {"07"} | ALL_SIX | ANY_METHOD,
+    ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY_METHOD,
+    ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"09"} | ALL_SIX | ANY_METHOD,
 }
 BEAMS = {
-    ("instrument/beams.py", "diffraction_fwhm"): OBSERVED,
-    ("instrument/beams.py", "oscillating_fwhm"): OBSERVED,
-    ("instrument/beams.py", "beam_model"): OBSERVED,
-    ("instrument/beams.py", "beam_from_array"): set(),
+    ("instrument/beams/degraded.py", "Degraded._fwhm"): OBSERVED,
+    ("instrument/beams/evolving.py", "Evolving._fwhm"): OBSERVED,
+    ("instrument/beams/oscillating.py", "Oscillating._fwhm"): OBSERVED,
+    ("instrument/beams/meerkat.py", "MeerKAT._fwhm"): ANY_BEAM,
+    ("instrument/beams/from_file.py", "FromFile._windows"): ANY_BEAM,
 }
 CLAIMS = {
     ("paper/claims/methods_and_beams.py", None): JUDGED,
@@ -50,7 +52,8 @@ OTHERS = {
     ("paper/claims/base.py", "bump"): {"11"} | JUDGED,
     ("paper/claims/base.py", "total"): JUDGED,
     ("paper/ledger.py", "read_ledger"): {"15"},
-    ("removal/__init__.py", "create"): ANY,
+    ("removal/__init__.py", "create"): ANY_METHOD,
+    ("instrument/beams/__init__.py", "named"): ANY_BEAM,
     ("removal/base.py", "ForegroundRemover.clean"): CLEANED,
     ("figures/plotting.py", None): CHAPTERS - {"15"},
     ("survey.py", None): CHAPTERS | {"ledger"},
@@ -107,14 +110,16 @@ def test_an_edit_makes_stale_what_uses_it(library, fingerprints, before, file, d
     assert {name for name in after if after[name] != before[name]} == EDITS[file, definition]
 
 
-def test_a_new_method_makes_stale_what_takes_any(library, fingerprints, before):
-    path = library / "removal" / "newest.py"
-    path.write_text(
-        "from himap.removal.base import ForegroundRemover\n\nclass Newest(ForegroundRemover): ...\n"
-    )
+@pytest.mark.parametrize(
+    "room, base, stale",
+    [("removal", "ForegroundRemover", ANY_METHOD), ("instrument.beams", "Beam", ANY_BEAM)],
+)
+def test_a_new_one_makes_stale_what_takes_any(library, fingerprints, before, room, base, stale):
+    path = library / room.replace(".", "/") / "newest.py"
+    path.write_text(f"from himap.{room}.base import {base}\nclass Newest({base}): ...\n")
     after = fingerprints()
     path.unlink()
-    assert {name for name in after if after[name] != before[name]} == ANY
+    assert {name for name in after if after[name] != before[name]} == stale
 
 
 def test_comments_make_nothing_stale(library, fingerprints, before):
@@ -125,9 +130,10 @@ def test_comments_make_nothing_stale(library, fingerprints, before):
         path.write_text(path.read_text().removesuffix("\n# One more comment.\n"))
 
 
-def test_every_method_and_every_file_of_claims_is_tried():
-    removal, claims = HIMAP / "removal", HIMAP / "paper" / "claims"
+def test_every_method_beam_and_file_of_claims_is_tried():
+    removal, beams, claims = (HIMAP / room for room in ("removal", "instrument/beams", "paper/claims"))
     methods = [path for path in removal.rglob("*.py") if "(ForegroundRemover)" in path.read_text()]
     assert {HIMAP / file for file, _ in METHODS} == set(methods)
+    assert {HIMAP / file for file, _ in BEAMS} == set(beams.glob("[a-z]*.py")) - {beams / "base.py"}
     assert {HIMAP / file for file, _ in CLAIMS} == set(claims.glob("[a-z]*.py")) - {claims / "base.py"}
     assert {notebook.name[:2] for notebook in notebooks()} == CHAPTERS

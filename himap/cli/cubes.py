@@ -5,6 +5,7 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 
 import time
 import warnings
+from importlib import import_module
 
 import click
 
@@ -15,8 +16,29 @@ from himap.outputs import whole_file
 
 __all__ = ["clean", "suggest"]
 
+
+class _Registered(click.Option):
+    """An option whose help lists what there is, found when it is asked for."""
+
+    package, more = "", ""
+
+    def get_help_record(self, context):
+        names = import_module(self.package).available()
+        self.help = f"{', '.join(names)}{self.more}."
+        return super().get_help_record(context)
+
+
+class _Methods(_Registered):
+    package = "himap.removal"
+
+
+class _Beams(_Registered):
+    package = "himap.instrument.beams"
+    more = " (NAME:PARAMETER=VALUE for others), or a FILE"
+
+
 _OPTIONS = [
-    click.option("--beam", metavar="NAME", help="degraded, evolving, oscillating, meerkat, or a FILE."),
+    click.option("--beam", cls=_Beams, metavar="NAME"),
     click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
     click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
@@ -27,16 +49,6 @@ _OPTIONS = [
     click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
     click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
 ]
-
-
-class _Methods(click.Option):
-    """The option of a method; its help lists all there are, found when it is asked for."""
-
-    def get_help_record(self, context):
-        from himap.removal import available
-
-        self.help = f"{', '.join(available())}."
-        return super().get_help_record(context)
 
 
 def _cube_options(command):
@@ -147,8 +159,11 @@ def _parameters(pairs):
 
 def _cube_and_beams(path, remover, beam, dish, reading):
     """The cube, with its remarks told, and its beams, None where none are named."""
+    import numpy as np
+
     from himap.cubes.beams import beams_of
     from himap.cubes.cube import read_cube
+    from himap.instrument.beams.base import gaussian_widths
 
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
@@ -159,17 +174,6 @@ def _cube_and_beams(path, remover, beam, dish, reading):
         click.echo(remark, err=True)
     beams = None if beam is None else beams_of(cube, beam, dish=dish)
     if beams is not None:
-        click.echo(f"The beams have a FWHM of {_widths(beams)}.", err=True)
+        widths = np.rad2deg(gaussian_widths(beams))
+        click.echo(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.", err=True)
     return cube, beams
-
-
-def _widths(beams):
-    """The FWHM of Gaussians that fall as b_l do, at the last l where they are above a tenth."""
-    import numpy as np
-
-    found = []
-    for beam in beams:
-        last = max(np.flatnonzero(beam > 0.1)[-1], 1)
-        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
-        found.append(np.rad2deg(np.sqrt(8 * np.log(2)) * sigma))
-    return f"{min(found):.3g} to {max(found):.3g} deg"

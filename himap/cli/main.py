@@ -132,6 +132,7 @@ def claims(preset, pairs, output):
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
     # Imported here: other commands need not wait seconds for what does the work.
+    from himap.instrument.beams.oscillating import Oscillating
     from himap.paper import ledger, ledger_table
     from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 
@@ -142,7 +143,9 @@ def claims(preset, pairs, output):
     name = copy_name("claims", preset, values, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
     started = time.monotonic()
-    skies = ledger.realisations(**defaults | {"n_realisations": _SEEDS} | values)
+    chosen = defaults | {"n_realisations": _SEEDS} | values
+    oscillating = Oscillating(ripple=chosen.pop("ripple"))
+    skies = ledger.realisations(**chosen, oscillating=oscillating)
     entries = ledger.evaluate(skies)
     about = Provenance.of(
         skies[0].survey,

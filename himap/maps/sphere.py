@@ -21,7 +21,6 @@ __all__ = [
     "analyse_closely",
     "analyse_grid",
     "change_resolution",
-    "convolve",
     "coupling_matrix",
     "gaussian_alm",
     "gaussian_beam",
@@ -214,18 +213,6 @@ def multiply_beam(alm, beam):
     if len(beam) <= lmax:
         raise InputError(f"the beam must reach l = {lmax}, got {len(beam) - 1}; give a longer b_l.")
     return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
-
-
-def convolve(maps, beams, *, label="maps"):
-    """Cube convolved channel by channel with `beams` (n_channels, lmax + 1), float32.
-
-    Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
-    """
-    alms = (
-        multiply_beam(analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1), beam)
-        for channel, beam in zip(maps, beams, strict=True)
-    )
-    return synthesise_cube(alms, nside_of(maps), n_channels=len(beams), label=f"beam on {label}")
 
 
 def synthesise_cube(alms, nside, *, n_channels, label):
