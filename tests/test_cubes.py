@@ -6,11 +6,13 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
+from astropy.io import fits
 from click.testing import CliRunner
 
 from himap import removal
 from himap.cli.main import main
 from himap.cubes import beams_of, clean_cube, read_cube, report, save_cleaned, suggestion
+from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
 from himap.maps import sphere
@@ -92,6 +94,13 @@ class TestReading:
         cube = read_cube(tmp_path / "a.fits", freqs=FREQS)
         assert np.array_equal(cube.maps, maps[:, N_PIX // 3 :])
 
+    def test_folder_of_files_in_two_orders(self, maps, tmp_path):
+        for n, order in enumerate(["RING", "NESTED"]):
+            nest = order == "NESTED"
+            hp.write_map(tmp_path / f"{n}.fits", maps[n], nest=nest, column_units="mK", dtype=np.float32)
+        with pytest.raises(InputError, match="one order of pixels, got RING, NESTED"):
+            read_cube(tmp_path, freqs=FREQS[:2])
+
     @pytest.mark.parametrize("missing", [np.nan, np.inf, hp.UNSEEN])
     def test_pixels_that_one_channel_does_not_see_are_masked_in_all(self, maps, missing, tmp_path):
         maps[3, 7] = missing
@@ -142,6 +151,21 @@ class TestCleaning:
             assert json.loads(file.attrs["parameters"])["order"] == 4
         page = (tmp_path / "c.html").read_text()
         assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
+
+    @pytest.mark.parametrize("nest", [False, True])
+    def test_microkelvin_with_another_name_comes_back_as_microkelvin(self, nest, maps, tmp_path):
+        given = np.array([hp.reorder(row, r2n=True) for row in maps]) if nest else maps
+        hp.write_map(tmp_path / "a.fits", 1e3 * given, nest=nest, column_units="uK_RJ", dtype=np.float64)
+        cube = read_cube(tmp_path / "a.fits", freqs=FREQS)
+        assert cube.maps == pytest.approx(maps, rel=1e-6)
+        residual, foreground, _ = save_cleaned(clean_cube(cube, "pca", n_sources=2), tmp_path / "c.fits")
+        assert fits.getheader(residual, 1)["TUNIT24"] == fits.getheader(foreground, 1)["TUNIT1"] == "uK"
+        written = [
+            hp.read_map(path, field=None, dtype=np.float64, nest=nest) for path in (residual, foreground)
+        ]
+        assert sum(written) == pytest.approx(1e3 * given, rel=1e-5)
+        with pytest.raises(InputError, match="the file says uK_RJ, but the unit given is mK"):
+            read_cube(tmp_path / "a.fits", freqs=FREQS, unit="mK")
 
     def test_npy_and_its_companions(self, maps, tmp_path):
         np.save(tmp_path / "a.npy", maps)

@@ -2,10 +2,12 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
 from ledgers import entry
+from pages import cells
 
 from himap.companion.notebooks import notebooks
 from himap.errors import InputError
@@ -79,6 +81,9 @@ def test_table_says_what_the_entries_say():
     assert "&lt; 0.1" in page
     assert page.index("Sect. 4.2") < page.index("claim-D1") < page.index("Sect. 4.3") < page.index("claim-N1")
     assert "claim-D2" not in page
+    rows = cells(page)
+    assert [re.sub("<.*?>", "", row[0]) for row in rows] == ["", "", "D1", "O6", "", "N1"]
+    assert rows[1][1].startswith("<strong>Sect. 4.2") and "✓ reproduced</span><br>2 of 2" in rows[2][2]
     assert repr(LedgerTable(entries)).count("\n") == 2
 
 

@@ -5,12 +5,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sphinx.util.docutils import SphinxDirective
-from tables import parsed, table
+from tables import parsed
 
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
 from himap.companion.stored import stale_results, stored_results
+from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 
 RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
@@ -42,9 +43,8 @@ def _runs(executions, old):
         state = f"stale: {old[name]}" if name in old else "fresh"
         rows.append([f"[{name}](../notebooks/{name}.ipynb)", state, time, one.get("himap", ""), commit])
     total = sum(one.get("seconds", 0) for one in executions.values())
-    return table(
-        ["Notebook", "State", "Time", "himap", "Commit"], [*rows, ["all", "", duration(total), "", ""]]
-    )
+    rows.append(["all", "", duration(total), "", ""])
+    return Table(["Notebook", "State", "Time", "himap", "Commit"], rows).markdown()
 
 
 def _commit(short, dirty):
@@ -60,7 +60,7 @@ def _versions(executions):
     rows = {name: ", ".join(sorted(filter(None, numbers))) for name, numbers in found.items()}
     rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
     rows["commit (rendering)"] = f"`{environment()['commit']}`"
-    return table(["Package", "Version"], rows.items())
+    return Table(["Package", "Version"], rows.items()).markdown()
 
 
 def _stored(results, old):
@@ -70,7 +70,7 @@ def _stored(results, old):
         state = f"stale: {old[one.name]}" if one.name in old else "fresh" if one.codes else "timing"
         commits = ", ".join(_commit(*commit) for commit in sorted(one.commits))
         rows.append([one.name, state, f"{one.preset}, {one.galaxy} Galaxy", duration(one.seconds), commits])
-    return table(["Stored result", "State", "Made with", "Time", "Commit"], rows)
+    return Table(["Stored result", "State", "Made with", "Time", "Commit"], rows).markdown()
 
 
 def setup(app):

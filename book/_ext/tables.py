@@ -3,13 +3,12 @@
 from docutils import nodes
 from docutils.statemachine import StringList
 
-_BAR = r"\|"
+from himap.figures.tables import Table
 
 
 def table(head, rows):
-    """Lines of a Markdown table of texts; a bar in a text stays one."""
-    lines = [head, ["---"] * len(head), *rows]
-    return [f"| {' | '.join(str(cell).replace('|', _BAR) for cell in cells)} |" for cells in lines]
+    """Lines of a Markdown table."""
+    return Table(head, rows).markdown()
 
 
 def parsed(directive, lines):

@@ -9,9 +9,10 @@ from importlib import import_module
 
 import click
 
-from himap.cli.shared import debug, named_values, print_table
+from himap.cli.shared import debug, named_values
 from himap.companion.parameters import parse_texts
 from himap.errors import InputError
+from himap.figures.tables import Table
 from himap.outputs import whole_file
 
 __all__ = ["clean", "suggest"]
@@ -44,7 +45,7 @@ _OPTIONS = [
     click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
-    click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
+    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
     click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
     click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
     click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
@@ -138,10 +139,10 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
             cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
         )
     rows = [
-        (str(n), f"{value:.4f}", f"{change:.1%}" if change is not None else "")
+        (n, f"{value:.4f}", f"{change:.1%}" if change is not None else "")
         for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
     ]
-    print_table(("n_sources", "criterion", "change with one more"), rows)
+    click.echo(Table(["n_sources", "criterion", "change with one more"], rows))
     click.echo(f"{found.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(found)}")
     if page is not None:
         with whole_file(page) as temporary:

@@ -9,13 +9,14 @@ import click
 from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest
-from himap.cli.shared import SETTINGS, Commands, debug, named_values, print_table, workers
+from himap.cli.shared import SETTINGS, Commands, debug, named_values, workers
 from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.companion.stored import ledger_code
 from himap.errors import InputError
+from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
 
@@ -52,7 +53,7 @@ def list_(name):
     """
     if name is None:
         rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in notebooks()]
-        print_table(("notebook", "paper", "title"), rows)
+        click.echo(Table(["notebook", "paper", "title"], rows))
         return
     notebook = find(name)
     click.echo(notebook.title)
@@ -156,9 +157,13 @@ def claims(preset, pairs, output):
     )
     code = ledger_code(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since
     ledger.write_ledger(entries, path, asdict(about) | {"code": code})
-    header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
+    header = ["claim", "beam", "verdict", "in", "measured", "paper", "what is measured"]
     colours = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
-    print_table(header, ledger_table.plain_rows(entries), colours=(2, colours))
+    rows = [
+        [id, beam, click.style(verdict, fg=colours[verdict]), *others]
+        for id, beam, verdict, *others in ledger_table.plain_rows(entries)
+    ]
+    click.echo(Table(header, rows))
     count = ledger_table.summary(entries)
     click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")

@@ -4,13 +4,14 @@ import re
 from pathlib import Path
 
 import h5py
-import healpy as hp
 import numpy as np
 from astropy import units as u
 
 from himap.cubes import fits
-from himap.cubes.raw import RawCube, is_nested
+from himap.cubes.raw import RawCube
 from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.healpix_files import is_nested
 from himap.reading import read_array, read_numbers
 
 __all__ = ["read_freqs", "read_raw"]
@@ -95,7 +96,7 @@ def _is_numeric(item):
 
 def _sphere_sizes(shape):
     """The numbers among `shape` that are those of the pixels of a sphere."""
-    return [n for n in shape if n >= 12 and hp.isnpixok(n) and hp.isnsideok(hp.npix2nside(n), nest=True)]
+    return [n for n in shape if sphere.is_n_pix(n)]
 
 
 def pixels_last(maps):

@@ -8,6 +8,7 @@ import numpy as np
 from himap.cubes import page
 from himap.errors import InputError
 from himap.figures import comparisons, plotting, styles
+from himap.figures.tables import Table
 from himap.measures.power_spectra import (
     angular_power,
     angular_power_pair,
@@ -138,7 +139,7 @@ def _head(cleaned):
         + ("" if cleaned.separation.converged else ", stopped before it converged"),
     }
     notes = [*cube.remarks, *filter(None, [cleaned.separation.remark])]
-    return [page.table(facts.items()), *map(page.note, notes)]
+    return [Table([], facts.items()).html(), *map(page.note, notes)]
 
 
 def _rms(maps):
@@ -181,7 +182,7 @@ def _spectra_part(found):
             ("P/P0, k < 0.03 / MHz", _mean(found.k, found.frequency_ratio, 0, 0.03)),
             ("P/P0, beyond", _mean(found.k, found.frequency_ratio, 0.03, np.inf)),
         ]
-        parts += ["<h3>Over the truth</h3>", page.table(rows)]
+        parts += ["<h3>Over the truth</h3>", Table([], rows).html()]
     return parts
 
 

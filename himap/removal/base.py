@@ -7,6 +7,7 @@ one class in `himap/removal/`; it registers by its name, and the contract test r
 import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -14,7 +15,6 @@ import numpy as np
 from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, parameter
 from himap.errors import InputError
 from himap.maps.blocked import centred
-from himap.removal.analysis import analysed
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
@@ -149,8 +149,14 @@ class ForegroundRemover(ABC):
         self.check(len(maps))
         means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
         basis = centred(basis, means)
-        more = {"modes": modes or analysed(basis)} if self.needs_modes else {}
-        separation = self._separate(basis, freqs=freqs, beams=beams, rng=rng, **more)
+        if self.needs_modes:
+            # Imported here: the others do without transforms, and to import these takes a second.
+            from himap.removal.analysis import analysed
+
+            separate = partial(self._separate, modes=analysed(basis) if modes is None else modes)
+        else:
+            separate = self._separate
+        separation = separate(basis, freqs=freqs, beams=beams, rng=rng)
         self._check_result(separation, maps.shape)
         residual = np.empty(maps.shape, dtype=np.float32)
         for observed, foreground, mean, left in zip(
