@@ -16,6 +16,7 @@ from PIL import Image
 from himap import __version__
 from himap.companion import notebook_files, notebooks, reproduce
 from himap.errors import InputError
+from himap.figures.numbers import QUOTED
 
 TOY = """\
 # ---
@@ -221,6 +222,23 @@ def test_text_is_copied_without_executing(folder):
     assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"}
     assert outputs(executed) == "0\n1\n2\n" and "Other text" in executed.read_text()
     assert reproduce.stale(folder) == {}
+
+
+def test_numbers_for_prose_are_kept(folder):
+    """When a notebook is executed, and when only its text is copied."""
+    code = "from himap.figures.numbers import quote\nquote(toy_scale=(scale, 0.1))\n"
+    edit(folder / "01_toy.py", "print(made", f"{code}print(made")
+
+    def kept():
+        cells = nbformat.read(folder / "01_toy.ipynb", as_version=4).cells
+        return [out for cell in cells for out in cell.get("outputs", []) if "scrapbook" in out.metadata]
+
+    reproduce.refresh(folder=folder)
+    (number,) = kept()
+    assert number.data == dict(zip(QUOTED, ("'1.0'", "1.00 ± 0.10"), strict=True))
+    assert number.metadata.scrapbook.name == "toy_scale"
+    edit(folder / "01_toy.py", "Some text", "Other text")
+    assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"} and kept() == [number]
 
 
 def test_code_of_the_library_that_changes(folder, monkeypatch):
