@@ -231,7 +231,9 @@ def test_numbers_for_prose_are_kept(folder):
 
     def kept():
         cells = nbformat.read(folder / "01_toy.ipynb", as_version=4).cells
-        return [out for cell in cells for out in cell.get("outputs", []) if "scrapbook" in out.metadata]
+        return [
+            out for cell in cells for out in cell.get("outputs", []) if "scrapbook" in out.get("metadata", {})
+        ]
 
     reproduce.refresh(folder=folder)
     (number,) = kept()

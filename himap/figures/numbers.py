@@ -64,9 +64,10 @@ def show_table(rows):
 def quote(**numbers):
     """Keep numbers for the prose of the notebook and of other pages; the cell shows nothing of them.
 
-    Prose says ``{glue:text}`name``` in the same notebook, and on another page, whose path is relative to it,
-    ``{glue:text}`../notebooks/04_pca::name:s```. It reads the value alone, to the digits that the
-    tolerance is sure of, with its unit. Names must be unique in the whole book.
+    Prose says ``{glue:text}`name``` in the same notebook, and on other pages, with a path relative to them,
+    ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It reads the value alone, to the digits that the
+    tolerance is sure of, with its unit. Names begin with the topic of the notebook: each is the only one of
+    its name in the whole book.
 
     Parameters
     ----------
