@@ -14,8 +14,8 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not installed
 
 import collect_figures
-from executed import Figure, figures  # collect_figures knows where it is
 
+from himap.companion.figures import Figure, figures
 from himap.companion.notebook_files import STAMP, read_notebook, write_notebook
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -94,9 +94,8 @@ def run(names, preset, pairs, output, stale, every):
     values = _values(names, preset, named_values(pairs), some_accept=every)
     for name in names:
         started = time.monotonic()
-        path, done = reproduce.run(
-            name, preset=preset, parameters=values[name], output=output, again=not every
-        )
+        own = preset if not every or accepts(find(name).parameters, "preset") else None
+        path, done = reproduce.run(name, preset=own, parameters=values[name], output=output, again=not every)
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 
@@ -110,7 +109,8 @@ def _values(names, preset, texts, *, some_accept):
     for name, parameters in declared.items():
         own = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
         values[name] = parse_texts(parameters, own)
-        check_parameters(parameters, values[name], preset)
+        asked = preset if not some_accept or accepts(parameters, "preset") else None
+        check_parameters(parameters, values[name], asked)
     return values
 
 

@@ -70,19 +70,32 @@ class Notebook:
         return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
 
     @property
+    def captions(self):
+        """{name of a figure: its caption, as it is written}."""
+        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
+        return {cell["name"]: cell["caption"] for cell in cells if "caption" in cell}
+
+    @property
+    def reads(self):
+        """The files of the checkout that it reads, from the patterns in the header's ``himap: reads``."""
+        root, patterns = self.path.parent.parent, self.node.metadata.get("himap", {}).get("reads", [])
+        return sorted(path for pattern in patterns for path in root.glob(pattern))
+
+    @property
     def paper_figures(self):
         """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
-        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
         found = {}
-        for cell in cells:
-            for number in re.findall(r"the paper's Fig\. ([\w.]*\w)", cell.get("caption", "")):
-                found.setdefault(number, cell["name"])
+        for name, caption in self.captions.items():
+            for number in re.findall(r"the paper's Fig\. ([\w.]*\w)", caption):
+                found.setdefault(number, name)
         return found
 
     def fingerprint(self, parameters=None):
-        """SHA-256 (hex) of the code, of what it reaches in himap, and of the parameters passed."""
+        """SHA-256 (hex) of the code, what it reaches in himap, the files it reads, and the parameters."""
         code = CodeTree().source_fingerprint(*(cell.source for cell in code_cells(self.node)))
-        return hashlib.sha256(f"{code} {json.dumps(parameters or {}, sort_keys=True)}".encode()).hexdigest()
+        files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in self.reads]
+        text = " ".join([code, json.dumps(parameters or {}, sort_keys=True), *files])
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 def notebooks_folder():
