@@ -41,6 +41,7 @@ from himap.companion.stored_tables import growth_table, markdown_table, short, s
 from himap.figures import plotting
 from himap.figures.numbers import quote
 from himap.paper.evidence import Realisation
+from himap.products.provenance import Provenance
 from himap.survey import PRESETS
 
 paper, laptop, scaling = (read_stored(name, results) for name in ("steps_paper", "steps_laptop", "scaling"))
@@ -122,7 +123,7 @@ for way, label in {"nside": "nside", "n_channels": "channels"}.items():
     ]
     panels.append({"curves": curves, "title": f"with {label}", "xlabel": label, "xscale": "log"})
     panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": {"fontsize": 6.5}}
-plotting.lines(panels, size=(4.6, 4.6))
+plotting.stamp(plotting.lines(panels, size=(4.6, 4.6)), Provenance(**scaling["about"]))
 
 # %%
 Markdown(growth_table(scaling))
