@@ -250,6 +250,17 @@ def test_code_of_the_library_that_changes(folder, monkeypatch):
     assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
 
 
+def test_a_file_that_a_notebook_reads_changes(folder):
+    """The header names such files by patterns, from the folder above."""
+    stored = folder.parent / "stored.json"
+    stored.write_text("1")
+    edit(folder / "01_toy.py", "#     section:", '#     reads: ["*.json"]\n#     section:')
+    pretend_executed(folder)
+    assert notebooks.find("01_toy", folder).reads == [stored] and reproduce.stale(folder) == {}
+    stored.write_text("2")
+    assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
+
+
 def test_an_unexecuted_or_broken_file_is_stale(folder):
     executed = pretend_executed(folder)
     edit(executed, '"execution_count": 2', '"execution_count": null')
