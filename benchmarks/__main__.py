@@ -19,7 +19,7 @@ from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
 from himap.outputs import whole_file
-from himap.paper import pipeline
+from himap.paper import plan
 from himap.products.provenance import Provenance
 
 
@@ -40,8 +40,7 @@ def main(preset, case, only, alone, output):
     )
     header = ("step", "time", "goal", "memory", "goal", "floor", "over it", "channels/s", "alternative")
     click.echo(_line(header))
-    pipeline.prepare([case])
-    pipeline.peak_masked(case)
+    plan.make_observations([case])
     rows = []
     for step in STEPS:
         if only and step.name not in only:
@@ -62,7 +61,7 @@ def _about(preset, case, started):
         case.survey,
         galaxy=case.galaxy.source,
         preset=preset,
-        parameters={"beam": case.beam},
+        parameters={"beam": str(case.beam)},
         started=started,
     )
     return {"size": size} | asdict(made)

@@ -18,7 +18,7 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover
 from himap.removal.gmca import details
-from himap.removal.parametric import FREE_FREE_INDEX
+from himap.removal.parametric import FIXED_INDEX
 
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on
 
@@ -110,7 +110,7 @@ def plain_power_laws(line, x, beta_min, beta_max):
     start = (0.1 * line.mean(), 0.9 * line.mean(), -2.7)
 
     def misfit(p):
-        return p[0] * x**FREE_FREE_INDEX + p[1] * x ** p[2] - line
+        return p[0] * x**FIXED_INDEX + p[1] * x ** p[2] - line
 
     return least_squares(misfit, start, bounds=bounds, x_scale="jac").x
 

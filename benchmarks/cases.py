@@ -5,8 +5,8 @@ from functools import wraps
 import click
 
 from himap.companion.parameters import parse_texts
+from himap.instrument.beams import named
 from himap.paper import pipeline
-from himap.removal.sdecgmca.method import TABLE_1
 from himap.sky.galaxy import SOURCES, Galaxy
 from himap.survey import PRESETS, Survey
 
@@ -17,7 +17,7 @@ _OPTIONS = [
     click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value."),
     click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True),
     click.option("--template-dir", help="Folder of the templates."),
-    click.option("--beam", type=click.Choice(list(TABLE_1)), default="oscillating", show_default=True),
+    click.option("--beam", default="oscillating", show_default=True, help="Name of a beam, or a file."),
 ]
 
 
@@ -28,7 +28,7 @@ def case_options(command):
     def with_case(preset, pairs, galaxy, template_dir, beam, **others):
         survey = Survey.preset(preset, **parse_texts([], dict(pairs)))
         sky = Galaxy(source=galaxy, template_dir=template_dir)
-        return command(preset, pipeline.Case(survey=survey, galaxy=sky, beam=beam), **others)
+        return command(preset, pipeline.Case(survey=survey, galaxy=sky, beam=named(beam)), **others)
 
     for option in reversed(_OPTIONS):
         with_case = option(with_case)

@@ -25,9 +25,10 @@ from benchmarks.alternatives import Run, alternatives, timed
 from benchmarks.cases import case_options
 from himap import removal
 from himap.paper import pipeline
+from himap.paper.methods import sdecgmca_for, table_1
 from himap.removal.base import SeparationWarning
 from himap.removal.peaks import mask_peaks
-from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
+from himap.removal.sdecgmca.method import SDecGMCA
 from himap.survey import Survey
 
 PRELOADED = ["benchmarks.alternatives"]  # with all that it imports
@@ -78,11 +79,11 @@ def methods(beam):
     for name in removal.available():
         method = removal.create(name)
         if hasattr(method, "n_sources"):
-            method = replace(method, n_sources=TABLE_1[beam]["n_sources"])
+            method = replace(method, n_sources=table_1(beam)["n_sources"])
         found[name] = method
     del found[SDecGMCA.name]
     for iteration in ("stable", "published"):
-        found[f"{SDecGMCA.name}, {iteration}"] = SDecGMCA.for_beam(beam, iteration=iteration)
+        found[f"{SDecGMCA.name}, {iteration}"] = sdecgmca_for(beam, iteration=iteration)
     return found
 
 

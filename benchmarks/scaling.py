@@ -17,8 +17,9 @@ import numpy as np
 
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS
+from himap.instrument.beams.oscillating import Oscillating
 from himap.maps import sphere
-from himap.paper import pipeline
+from himap.paper import pipeline, plan
 from himap.products.provenance import Provenance
 from himap.survey import PRESETS
 
@@ -59,9 +60,8 @@ def measure(steps):
         sizes = [getattr(survey, name) for survey in surveys]
         runs = {step.name: [] for step in steps}
         for survey in surveys:
-            case = pipeline.Case(survey=survey, beam="oscillating")
-            pipeline.prepare([case])
-            pipeline.peak_masked(case)
+            case = pipeline.Case(survey=survey, beam=Oscillating())
+            plan.make_observations([case])
             for step in steps:
                 before = probe()
                 one = measured(step, case, beside=False)

@@ -17,15 +17,13 @@ from benchmarks.alternatives import (
     plain_power_laws,
     plain_residual,
 )
-from himap.instrument.beams import BEAM_MODELS
 from himap.maps import sphere
-from himap.measures import power_spectra as spectra
-from himap.paper import pipeline
-from himap.paper.evidence import methods_for
+from himap.measures import power_spectra
+from himap.paper import pipeline, plan
+from himap.paper.methods import methods_for, paper_beams, table_1
 from himap.removal.base import SeparationWarning
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
-from himap.removal.sdecgmca.method import TABLE_1
 
 __all__ = ["STEPS", "Step"]
 
@@ -65,19 +63,12 @@ def light_cone(case):
 
 def observations(case):
     """All foregrounds, three beams, noise: three observations, from HI maps that are there."""
-    sky = case.survey.sky
-    made = {
-        pipeline.hi_alms_of_sky: (sky,),
-        pipeline.components_of_sky: (sky, case.galaxy),
-        pipeline.foreground_modes_of_sky: (sky, case.galaxy, None),
-        pipeline.noise_alms: (case.survey,),
-    }
-    for product, arguments in made.items():
-        product.forget(*arguments)
-        product(*arguments)
-    for beam in BEAM_MODELS:
-        pipeline.observation.forget(replace(case, beam=beam))
-        pipeline.observation(replace(case, beam=beam))
+    cases = [replace(case, beam=beam) for beam in paper_beams().values()]
+    others = pipeline.hi_of_sky, pipeline.peak_masked, pipeline.true_spectra
+    for product, calls in plan.observing_steps(cases):
+        for call in calls if product not in others else ():
+            product.forget(*call)
+            product(*call)
 
 
 def beside_observations(case):
@@ -85,7 +76,7 @@ def beside_observations(case):
     hi = pipeline.hi(case.survey)
     channels = evenly(case.survey.n_channels, N_SAMPLES)
     bright = pipeline.foregrounds(case.survey, case.galaxy)[channels].astype(float)
-    beams = {beam: replace(case, beam=beam).beam_of_survey() for beam in BEAM_MODELS}
+    windows = [beam.of_survey(case.survey) for beam in paper_beams().values()]
 
     def smooth(pixels, beam):
         alm = hp.map2alm(pixels, iter=sphere.N_ITER)
@@ -93,11 +84,11 @@ def beside_observations(case):
 
     def work():
         for channel, pixels in zip(channels, bright, strict=True):
-            for beam in beams.values():
-                smooth(pixels, beam.transfer[channel])
-                smooth(hi[channel].astype(float), beam.transfer[channel])
-                if beam.after is not None:
-                    smooth(pixels, beam.after[channel])
+            for one in windows:
+                smooth(pixels, one.total[channel])
+                smooth(hi[channel].astype(float), one.total[channel])
+                if one.resmoothing is not None:
+                    smooth(pixels, one.resmoothing[channel])
 
     return "healpy, each beam and component by itself", work, case.survey.n_channels / len(channels)
 
@@ -129,14 +120,14 @@ def _cleaner(name):
 def beside_pca(case):
     """scikit-learn's, float64."""
     maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
-    model = decomposition.PCA(TABLE_1[case.beam]["n_sources"])
+    model = decomposition.PCA(table_1(case.beam)["n_sources"])
     return "scikit-learn PCA", lambda: plain_residual(model, maps, masked), 1
 
 
 def beside_fastica(case):
     """scikit-learn's with its quicker whitening."""
     maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
-    n_sources = TABLE_1[case.beam]["n_sources"]
+    n_sources = table_1(case.beam)["n_sources"]
     model = decomposition.FastICA(n_sources, whiten_solver="eigh", random_state=0)
     return "scikit-learn FastICA", lambda: plain_residual(model, maps, masked), 1
 
@@ -155,15 +146,15 @@ def beside_parametric(case):
 
 def both_spectra(case):
     """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
-    found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
+    found = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
     truth = pipeline.observation(case).truth
-    spectra.recovered_angular_power(found, truth, pipeline.truth_alms(case))
-    spectra.frequency_power(found, case.survey.channel_width)
+    power_spectra.recovered_angular_power(found, truth, pipeline.truth_alms(case))
+    power_spectra.frequency_power(found, case.survey.channel_width)
 
 
 def beside_spectra(case):
     """healpy's anafast, channel by channel."""
-    found = pipeline.cleaned(case, PCA(n_sources=TABLE_1[case.beam]["n_sources"])).maps
+    found = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
     sample = found[evenly(len(found), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",

@@ -1,7 +1,7 @@
 """Checks of what users pass in; each raises `InputError` with what came and the way out."""
 
 import numbers
-from dataclasses import field
+from dataclasses import MISSING, field, fields
 
 import numpy as np
 
@@ -11,6 +11,7 @@ __all__ = [
     "checked_beams",
     "checked_cube",
     "checked_field",
+    "checked_fields",
     "checked_freqs",
     "parameter",
     "real_array",
@@ -92,17 +93,35 @@ def whole_number(label, value, low, high):
     return int(value)
 
 
-def parameter(default, help, *, minimum=None, maximum=None, above=False):
-    """A dataclass field with a help text and limits, both inclusive; `above`: the lower one is not."""
-    limits = {"minimum": minimum, "maximum": maximum, "above": above}
+def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=()):
+    """A dataclass field with a help text, and what it may be.
+
+    Parameters
+    ----------
+    default, help
+        A field without default must be given.
+    minimum, maximum
+        Limits of a number, both inclusive; `above`: the lower one is not.
+    choices
+        The values that there are.
+    """
+    limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
     return field(default=default, metadata={"help": help, **limits})
 
 
-def checked_field(item, value):
-    """`value` as the type of the dataclass field `item`, a `parameter`, within its limits.
+def checked_fields(thing):
+    """Put every field of a frozen dataclass, each a `parameter`, through `checked_field`."""
+    for item in fields(thing):
+        object.__setattr__(thing, item.name, checked_field(item, getattr(thing, item.name)))
 
-    Fields of other types than int and float are for their class to check.
+
+def checked_field(item, value):
+    """`value` as the type of the dataclass field `item`, a `parameter`, within its limits or choices.
+
+    Fields of other types than int and float, without choices, are for their class to check.
     """
+    if item.metadata["choices"]:
+        return _chosen(item, value)
     if item.type not in (int, float):
         return value
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
@@ -118,3 +137,12 @@ def checked_field(item, value):
             f"{item.name} ({item.metadata['help']}) must be {' and '.join(bounds)}, got {value}."
         )
     return item.type(value)
+
+
+def _chosen(item, value):
+    choices = item.metadata["choices"]
+    for choice in choices:
+        if type(value) is type(choice) and value == choice:
+            return value
+    *others, last = map(str, choices)
+    raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from himap.checks import checked_field, parameter
+from himap.checks import checked_fields, parameter
 from himap.errors import InputError
 
 __all__ = ["PRESETS", "Survey"]
@@ -43,9 +43,7 @@ class Survey:
     seed: int = parameter(2025, "seed of every random stream", minimum=0, maximum=2**63)
 
     def __post_init__(self):
-        for item in fields(self):
-            value = checked_field(item, getattr(self, item.name))
-            object.__setattr__(self, item.name, value)
+        checked_fields(self)
         if self.nside & (self.nside - 1):
             below = 2 ** (self.nside.bit_length() - 1)
             raise InputError(f"nside must be a power of two, got {self.nside}; try {below} or {2 * below}.")

@@ -35,7 +35,7 @@ small_scales: bool = True  # add structure beyond the resolution of the template
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
 from himap.maps import sphere
 from himap.paper import pipeline
@@ -90,9 +90,9 @@ theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
 curves = [
     (freqs, 1e3 * theory, {"color": "black", "label": "theory"}),
-    (freqs, 1e3 * mean, {"color": "#0072B2", "linestyle": "none", "marker": ".", "label": "simulation"}),
+    (freqs, 1e3 * mean, {"color": styles.BLUE, "linestyle": "none", "marker": ".", "label": "simulation"}),
 ]
-panel = {"curves": curves, "xlabel": "frequency [MHz]", "ylabel": r"mean temperature [$\mu$K]"}
+panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": r"mean temperature [$\mu$K]"}
 stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 
 # %% mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The same structures look larger the nearer they are."}}
@@ -112,7 +112,7 @@ stamped(
         cone,
         x=freqs,
         y=longitude,
-        xlabel="frequency [MHz]",
+        xlabel=styles.CHANNELS,
         ylabel="Galactic longitude [deg]",
         unit=r"$\mu$K",
         limits=(1, 99.5),
@@ -195,7 +195,7 @@ for component, name, scale, unit in zip(
     pixels = scale * component.amplitude
     medians = np.array([np.median(pixels[band]) for band in inside])
     cl = sphere.power_spectrum(sphere.analyse(pixels - pixels.mean()))
-    colour = {"synchrotron": "#0072B2", "free-free": "#E69F00"}[name]
+    colour = {"synchrotron": styles.BLUE, "free-free": styles.ORANGE}[name]
     panels.append(
         {
             "curves": [(centres, medians, {"color": colour, "label": "synthetic"})],
@@ -213,7 +213,7 @@ for component, name, scale, unit in zip(
                 (STATISTICS["degrees"], STATISTICS[f"{name} C_l"], {"color": "black", "label": "real sky"})
             ],
             "title": name,
-            "xlabel": r"multipole $\ell$",
+            "xlabel": styles.AXES["angular"]["xlabel"],
             "ylabel": rf"$C_\ell$ [{unit}$^2$]",
             "xscale": "log",
             "yscale": "log",
@@ -265,8 +265,12 @@ source_cl = sphere.power_spectrum(sphere.analyse(sources.amplitude - sources.amp
 panels = [
     {
         "curves": [
-            (flux, counts, {"color": "#0072B2", "label": "faint: a field"}),
-            (flux[bright], counts[bright], {"color": "#D55E00", "linewidth": 3, "label": "drawn one by one"}),
+            (flux, counts, {"color": styles.BLUE, "label": "faint: a field"}),
+            (
+                flux[bright],
+                counts[bright],
+                {"color": styles.VERMILION, "linewidth": 3, "label": "drawn one by one"},
+            ),
         ],
         "xlabel": "flux S [Jy]",
         "ylabel": r"$S^{2.5}\,\mathrm{d}N/\mathrm{d}S$ [Jy$^{1.5}$ sr$^{-1}$]",
@@ -275,12 +279,12 @@ panels = [
     },
     {
         "curves": [
-            (degrees, clustering, {"color": "#0072B2", "label": "faint: clustering"}),
-            (degrees, poisson, {"color": "#E69F00", "linestyle": "--", "label": "faint: Poisson"}),
+            (degrees, clustering, {"color": styles.BLUE, "label": "faint: clustering"}),
+            (degrees, poisson, {"color": styles.ORANGE, "linestyle": "--", "label": "faint: Poisson"}),
             (degrees, source_cl, {"color": "black", "linewidth": 0.8, "label": "map, with injected sources"}),
         ],
-        "xlabel": r"multipole $\ell$",
-        "ylabel": r"$C_\ell$ [mK$^2$]",
+        "xlabel": styles.AXES["angular"]["xlabel"],
+        "ylabel": styles.AXES["angular"]["ylabel"],
         "xscale": "log",
         "yscale": "log",
     },
@@ -294,9 +298,9 @@ stamped(plotting.lines(panels))
 
 # %% mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
 styles = {
-    "synchrotron": {"color": "#0072B2", "linestyle": "-"},
-    "free-free": {"color": "#E69F00", "linestyle": "--"},
-    "point sources": {"color": "#009E73", "linestyle": "-."},
+    "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
+    "free-free": {"color": styles.ORANGE, "linestyle": "--"},
+    "point sources": {"color": styles.GREEN, "linestyle": "-."},
     "HI": {"color": "black", "linestyle": "-", "linewidth": 0.9},
 }
 panels = []
@@ -315,7 +319,7 @@ for title, position in {"l = 30°, b = 0°": (30.0, 0.0), "l = 30°, b = 60°": 
         {
             "curves": curves,
             "title": title,
-            "xlabel": "frequency [MHz]",
+            "xlabel": styles.CHANNELS,
             "ylabel": "temperature [mK]",
             "yscale": "log",
             "ylim": (3e-5, None),
@@ -333,7 +337,12 @@ power = {
     for name, pixels in middle_maps.items()
 }
 curves = [(degrees, power[name], styles[name] | {"label": name}) for name in styles]
-labels = {"xlabel": r"multipole $\ell$", "ylabel": r"$C_\ell$ [mK$^2$]", "xscale": "log", "yscale": "log"}
+labels = {
+    "xlabel": styles.AXES["angular"]["xlabel"],
+    "ylabel": styles.AXES["angular"]["ylabel"],
+    "xscale": "log",
+    "yscale": "log",
+}
 room = {"ylim": (1e-9, None), "legend": {"loc": "lower left", "ncols": 2}}
 stamped(plotting.lines([{"curves": curves, **labels, **room}], columns=1, size=(6.8, 4)))
 

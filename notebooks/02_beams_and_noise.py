@@ -34,17 +34,19 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
-from himap.instrument import beams
+from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_sigma, system_temperature
 from himap.maps import sphere
 from himap.paper import pipeline
+from himap.paper.methods import paper_beams
 from himap.products.provenance import Provenance
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
 sky = Survey.preset(preset, **survey)
+beams = paper_beams(ripple=ripple)
 milky_way = Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales)
 freqs = sky.freqs
 dish = sky.dish_diameter
@@ -85,14 +87,11 @@ def stamped(figure, **parameters):
 
 # %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
-width = {
-    "degraded": np.full_like(fine, beams.diffraction_fwhm(freqs, dish).max()),
-    "evolving": beams.diffraction_fwhm(fine, dish),
-    "oscillating": beams.oscillating_fwhm(fine, dish, ripple),
-}
+width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
+width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
 left = {
-    "curves": [(fine, np.rad2deg(width[name]), plotting.BEAM_STYLES[name]) for name in width],
-    "xlabel": "frequency [MHz]",
+    "curves": [(fine, np.rad2deg(width[name]), styles.BEAM_STYLES[name]) for name in width],
+    "xlabel": styles.CHANNELS,
     "ylabel": "FWHM [deg]",
 }
 
@@ -101,26 +100,24 @@ def ripple_alone(nu, reading):
     """The width over its mean across one period of 20 MHz, minus one."""
     shifts = np.arange(-10, 10) + 0.5
     inside = np.clip(nu[:, None] + shifts, 850, 1420)
-    return (
-        beams.oscillating_fwhm(nu, dish, reading) / beams.oscillating_fwhm(inside, dish, reading).mean(axis=1)
-        - 1
-    )
+    fwhm = Oscillating(ripple=reading).fwhm
+    return fwhm(nu, dish_diameter=dish) / fwhm(inside, dish_diameter=dish).mean(axis=1) - 1
 
 
 window = fine[(fine > 1100) & (fine < 1180)]
 channels = freqs[(freqs > 1100) & (freqs < 1180)]
-styles = {
-    "bracket": {"color": "#009E73", "linestyle": "-."},
-    "additive": {"color": "#CC79A7", "linestyle": ":"},
-    "additive_strong": {"color": "#D55E00", "linestyle": "-"},
+looks = {
+    "bracket": {"color": styles.GREEN, "linestyle": "-."},
+    "additive": {"color": styles.PURPLE, "linestyle": ":"},
+    "additive_strong": {"color": styles.VERMILION, "linestyle": "-"},
 }
 right = {
     "curves": [
         (window, 100 * ripple_alone(window, name), style | {"label": name.replace("_", " ")})
-        for name, style in styles.items()
+        for name, style in looks.items()
     ],
-    "points": [(channels, 100 * ripple_alone(channels, ripple), {"color": styles[ripple]["color"]})],
-    "xlabel": "frequency [MHz]",
+    "points": [(channels, 100 * ripple_alone(channels, ripple), {"color": looks[ripple]["color"]})],
+    "xlabel": styles.CHANNELS,
     "ylabel": "ripple of the width [%]",
     "ylim": (-1, 1.5),
     "legend": {"loc": "upper right", "ncols": 3},
@@ -128,15 +125,13 @@ right = {
 stamped(plotting.lines([left, right]), ripple=ripple)
 
 # %% mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
-models = {name: beams.beam_model(name, sky, ripple=ripple) for name in beams.BEAM_MODELS}
+windows = {name: beam.of_survey(sky) for name, beam in beams.items()}
 degrees = np.arange(sky.lmax + 1)
 panels = [
     {
-        "curves": [
-            (degrees, model.transfer[channel], plotting.BEAM_STYLES[name]) for name, model in models.items()
-        ],
+        "curves": [(degrees, one.total[channel], styles.BEAM_STYLES[name]) for name, one in windows.items()],
         "title": f"{freqs[channel]:.1f} MHz",
-        "xlabel": r"multipole $\ell$",
+        "xlabel": styles.AXES["angular"]["xlabel"],
         "ylabel": r"$b_\ell$",
         "ylim": (0, 1.02),
     }
@@ -145,8 +140,9 @@ panels = [
 stamped(plotting.lines(panels), ripple=ripple)
 
 # %% [markdown]
-# A beam of your own is one array: `beams.beam_from_array(b_l, survey)` takes any $b_\ell$ of shape
-# (channels, $\ell_\mathrm{max} + 1$) and goes wherever these do.
+# A beam of your own is a file with a line for each channel, its width in degrees or its $b_\ell$, or one class in one file
+# ({doc}`../book/add_a_beam`). It goes wherever these do: `himap run 04_pca -p beam=widths.txt`, and `beam=meerkat` takes the widths that
+# holography measured.
 
 # %% [markdown]
 # ## Noise
@@ -170,20 +166,20 @@ stamped(plotting.lines(panels), ripple=ripple)
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
 panels = [
     {
-        "curves": [(freqs, system_temperature(freqs, sky.t_instr), {"color": "#0072B2"})],
-        "xlabel": "frequency [MHz]",
+        "curves": [(freqs, system_temperature(freqs, sky.t_instr), {"color": styles.BLUE})],
+        "xlabel": styles.CHANNELS,
         "ylabel": r"$T_\mathrm{sys}$ [K]",
     },
     {
         "curves": [
-            (freqs, 1e3 * noise_sigma(sky), {"color": "#0072B2", "label": f"{sky.channel_width:g} MHz"}),
+            (freqs, 1e3 * noise_sigma(sky), {"color": styles.BLUE, "label": f"{sky.channel_width:g} MHz"}),
             (
                 fine_survey.freqs,
                 1e3 * noise_sigma(fine_survey),
                 {"color": "black", "linestyle": "--", "label": "1 MHz (paper)"},
             ),
         ],
-        "xlabel": "frequency [MHz]",
+        "xlabel": styles.CHANNELS,
         "ylabel": r"$\sigma_N$ [$\mu$K]",
         "ylim": (0, None),
     },
@@ -201,8 +197,8 @@ stamped(plotting.lines(panels))
 
 # %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed. Below 2 ppm the axis is linear, beyond it is logarithmic."}}
 seen = {
-    name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=name, ripple=ripple))
-    for name in beams.BEAM_MODELS
+    name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
+    for name, beam in beams.items()
 }
 pixel = sphere.pixel_at(sky.nside, 30.0, 3.0)
 
@@ -220,11 +216,11 @@ signal = (
 )
 edge = np.full_like(freqs, 1e6 * signal)
 grey = {"color": "0.6", "linestyle": "--", "linewidth": 1}
-curves = [(freqs, 1e6 * deviation[name], plotting.BEAM_STYLES[name]) for name in seen]
+curves = [(freqs, 1e6 * deviation[name], styles.BEAM_STYLES[name]) for name in seen]
 curves += [(freqs, edge, grey | {"label": "rms of HI + noise"}), (freqs, -edge, grey)]
 panel = {
     "curves": curves,
-    "xlabel": "frequency [MHz]",
+    "xlabel": styles.CHANNELS,
     "ylabel": "deviation from a smooth spectrum [ppm]",
     "yscale": "symlog",
     "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, 1.12), "ncols": 4},

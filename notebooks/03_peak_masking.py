@@ -32,7 +32,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "degraded"  # degraded, evolving or oscillating: the beam of the line of sight
+beam: str = "degraded"  # the beam of the line of sight: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 order: int = 6  # order of the smooth baseline
 n_sigma: float = 5.0  # channels further from the baseline are masked
@@ -40,23 +40,26 @@ n_sigma: float = 5.0  # channels further from the baseline are masked
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
+from himap.instrument.beams import named
 from himap.maps import sphere
-from himap.paper.study import BEAMS, N_SOURCES, Study
+from himap.paper.methods import paper_beams, table_1
+from himap.paper.study import Study
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks, smooth_baselines
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
     keep_cubes=False,
 )
-observed = study.observed(beam)
+observed = study.observed(selected)
 freqs = observed.freqs
 channel, pixel = np.unravel_index(observed.truth.argmax(), observed.truth.shape)  # the brightest HI
 line = observed.maps[:, pixel].astype(float)
@@ -78,10 +81,10 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 width = 12 * np.diff(freqs).max()
 near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
-signal = {"color": "#D55E00", "label": "HI + noise"}
-star = {"color": "#0072B2", "marker": "*", "markersize": 12, "label": "flagged"}
+signal = {"color": styles.VERMILION, "label": "HI + noise"}
+star = {"color": styles.BLUE, "marker": "*", "markersize": 12, "label": "flagged"}
 truth = observed.truth[:, pixel]
-axes = {"xlabel": "frequency [MHz]", "ylabel": "T [mK]"}
+axes = {"xlabel": styles.CHANNELS, "ylabel": "T [mK]"}
 stars = [(freqs[flagged & near], line[flagged & near], star)] if (flagged & near).any() else []
 panels = [
     {"curves": [(freqs, line, total), (freqs, truth, signal)], "title": "the whole band", **axes},
@@ -97,15 +100,15 @@ panels = [
         **axes,
     },
 ]
-study.stamped(plotting.lines(panels), beam=beam)
+study.stamped(plotting.lines(panels), beam=selected)
 
 # %% [markdown]
 # Subtracting the baseline makes the peak plain. The first fit gave way to it; the second, which does not
 # know the peak, does not.
 
 # %% mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with the baseline fitted to all channels and with that of the second fit (the paper's Fig. B.2). Left: the whole band, with the threshold; right: the difference of the two baselines."}}
-one = {"color": "#0072B2", "label": "one fit"}
-two = {"color": "#E69F00", "linestyle": "--", "label": "two fits"}
+one = {"color": styles.BLUE, "label": "one fit"}
+two = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
 edge = {"color": "0.5", "linestyle": ":", "linewidth": 1}
 ends = freqs[[0, -1]]
@@ -117,21 +120,21 @@ panels = [
             (ends, [limit, limit], edge | {"label": rf"$\pm {n_sigma:g}\,\sigma$"}),
             (ends, [-limit, -limit], edge),
         ],
-        "xlabel": "frequency [MHz]",
+        "xlabel": styles.CHANNELS,
         "ylabel": "T - baseline [mK]",
     },
     {
         "curves": [(freqs, first - second, {"color": "black"})],
-        "xlabel": "frequency [MHz]",
+        "xlabel": styles.CHANNELS,
         "ylabel": "first - second baseline [mK]",
     },
 ]
-study.stamped(plotting.lines(panels), beam=beam)
+study.stamped(plotting.lines(panels), beam=selected)
 
 # %% mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: the whole band; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
 close = np.abs(freqs - freqs[channel]) <= width / 2
-masked_style = {"color": "#D55E00", "linestyle": "--", "label": "masked"}
+masked_style = {"color": styles.VERMILION, "linestyle": "--", "label": "masked"}
 observed_style = {"color": "black", "label": "observed"}
 panels = [
     {
@@ -140,7 +143,7 @@ panels = [
     }
     for part in (np.full(len(freqs), True), close)
 ]
-study.stamped(plotting.lines(panels), beam=beam)
+study.stamped(plotting.lines(panels), beam=selected)
 
 # %%
 show(
@@ -165,9 +168,11 @@ show(
 # the polynomial, in the Galactic plane and, with the oscillating beam, on most of the sky, $\sigma$ is larger and fewer channels pass it.
 
 # %% mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
-masked = {name: mask_peaks(study.observed(name).maps, freqs, order=order, n_sigma=n_sigma) for name in BEAMS}
-cells = min(8, study.made_for.nside)
-share = {name: 100 * sphere.change_resolution(masked[name].flagged.mean(axis=0), cells) for name in BEAMS}
+masked = {
+    name: mask_peaks(study.observed(beams[name]).maps, freqs, order=order, n_sigma=n_sigma) for name in beams
+}
+cells = min(8, study.survey.nside)
+share = {name: 100 * sphere.change_resolution(masked[name].flagged.mean(axis=0), cells) for name in beams}
 top = max(np.percentile(pixels, 99) for pixels in share.values())
 study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 
@@ -198,13 +203,13 @@ def percent(chosen):
 
 
 curves, numbers = [], {}
-for name in BEAMS:
-    seen, where = study.observed(name), masked[name].flagged
+for name in beams:
+    seen, where = study.observed(beams[name]), masked[name].flagged
     from_all, from_hi = left_over(seen.maps, where), left_over(seen.truth, where)
     foreground_share = 1 - from_hi / from_all
     grid = np.linspace(-0.5, 1, 601)
     below = np.searchsorted(np.sort(foreground_share), grid) / max(len(foreground_share), 1)
-    curves.append((grid, below, plotting.BEAM_STYLES[name]))
+    curves.append((grid, below, styles.BEAM_STYLES[name]))
     alone = smooth_baselines(seen.truth, freqs, order=order, n_sigma=n_sigma).flagged
     numbers |= {
         f"{name}: masked voxels": (percent(where), 0.003, "%"),
@@ -236,23 +241,28 @@ show(numbers)
 
 # %% mystnb={"figure": {"name": "fig-peak-effect", "caption": "Change of the spectra of the cleaned maps (PCA with 3, 4 and 5 components for the three beams) when the peaks are not masked. Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
 angular, frequency, numbers = [], [], {}
-for name, n_sources in N_SOURCES.items():
-    pca, style = PCA(n_sources=n_sources), plotting.BEAM_STYLES[name]
-    degrees, c_masked, k, p_masked = study.ratios(name, pca)
-    _, c_plain, _, p_plain = study.ratios(name, pca, mask_peaks=False)
+for name in beams:
+    pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]
+    degrees, c_masked, k, p_masked = study.ratios(beams[name], pca)
+    _, c_plain, _, p_plain = study.ratios(beams[name], pca, mask_peaks=False)
     shown = degrees <= study.l_top
     angular.append((degrees[shown], 100 * (c_plain / c_masked - 1)[shown], style))
     frequency.append((k, 100 * (p_plain / p_masked - 1), style))
-    plain = study.bands(name, pca, mask_peaks=False)
-    for label, value in study.bands(name, pca).items():
+    plain = study.bands(beams[name], pca, mask_peaks=False)
+    for label, value in study.bands(beams[name], pca).items():
         if label.startswith(("C/C0", "P/P0, 0 <")):
             numbers[f"{name}: {label}, masked"] = (value, 0.02 * max(1, value))
             numbers[f"{name}: {label}, masked less not masked"] = (value - plain[label], 0.003)
 panels = [
-    {"curves": angular, "xlabel": r"multipole $\ell$", "ylabel": r"change of $C_\ell$ [%]", "xscale": "log"},
+    {
+        "curves": angular,
+        "xlabel": styles.AXES["angular"]["xlabel"],
+        "ylabel": r"change of $C_\ell$ [%]",
+        "xscale": "log",
+    },
     {
         "curves": frequency,
-        "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
+        "xlabel": styles.AXES["frequency"]["xlabel"],
         "ylabel": r"change of $P$ [%]",
         "xlim": (0, 0.4),
     },

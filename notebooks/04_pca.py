@@ -34,29 +34,34 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "degraded"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "degraded"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 3  # components to remove, for the beam shown in detail
 
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
-from himap.paper.study import BEAMS, Study, each_beam
-from himap.removal.pca import PCA, channel_covariance
+from himap.instrument.beams import named
+from himap.paper.methods import each_beam, paper_beams
+from himap.paper.study import Study
+from himap.removal.covariance import channel_covariance
+from himap.removal.pca import PCA
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
-removers = each_beam(lambda n: PCA(n_sources=n), **{beam: n_sources})
+removers = each_beam(lambda n: PCA(n_sources=n), beams.values())
+removers[selected] = [PCA(n_sources=n_sources)]
 study.check(removers)
-remover = removers[beam][0]
+remover = removers[selected][0]
 
 # %% [markdown]
 # Before any method runs, peaks along the lines of sight are masked ({doc}`03_peak_masking`): the components are found in
@@ -105,7 +110,7 @@ remover = removers[beam][0]
 # one foreground component is left in for the last two.
 
 # %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
-rank = np.arange(1, min(15, study.made_for.n_channels) + 1)
+rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
 def eigenvalues(maps):
@@ -114,10 +119,10 @@ def eigenvalues(maps):
 
 
 curves = [
-    (rank, eigenvalues(study.observed(name).maps), plotting.BEAM_STYLES[name] | {"marker": "."})
-    for name in BEAMS
+    (rank, eigenvalues(study.observed(beams[name]).maps), styles.BEAM_STYLES[name] | {"marker": "."})
+    for name in beams
 ]
-truth = eigenvalues(study.observed(beam).truth)
+truth = eigenvalues(study.observed(selected).truth)
 curves.append((rank, truth, {"color": "black", "linestyle": ":", "label": f"HI + noise ({beam})"}))
 labels = {"xlabel": "component", "ylabel": r"eigenvalue [mK$^2$]", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
@@ -132,10 +137,10 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # orthogonal to the first.
 
 # %% mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
-study.mixing_figure(beam, remover)
+study.mixing_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(beam, remover)
+study.sources_figure(selected, remover)
 
 # %% [markdown]
 # ## What is left
@@ -145,7 +150,7 @@ study.sources_figure(beam, remover)
 # are signal that was lost with the components.
 
 # %% mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% [markdown]
 # ## The power spectra

@@ -34,7 +34,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "degraded"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "degraded"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 3  # components to remove, for the beam shown in detail
 contrast: str = "logcosh"  # contrast function: logcosh, exp or cube
@@ -42,23 +42,27 @@ contrast: str = "logcosh"  # contrast function: logcosh, exp or cube
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
-from himap.paper.study import Study, each_beam
+from himap.instrument.beams import named
+from himap.paper.methods import each_beam, paper_beams
+from himap.paper.study import Study
 from himap.removal.fastica import FastICA
 from himap.removal.pca import PCA
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
-removers = each_beam(lambda n: FastICA(n_sources=n, contrast=contrast), **{beam: n_sources})
+removers = each_beam(lambda n: FastICA(n_sources=n, contrast=contrast), beams.values())
+removers[selected] = [FastICA(n_sources=n_sources, contrast=contrast)]
 study.check(removers)
-remover = removers[beam][0]
+remover = removers[selected][0]
 pca = PCA(n_sources=n_sources)
 
 # %% [markdown]
@@ -124,10 +128,10 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # synchrotron emission would. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane have the wrong sign.
 
 # %% mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
-study.mixing_figure(beam, remover)
+study.mixing_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(beam, remover)
+study.sources_figure(selected, remover)
 
 # %% [markdown]
 # How far from Gaussian are they? The figure has the distribution of the pixels of each source in units of its
@@ -137,7 +141,10 @@ study.sources_figure(beam, remover)
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
-colours, styles = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"], ["-", "--", "-.", ":"]
+colours, dashes = (
+    [styles.BLUE, styles.ORANGE, styles.GREEN, styles.PURPLE, styles.SKY_BLUE],
+    ["-", "--", "-.", ":"],
+)
 
 
 def histograms(title, sources):
@@ -147,7 +154,7 @@ def histograms(title, sources):
         counts = (
             np.histogram((source - source.mean()) / source.std(), edges)[0] / len(source) / np.diff(edges)
         )
-        look = {"color": colours[n % 5], "linestyle": styles[n % 4], "label": f"component {n + 1}"}
+        look = {"color": colours[n % 5], "linestyle": dashes[n % 4], "label": f"component {n + 1}"}
         curves.append((centres, np.where(counts > 0, counts, np.nan), look))
     labels = {
         "xlabel": "(pixel - mean) / standard deviation",
@@ -158,9 +165,9 @@ def histograms(title, sources):
     return {"title": title, "curves": curves, **labels}
 
 
-found = {"PCA": study.cleaned(beam, pca).sources, "FastICA": study.cleaned(beam, remover).sources}
+found = {"PCA": study.cleaned(selected, pca).sources, "FastICA": study.cleaned(selected, remover).sources}
 panels = [histograms(name, sources) for name, sources in found.items()]
-study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources, contrast=contrast)
+study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contrast=contrast)
 
 # %% [markdown]
 # ## How it fails: no unique answer
@@ -179,9 +186,7 @@ for name, methods in removers.items():
     white = (components / components.std(axis=1, keepdims=True)).astype(np.float32)
     runs = []
     for seed in range(6 if method.n_sources > 1 else 0):
-        cleaned = method.clean(
-            white, freqs=study.made_for.freqs[: len(white)], rng=np.random.default_rng(seed)
-        )
+        cleaned = method.clean(white, freqs=study.survey.freqs[: len(white)], rng=np.random.default_rng(seed))
         runs.append(cleaned.separation)
     points = []
     for n, run in enumerate(runs[1:]):
@@ -217,7 +222,7 @@ show(
 # The cleaned map of one channel beside the truth and their difference: the same map as that of PCA in {numref}`fig-pca-maps`.
 
 # %% mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% [markdown]
 # ## The power spectra

@@ -32,7 +32,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "evolving"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "evolving"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 4  # components to remove, for the beam shown in detail
 n_scales: int = 4  # starlet detail scales
@@ -42,21 +42,24 @@ n_sigma: float = 3.0  # last threshold, in units of the noise of each scale
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
+from himap.instrument.beams import named
 from himap.maps.starlets import starlet_filters, starlets
 from himap.paper import pipeline
-from himap.paper.study import Study, each_beam
+from himap.paper.methods import each_beam, paper_beams
+from himap.paper.study import Study
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
 
 
@@ -67,9 +70,10 @@ def gmca(n_sources, **changed):
     )
 
 
-removers = each_beam(gmca, **{beam: n_sources})
+removers = each_beam(gmca, beams.values())
+removers[selected] = [gmca(n_sources)]
 study.check(removers)
-remover = removers[beam][0]
+remover = removers[selected][0]
 pca = PCA(n_sources=n_sources)
 
 # %% [markdown]
@@ -80,15 +84,15 @@ pca = PCA(n_sources=n_sources)
 # their sum is the map. In harmonic space each scale is a filter of $\ell$.
 
 # %% mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole; they add up to 1 at every multipole."}}
-colours = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9"]
+colours = [styles.BLUE, styles.ORANGE, styles.GREEN, styles.PURPLE, styles.SKY_BLUE]
 styles = ["-", "--", "-.", ":", (0, (8, 2))]
-filters = starlet_filters(n_scales, 3 * study.made_for.nside - 1)
+filters = starlet_filters(n_scales, 3 * study.survey.nside - 1)
 names = [f"detail {n + 1}" for n in range(n_scales)] + ["smooth"]
 curves = []
 for n, (name, band) in enumerate(zip(names, filters, strict=True)):
     look = {"color": colours[n % 5], "linestyle": styles[n % 5], "label": name}
     curves.append((np.arange(1, len(band)), band[1:], look))
-labels = {"xlabel": r"multipole $\ell$", "ylabel": "filter", "xscale": "log"}
+labels = {"xlabel": styles.AXES["angular"]["xlabel"], "ylabel": "filter", "xscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), n_scales=n_scales)
 
 # %% [markdown]
@@ -96,10 +100,10 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # edges of the plane: they are sparse. The smooth scale is not.
 
 # %% mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "The channel in the middle of the band, as observed, in starlet scales, fine to coarse. Colours span the central 96 % of the pixels."}}
-channel = study.observed(beam).maps[study.made_for.n_channels // 2].astype(float)
+channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
 scales = starlets(channel - channel.mean(), n_scales)
 shown = {name: scale for name, scale in zip(names, scales, strict=True)}
-study.stamped(plotting.sky_maps(shown, limits=(2, 98)), beam=beam, n_scales=n_scales)
+study.stamped(plotting.sky_maps(shown, limits=(2, 98)), beam=selected, n_scales=n_scales)
 
 # %% [markdown]
 # How sparse? The next figure sorts the coefficients of each scale by size. If a small share of them holds most of the
@@ -114,7 +118,7 @@ for n, (name, scale) in enumerate(shown.items()):
     look = {"color": colours[n % 5], "linestyle": styles[n % 5], "label": name}
     curves.append((counts / len(channel), power[counts - 1] / power[-1], look))
 labels = {"xlabel": "share of the coefficients", "ylabel": "share of the square sum", "xscale": "log"}
-study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), beam=beam)
+study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), beam=selected)
 
 # %% [markdown]
 # ## How it works
@@ -162,10 +166,10 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # leaves that of PCA in the first iterations and then hardly moves.
 
 # %% mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they are the same."}}
-masked = pipeline.peak_masked(study.case(beam)).maps
+masked = pipeline.peak_masked(study.case(selected)).maps
 centred = (masked - masked.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
 steps = list(remover.iterate(centred))
-axes = study.cleaned(beam, pca).mixing
+axes = study.cleaned(selected, pca).mixing
 
 
 def sine(mixing):
@@ -199,7 +203,7 @@ right = {
 }
 panels = [panel | {"xlabel": "iteration"} for panel in (left, middle, right)]
 study.stamped(
-    plotting.lines(panels, columns=3, size=(3.6, 3.3)), beam=beam, n_sources=n_sources, penalty=penalty
+    plotting.lines(panels, columns=3, size=(3.6, 3.3)), beam=selected, n_sources=n_sources, penalty=penalty
 )
 
 # %% [markdown]
@@ -210,10 +214,10 @@ study.stamped(
 # are not emission of one kind or another either.
 
 # %% mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
-study.mixing_figure(beam, remover)
+study.mixing_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(beam, remover)
+study.sources_figure(selected, remover)
 
 # %% [markdown]
 # ## What is left
@@ -222,7 +226,7 @@ study.sources_figure(beam, remover)
 # much was taken.
 
 # %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -260,12 +264,12 @@ changes = {
 variants = {name: gmca(n_sources, **change) for name, change in changes.items()} | {"PCA": pca}
 curves = []
 for n, (name, method) in enumerate(variants.items()):
-    degrees, ratio, _, _ = study.ratios(beam, method)
+    degrees, ratio, _, _ = study.ratios(selected, method)
     shown = degrees <= study.l_top
     look = {"color": "black"} if method is pca else {"color": colours[n % 5], "linestyle": styles[n % 5]}
     curves.append((degrees[shown], ratio[shown], look | {"label": name}))
 labels = {
-    "xlabel": r"multipole $\ell$",
+    "xlabel": styles.AXES["angular"]["xlabel"],
     "ylabel": r"$C / C_0$",
     "xscale": "log",
     "title": beam,

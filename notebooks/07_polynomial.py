@@ -35,7 +35,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "degraded"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "degraded"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 order: int = 6  # order of the polynomial
 n_sigma: float = 5.0  # channels further from the first fit are left out of the second
@@ -43,25 +43,28 @@ n_sigma: float = 5.0  # channels further from the first fit are left out of the 
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
+from himap.instrument.beams import named
 from himap.maps import sphere
-from himap.paper.study import BEAMS, Study
+from himap.paper.methods import paper_beams
+from himap.paper.study import Study
 from himap.removal.peaks import smooth_baselines
 from himap.removal.polynomial import Polynomial
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
 remover = Polynomial(order=order, n_sigma=n_sigma)
-removers = {name: [remover] for name in BEAMS}
+removers = dict.fromkeys([*beams.values(), selected], [remover])
 study.check(removers)
-observed = study.observed(beam)
+observed = study.observed(selected)
 freqs = observed.freqs
 
 # %% [markdown]
@@ -82,13 +85,21 @@ freqs = observed.freqs
 # {doc}`03_peak_masking`.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
-colours = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "black"]
+colours = [
+    styles.BLUE,
+    styles.ORANGE,
+    styles.GREEN,
+    styles.PURPLE,
+    styles.SKY_BLUE,
+    styles.VERMILION,
+    "black",
+]
 curves = []
-for n, column in enumerate(study.cleaned(beam, remover).mixing.T[:7]):
+for n, column in enumerate(study.cleaned(selected, remover).mixing.T[:7]):
     style = {"label": f"order {n}", "color": colours[n], "linestyle": ["-", "--", "-.", ":"][n % 4]}
     curves.append((freqs, column, style))
 labels = {
-    "xlabel": "frequency [MHz]",
+    "xlabel": styles.CHANNELS,
     "ylabel": "mixing coefficient",
     "legend": {"ncols": 4, "loc": "upper center"},
     "ylim": (-0.3, 0.5),
@@ -101,8 +112,8 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
-sources = {f"order {n}": study.cleaned(beam, remover).sources[n] / 1000 for n in chosen}
-study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=beam, order=order)
+sources = {f"order {n}": study.cleaned(selected, remover).sources[n] / 1000 for n in chosen}
+study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
 
 # %% [markdown]
 # ## How smooth is smooth enough?
@@ -140,7 +151,7 @@ curves.append(
     (orders, np.full(len(orders), signal), {"color": "black", "linestyle": ":", "label": "HI + noise"})
 )
 labels = {"xlabel": "order", "ylabel": "largest error [mK]", "yscale": "log"}
-study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=beam)
+study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=selected)
 
 # %% [markdown]
 # ## What is left
@@ -153,27 +164,27 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "What the polynomial leaves of two lines of sight, for the three beams, and the truth less its own polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
-    pixel = sphere.pixel_at(study.made_for.nside, 30, latitude)
-    for name in BEAMS:
-        left = study.cleaned(name, remover).maps[:, pixel]
-        true = study.observed(name).truth[:, [pixel]]
+    pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
+    for name in beams:
+        left = study.cleaned(beams[name], remover).maps[:, pixel]
+        true = study.observed(beams[name]).truth[:, [pixel]]
         fit = smooth_baselines(true, freqs, order=order, n_sigma=no_clip)
         shown = (true - fit.basis @ fit.first)[:, 0]
         panels.append(
             {
                 "curves": [
-                    (freqs, left, {"color": "#D55E00", "label": "left by the fit"}),
+                    (freqs, left, {"color": styles.VERMILION, "label": "left by the fit"}),
                     (freqs, shown, {"color": "black", "linestyle": "--", "label": "truth, flattened"}),
                 ],
                 "title": f"{place}\n{name}",
-                "xlabel": "frequency [MHz]",
+                "xlabel": styles.CHANNELS,
                 "ylabel": "T [mK]",
             }
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
 # %% mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -207,14 +218,14 @@ def coefficients(maps):
 
 
 curves, numbers = [], {}
-for name in BEAMS:
-    seen = study.observed(name)
+for name in beams:
+    seen = study.observed(beams[name])
     taken, rest = coefficients(seen.maps - seen.truth)
     signal, other = coefficients(seen.truth)
     power = signal.sum() + other
     left = np.sqrt((rest + np.cumsum(taken[::-1])[::-1] - taken) / power)
     lost = np.sqrt(np.cumsum(signal) / power)
-    curves.append((scan + 1, left, plotting.BEAM_STYLES[name] | {"label": f"foreground left, {name}"}))
+    curves.append((scan + 1, left, styles.BEAM_STYLES[name] | {"label": f"foreground left, {name}"}))
     both = np.hypot(left, lost)
     numbers[f"{name}: error of order {order}"] = (both[min(order, top)], 0.02 * max(1, both[min(order, top)]))
     numbers[f"{name}: lowest error"] = (both.min(), 0.02 * max(1, both.min()))

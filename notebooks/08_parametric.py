@@ -36,7 +36,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "degraded"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "degraded"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 beta_min: float = -4.0  # steepest index of the second power law
 beta_max: float = -2.2  # flattest index of the second power law
@@ -44,25 +44,28 @@ beta_max: float = -2.2  # flattest index of the second power law
 # %%
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
+from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper import pipeline
-from himap.paper.study import BEAMS, Study
+from himap.paper.methods import paper_beams
+from himap.paper.study import Study
 from himap.removal.parametric import Parametric
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
 remover = Parametric(beta_min=beta_min, beta_max=beta_max)
-removers = {name: [remover] for name in BEAMS}
+removers = dict.fromkeys([*beams.values(), selected], [remover])
 study.check(removers)
-observed = study.observed(beam)
+observed = study.observed(selected)
 freqs = observed.freqs
 places = {"Galactic plane, l = 30, b = 0": (30, 0), "l = 30, b = 60": (30, 60)}
 bounds = {"beta_min": beta_min, "beta_max": beta_max}
@@ -101,11 +104,11 @@ def rms_left(line, beta):
 
 panels = []
 for place, (lon, lat) in places.items():
-    pixel = sphere.pixel_at(study.made_for.nside, lon, lat)
+    pixel = sphere.pixel_at(study.survey.nside, lon, lat)
     curves = []
-    for name in BEAMS:
-        line = study.observed(name).maps[:, pixel].astype(float)
-        curves.append((betas, [rms_left(line, beta) for beta in betas], plotting.BEAM_STYLES[name]))
+    for name in beams:
+        line = study.observed(beams[name]).maps[:, pixel].astype(float)
+        curves.append((betas, [rms_left(line, beta) for beta in betas], styles.BEAM_STYLES[name]))
     floor = observed.truth.std()
     curves.append(
         (betas[[0, -1]], [floor, floor], {"color": "black", "linestyle": ":", "label": "HI + noise"})
@@ -127,10 +130,10 @@ study.stamped(plotting.lines(panels))
 # The parameters are maps, with a meaning this time. How well do they measure what they are named after?
 
 # %% mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
-result = study.cleaned(beam, remover)
+result = study.cleaned(selected, remover)
 free_free = next(
     part
-    for part in pipeline.components(study.case(beam).survey, study.case(beam).galaxy)
+    for part in pipeline.components(study.case(selected).survey, study.case(selected).galaxy)
     if "free" in part.name
 )
 first, second, index = result.sources
@@ -141,7 +144,7 @@ maps = {
     "true free-free emission": free_free.map(remover.nu0),
 }
 units = dict(zip(maps, ["mK", "mK", "", "mK"], strict=True))
-study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=beam, **bounds)
+study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected, **bounds)
 
 # %% [markdown]
 # $\alpha_1$ shows the Galactic plane, as free-free emission does, but away from it it is far above the truth: two power laws of nearly
@@ -151,18 +154,18 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=beam, **
 
 # %% mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter (amplitudes alpha 1 and alpha 2, index beta) adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
-colours = ["#0072B2", "#E69F00", "#009E73"]
+colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
     (freqs, column / np.abs(column).max(), {"label": label, "color": colour, "linestyle": style})
     for column, label, colour, style in zip(result.mixing.T, names, colours, ["-", "--", "-."], strict=True)
 ]
-labels = {"xlabel": "frequency [MHz]", "ylabel": "derivative of T, scaled"}
-study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=beam)
+labels = {"xlabel": styles.CHANNELS, "ylabel": "derivative of T, scaled"}
+study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=selected)
 
 # %%
 numbers = {}
-for name in BEAMS:
-    fit = study.cleaned(name, remover)
+for name in beams:
+    fit = study.cleaned(beams[name], remover)
     numbers |= {
         f"{name}: median of alpha_1": (float(np.median(fit.sources[0])), 1.0, "mK"),
         f"{name}: median of alpha_2": (float(np.median(fit.sources[1])), 1.0, "mK"),
@@ -184,25 +187,25 @@ show(numbers)
 # %% mystnb={"figure": {"name": "fig-parametric-lines", "caption": "What the parametric fit leaves of two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
 panels = []
 for place, (lon, lat) in places.items():
-    pixel = sphere.pixel_at(study.made_for.nside, lon, lat)
-    for name in BEAMS:
-        left = study.cleaned(name, remover).maps[:, pixel]
-        true = study.observed(name).truth[:, pixel]
+    pixel = sphere.pixel_at(study.survey.nside, lon, lat)
+    for name in beams:
+        left = study.cleaned(beams[name], remover).maps[:, pixel]
+        true = study.observed(beams[name]).truth[:, pixel]
         panels.append(
             {
                 "curves": [
-                    (freqs, left, {"color": "#D55E00", "label": "left by the fit"}),
+                    (freqs, left, {"color": styles.VERMILION, "label": "left by the fit"}),
                     (freqs, true, {"color": "black", "linestyle": "--", "label": "truth"}),
                 ],
                 "title": f"{place}\n{name}",
-                "xlabel": "frequency [MHz]",
+                "xlabel": styles.CHANNELS,
                 "ylabel": "T [mK]",
             }
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 
 # %% mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -227,8 +230,8 @@ show(study.band_numbers(removers))
 
 # %% mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Lines of sight sorted by the error of the cleaned maps: the share of the sky with a larger root mean square than each value. Channel means removed. The dotted line is the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
-for name in BEAMS:
-    seen, fit = study.observed(name), study.cleaned(name, remover)
+for name in beams:
+    seen, fit = study.observed(beams[name]), study.cleaned(beams[name], remover)
     squares, power = np.zeros(fit.maps.shape[1]), 0.0
     for left, true in zip(fit.maps, seen.truth, strict=True):
         wrong = left.astype(float) - true
@@ -237,7 +240,7 @@ for name in BEAMS:
     rms = np.sqrt(squares)
     shown = np.geomspace(0.003, 1000, 300)
     above = 1 - np.searchsorted(np.sort(rms), shown) / len(rms)
-    curves.append((shown, 100 * np.where(above > 0, above, np.nan), plotting.BEAM_STYLES[name]))
+    curves.append((shown, 100 * np.where(above > 0, above, np.nan), styles.BEAM_STYLES[name]))
     good = np.sqrt(squares[~fit.flagged].mean() / power)
     numbers |= {
         f"{name}: rms error / rms truth": (

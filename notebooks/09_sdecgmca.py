@@ -37,7 +37,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating: the beam shown in detail
+beam: str = "oscillating"  # the beam shown in detail: degraded, evolving, oscillating, meerkat or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 5  # sources, for the beam shown in detail
 iteration: str = "stable"  # stable or published: how the mixing matrix is found
@@ -47,32 +47,34 @@ import warnings
 
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show
+from himap.instrument.beams import named
 from himap.instrument.noise import noise_maps, noise_sigma
 from himap.maps import sphere
 from himap.measures.power_spectra import frequency_power, recovered_angular_power
 from himap.paper import pipeline
-from himap.paper.study import BEAMS, Study
+from himap.paper.methods import TABLE_1, paper_beams, sdecgmca_for
+from himap.paper.study import Study
 from himap.removal import harmonic
 from himap.removal.analysis import analysed
 from himap.removal.base import SeparationWarning
-from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
-from himap.removal.sdecgmca.mixture import Channels
+from himap.removal.sdecgmca.mixture import BlurredMixture
 from himap.removal.sdecgmca.sparse_sources import SparseSources
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
-removers = {name: [SDecGMCA.for_beam(name, iteration=iteration)] for name in BEAMS}
-removers[beam] = [SDecGMCA.for_beam(beam, iteration=iteration, n_sources=n_sources)]
+removers = {one: [sdecgmca_for(one, iteration=iteration)] for one in beams.values()}
+removers[selected] = [sdecgmca_for(selected, iteration=iteration, n_sources=n_sources)]
 study.check(removers)
-remover = removers[beam][0]
+remover = removers[selected][0]
 warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is printed with its numbers
 
 # %% [markdown]
@@ -83,10 +85,10 @@ warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is p
 # can go on to any $\ell$: {cite:t}`gkogkou2025` stop at 200, here at the smaller of 200 and $2\,N_\mathrm{side}$.
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-beams", "caption": "The beam relative to the best channel, for the channels with the most and the least resolution and one between, against multipole. The dotted line is where the mixing matrix stops being shaped."}}
-observed = study.observed(beam)
+observed = study.observed(selected)
 relative = observed.beams / observed.beams.max(axis=0)
 order = np.argsort(observed.beams[:, study.l_top])
-colours = ["#0072B2", "#E69F00", "#009E73"]
+colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
     (
         np.arange(1, study.l_top),
@@ -97,8 +99,13 @@ curves = [
 ]
 last = min(remover.lmax, study.l_top)
 curves.append(([last, last], [0, 1.05], {"color": "black", "linestyle": ":"}))
-panel = {"curves": curves, "xlabel": r"multipole $\ell$", "ylabel": r"$\hat H_\nu^\ell$", "ylim": (0, 1.05)}
-study.stamped(plotting.lines([panel], columns=1, size=(6.4, 3.6)), beam=beam)
+panel = {
+    "curves": curves,
+    "xlabel": styles.AXES["angular"]["xlabel"],
+    "ylabel": r"$\hat H_\nu^\ell$",
+    "ylim": (0, 1.05),
+}
+study.stamped(plotting.lines([panel], columns=1, size=(6.4, 3.6)), beam=selected)
 
 # %% [markdown]
 # **Turns.** Given $\mathbf{A}$, the sources follow from least squares at every $\ell$, with a Tikhonov term $\epsilon$ where the beam leaves too
@@ -123,16 +130,16 @@ show(rows)
 # ## What is removed
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes, at one resolution: columns of the mixing matrix against frequency. The first three are smooth. The others have no foreground left to describe and follow HI: the spikes are structure in the nearest channels, where HI varies most."}}
-study.mixing_figure(beam, remover)
+study.mixing_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, at the resolution of the best channel, in mK summed over channels. Colours span the central 96 % of the pixels."}}
-study.sources_figure(beam, remover)
+study.sources_figure(selected, remover)
 
 # %% [markdown]
 # ## What is left
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
-study.channel_figure(beam, remover)
+study.channel_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
@@ -146,10 +153,10 @@ study.frequency_figure(removers)
 
 # %%
 numbers = study.band_numbers(removers)
-three = SDecGMCA.for_beam("oscillating", iteration=iteration, n_sources=3)
-for name, value in study.bands("oscillating", three).items():
+three = sdecgmca_for(beams["oscillating"], iteration=iteration, n_sources=3)
+for name, value in study.bands(beams["oscillating"], three).items():
     numbers[f"oscillating, 3 sources: {name}"] = (value, 0.02)
-numbers |= {f"{name}: settled": study.assessed(name, removers[name][0]).converged for name in BEAMS}
+numbers |= {f"{one}: settled": study.assessed(one, methods[0]).converged for one, methods in removers.items()}
 show(numbers)
 
 # %% [markdown]
@@ -160,10 +167,10 @@ show(numbers)
 # it (`iteration="published"`) is compared with the one that this book uses (`"stable"`).
 
 # %%
-case = study.case("oscillating")
-seen = study.observed("oscillating")
+case = study.case(beams["oscillating"])
+seen = study.observed(beams["oscillating"])
 sigma = noise_sigma(case.survey)
-masked = study.peak_masked("oscillating").maps
+masked = study.peak_masked(beams["oscillating"]).maps
 other = noise_maps(case.survey, np.random.default_rng(1)) - noise_maps(case.survey, case.survey.rng("noise"))
 alms = {"own": pipeline.truth_alms(case)}
 alms["other"] = alms["own"] + sphere.analyse(other)
@@ -171,7 +178,7 @@ alms["other"] = alms["own"] + sphere.analyse(other)
 
 def ratios(which, *, level=1.0, noise="own"):
     """C/C0 and P/P0 of one run with another noise level, or with other noise."""
-    method = SDecGMCA.for_beam("oscillating", iteration=which, noise=tuple(level * sigma))
+    method = sdecgmca_for(beams["oscillating"], iteration=which, noise=tuple(level * sigma))
     extra = other if noise == "other" else 0
     left = method.clean(
         seen.maps + extra, freqs=seen.freqs, beams=seen.beams, separate_on=masked + extra
@@ -195,7 +202,7 @@ runs = {
 }
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after SDecGMCA for the oscillating beam, when nothing of importance changes. Left: the published iteration. Right: the stable one; its curves lie on each other."}}
-looks = [("#0072B2", "-"), ("#E69F00", "--"), ("#009E73", ":")]
+looks = [(styles.BLUE, "-"), (styles.ORANGE, "--"), (styles.GREEN, ":")]
 degrees = np.arange(2, 2 + len(runs["stable"]["as it is"][0]))
 panels = [
     {
@@ -204,7 +211,7 @@ panels = [
             for (name, (angular, _)), (colour, line) in zip(found.items(), looks, strict=True)
         ],
         "title": which,
-        "xlabel": r"multipole $\ell$",
+        "xlabel": styles.AXES["angular"]["xlabel"],
         "ylabel": r"$C / C_0$",
         "xscale": "log",
         "xlim": (2, study.l_top),
@@ -269,11 +276,11 @@ show(numbers)
 # %%
 foreground = seen.maps - seen.truth
 lmax = min(remover.lmax, study.l_top)
-modes = analysed(foreground - foreground.mean(axis=1, keepdims=True), label="foreground").upto(lmax)
+modes = analysed(foreground - foreground.mean(axis=1, keepdims=True)).upto(lmax)
 ratio = seen.beams[:, : lmax + 1] / seen.beams[:, : lmax + 1].max(axis=0)
-pure = Channels(modes, ratio, sigma**2 * 4 * np.pi / case.survey.n_pix)
+pure = BlurredMixture(modes, ratio, sigma**2 * 4 * np.pi / case.survey.n_pix)
 start = (
-    SDecGMCA.for_beam("oscillating").clean(foreground, freqs=seen.freqs, beams=seen.beams).separation.mixing
+    sdecgmca_for(beams["oscillating"]).clean(foreground, freqs=seen.freqs, beams=seen.beams).separation.mixing
 )
 
 

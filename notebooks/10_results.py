@@ -39,40 +39,26 @@ iteration: str = "stable"  # SDecGMCA: stable or published
 # %%
 import warnings
 
+from himap.figures import styles
 from himap.figures.numbers import show_table
+from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
-from himap.removal.fastica import FastICA
-from himap.removal.gmca import GMCA
-from himap.removal.parametric import Parametric
-from himap.removal.pca import PCA
-from himap.removal.polynomial import Polynomial
-from himap.removal.sdecgmca.method import SDecGMCA
 
+beams = paper_beams(ripple=ripple)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
     keep_cubes=False,
 )
 n_sources = {"degraded": n_degraded, "evolving": n_evolving, "oscillating": n_oscillating}
-removers = {
-    beam: [
-        PCA(n_sources=n),
-        FastICA(n_sources=n),
-        GMCA(n_sources=n),
-        SDecGMCA.for_beam(beam, n_sources=n, iteration=iteration),
-        Polynomial(),
-        Parametric(),
-    ]
-    for beam, n in n_sources.items()
-}
+removers = {beams[name]: methods_for(beams[name], n, iteration=iteration) for name, n in n_sources.items()}
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # which methods did not settle is listed at the end
-titles = {beam: f"{beam}, {n} components" for beam, n in n_sources.items()}
+titles = {beams[name]: f"{name}, {n} components" for name, n in n_sources.items()}
 
 # %% [markdown]
 # ## Across the sky
@@ -94,7 +80,7 @@ study.frequency_figure(removers, titles=titles)
 
 # %%
 table = {
-    f"{beam}, {study.label(one)}": {
+    f"{beam}, {styles.method_style(one)['label']}": {
         name: (value, 0.02 * max(1, value)) for name, value in study.bands(beam, one).items()
     }
     for beam, methods in removers.items()
@@ -107,7 +93,7 @@ show_table(table)
 
 # %%
 unsettled = [
-    f"{beam}, {study.label(one)}"
+    f"{beam}, {styles.method_style(one)['label']}"
     for beam, methods in removers.items()
     for one in methods
     if not study.assessed(beam, one).converged

@@ -28,7 +28,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 method: str = "sdecgmca"  # a method with a number of sources: fastica, gmca, pca or sdecgmca
 beside: str | None = "pca"  # another one to compare with, or null
@@ -47,21 +47,23 @@ import numpy as np
 from himap import removal
 from himap.checks import whole_number
 from himap.errors import InputError
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show_table
+from himap.instrument.beams import named
 from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper.claims.base import LOW_K, angular_error, bump, frequency_error
+from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.study import Study
 from himap.removal.base import REGISTRY, SeparationWarning
-from himap.removal.sdecgmca.method import SDecGMCA
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
     keep_cubes=False,
 )
 counted = [
@@ -75,7 +77,7 @@ for name in methods:
         )
 if definition not in MSE_DEFINITIONS:
     raise InputError(f"unknown definition {definition!r}; there are {', '.join(MSE_DEFINITIONS)}.")
-n_channels = study.made_for.n_channels
+n_channels = study.survey.n_channels
 first = whole_number("n_sources_min", n_sources_min, 1, n_channels)
 last = whole_number("n_sources_max", n_sources_max, first, n_channels)
 scanned = range(first, last + 1)
@@ -88,11 +90,11 @@ else:
 def remover(name, n):
     """The method called `name` with n sources."""
     if name == "sdecgmca":
-        return SDecGMCA.for_beam(beam, n_sources=n, iteration=iteration)
+        return sdecgmca_for(selected, n_sources=n, iteration=iteration)
     return removal.create(name, n_sources=n)
 
 
-removers = {beam: [remover(name, n) for name in methods for n in scanned]}
+removers = {selected: [remover(name, n) for name in methods for n in scanned]}
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # which runs did not settle is listed at the end
 
@@ -106,7 +108,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # which runs did not settle 
 study.prepare(removers)
 
 # %%
-found = {name: {n: study.compared(beam, remover(name, n)) for n in scanned} for name in methods}
+found = {name: {n: study.compared(selected, remover(name, n)) for n in scanned} for name in methods}
 
 # %% [markdown]
 # ## One number for two spectra
@@ -150,7 +152,7 @@ def best(values):
     return scanned[int(np.argmin(values))]
 
 
-styles = {name: study.style(remover(name, first)) for name in methods}
+looks = {name: styles.method_style(remover(name, first)) for name in methods}
 ticks = scanned if len(scanned) <= 20 else range(first, last + 1, -(-len(scanned) // 20))
 axis = {"xlabel": "number of sources $n_s$", "xticks": ticks, "xlim": (first - 0.5, last + 0.5)}
 
@@ -159,7 +161,7 @@ def scan_panel(definition):
     """Total error against n_s, and where it is least; the axis ends above its values at many sources."""
     curves, points = [], []
     for name in methods:
-        values, style = totals(name, definition), styles[name]
+        values, style = totals(name, definition), looks[name]
         curves.append((scanned, values, style))
         mark = {"color": style["color"], "marker": "o" if name == method else "s", "markersize": 9}
         mark |= {"label": f"least at $n_s$ = {best(values)}", "markeredgecolor": "black"}
@@ -171,8 +173,8 @@ def scan_panel(definition):
 whole = scan_panel(definition) | {"ylabel": f"total MSE, {definition}", "legend": {"loc": "upper right"}}
 parts = np.array([errors(one, definition) for one in found[method].values()]).T
 for values, of, line in zip(parts, (r"$C_\ell$", r"$P(k_\nu)$"), ((0, (5, 1.5)), ":"), strict=True):
-    look = {"color": styles[method]["color"], "linestyle": line, "linewidth": 1.1}
-    whole["curves"].append((scanned, values, look | {"label": f"{styles[method]['label']}, {of} alone"}))
+    look = {"color": looks[method]["color"], "linestyle": line, "linewidth": 1.1}
+    whole["curves"].append((scanned, values, look | {"label": f"{looks[method]['label']}, {of} alone"}))
 
 
 def bare(curves):
@@ -185,7 +187,7 @@ detail["ylim"] = (0.7 * parts.min(), whole["ylim"][1])
 whole = whole | {"ylim": None, "title": "all of it"}
 
 # %% mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, for the oscillating beam (the paper's Fig. 3), and where it is least. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
-study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=beam, definition=definition)
+study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition)
 
 # %% [markdown]
 # Both curves have the shape of the paper's figure: a cliff where foreground is left, a slope where HI is lost, and a sharp minimum between. But SDecGMCA has its
@@ -196,7 +198,7 @@ study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=beam, definit
 panels = [
     scan_panel(other) | {"ylabel": f"total MSE, {other}"} for other in MSE_DEFINITIONS if other != definition
 ]
-study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=beam)
+study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected)
 
 # %% [markdown]
 # The conclusion does not hang on the definition. What does is how the two methods compare at their best: by the absolute error PCA with many
@@ -205,9 +207,9 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=beam)
 # ## The spectra behind it
 
 # %% mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after SDecGMCA with several numbers of sources, for the oscillating beam, and their ratios to the truth (the paper's Fig. 4). The grey band is 10 %; two sources lie above the lower panels."}}
-looks = plotting.sequence([f"$n_s$ = {n}" for n in drawn])
-curves = [(look, found[method][n]) for look, n in zip(looks, drawn, strict=True)]
-study.both_figure(beam, curves, ratio_limits=(0, 1.4), method=method)
+lines = styles.sequence([f"$n_s$ = {n}" for n in drawn])
+curves = [(look, found[method][n]) for look, n in zip(lines, drawn, strict=True)]
+study.both_figure(selected, curves, ratio_limits=(0, 1.4), method=method)
 
 # %% [markdown]
 # Two sources leave foreground on all scales. Three leave none that shows; from there on each source takes signal, first at low $k_\nu$ and low
@@ -223,7 +225,7 @@ measures = {
     f"total, {name}": lambda one, name=name: one.total_error(name, lmax=LMAX) for name in MSE_DEFINITIONS
 }
 measures["low k"] = frequency_error(0, LOW_K)
-if np.pi / study.made_for.channel_width > BUMP[1]:
+if np.pi / study.survey.channel_width > BUMP[1]:
     measures["bump"] = lambda one: abs(bump(one) - 1)
 measures[f"10 < l < {min(100, study.l_top)}"] = angular_error(10, 100)
 
@@ -232,7 +234,7 @@ for scale, measure in measures.items():
     rows[scale] = {}
     for name in methods:
         values = np.array([measure(one) for one in found[name].values()])
-        label = styles[name]["label"]
+        label = looks[name]["label"]
         rival = np.sort(values)[1] if len(values) > 1 else np.inf
         sharp = rival - values.min() > 0.001  # else another machine may find its neighbour
         rows[scale][f"{label}: best n_s"] = str(best(values)) if sharp else (best(values), 1)
@@ -276,7 +278,7 @@ def shown_where(values, condition):
 
 split, power = [], []
 for name in methods:
-    label, color, marker = styles[name]["label"], styles[name]["color"], "o" if name == methods[0] else "x"
+    label, color, marker = looks[name]["label"], looks[name]["color"], "o" if name == methods[0] else "x"
     excess, loss = np.array(part(name, 1)), np.array(part(name, -1))
     frequency = [one.frequency_ratio.mean() for one in found[name].values()]
     angular = [one.angular_ratio[one.degrees <= LMAX].mean() for one in found[name].values()]
@@ -294,7 +296,7 @@ panels = [
     axis | {"curves": split, "ylabel": "part of the relative MSE", "yscale": "log", "ylim": (1e-5, 1e2)},
     axis | {"curves": power, "ylabel": "mean ratio", "legend": {"loc": "lower left"}},
 ]
-study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=beam)
+study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected)
 
 # %% [markdown]
 # In numbers, for the first method:
@@ -310,7 +312,7 @@ for n, excess, loss in zip(scanned, part(method, 1), part(method, -1), strict=Tr
             "loss part": (loss, max(0.05 * loss, 0.001)),
             "mean P/P0": (frequency, 0.01 * max(1, frequency)),
             "mean C/C0": (angular, 0.01 * max(1, angular)),
-            "mean r": (study.assessed(beam, remover(method, n)).correlation.mean(), 0.005),
+            "mean r": (study.assessed(selected, remover(method, n)).correlation.mean(), 0.005),
         }
 show_table(rows)
 
@@ -319,9 +321,9 @@ show_table(rows)
 
 # %%
 unsettled = [
-    f"{study.label(one)}, {one.n_sources}"
-    for one in removers[beam]
-    if not study.assessed(beam, one).converged
+    f"{styles.method_style(one)['label']}, {one.n_sources}"
+    for one in removers[selected]
+    if not study.assessed(selected, one).converged
 ]
 print("; ".join(unsettled) or "none")
 

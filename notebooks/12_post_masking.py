@@ -35,7 +35,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 5  # components that PCA, FastICA, GMCA and SDecGMCA remove
 method: str = "sdecgmca"  # whose flagged lines of sight are shown: pca, gmca, polynomial...
@@ -46,32 +46,35 @@ import warnings
 import numpy as np
 
 from himap.errors import InputError
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show_table
+from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.power_spectra import angular_power
-from himap.paper.evidence import methods_for
+from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
+from himap.removal.analysis import analysed
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
-removers = {one.name: one for one in methods_for(beam, n_sources)}
+removers = {one.name: one for one in methods_for(selected, n_sources)}
 if method not in removers:
     raise InputError(f"unknown method {method!r}; there are {', '.join(removers)}.")
-study.check({beam: list(removers.values())})
+study.check({selected: list(removers.values())})
 warnings.simplefilter("ignore", SeparationWarning)  # which methods settle is listed in 10_results
 
 # %%
-study.prepare({beam: list(removers.values())}, post_mask=True)
+study.prepare({selected: list(removers.values())}, post_mask=True)
 
 # %% [markdown]
 # ## Which lines of sight
@@ -81,13 +84,13 @@ study.prepare({beam: list(removers.values())}, post_mask=True)
 # defaults it finds none of those, at the preset `ci` four in ten of what it flags for SDecGMCA.
 
 # %%
-found = {name: study.assessed(beam, one, post_mask=True) for name, one in removers.items()}
+found = {name: study.assessed(selected, one, post_mask=True) for name, one in removers.items()}
 flagged = {name: diagnostics.flagged_lines(one.line_errors) for name, one in found.items()}
-latitude = np.abs(sphere.pixel_latitude(study.made_for.nside))
+latitude = np.abs(sphere.pixel_latitude(study.survey.nside))
 table = {}
 for name, one in removers.items():
     errors, out = found[name].line_errors, flagged[name]
-    table[study.label(one)] = {
+    table[styles.method_style(one)["label"]] = {
         "flagged [%]": (100 * out.mean(), 0.02),
         "for a small error [%]": (100 * np.mean(out & (errors < errors.mean())), 0.02),
         "within 15° of the plane [%]": (100 * np.mean(latitude[out] < 15), 1),
@@ -108,15 +111,15 @@ def centred(cube):
     return cube - cube.mean(axis=1, keepdims=True, dtype=float).astype(cube.dtype)
 
 
-observed = study.observed(beam)
-recovered = centred(study.cleaned(beam, removers[method]).maps)
+observed = study.observed(selected)
+recovered = centred(study.cleaned(selected, removers[method]).maps)
 truth = centred(observed.truth)
 out = flagged[method]
 by_error = np.flatnonzero(out)[np.argsort(-found[method].line_errors[out])]
 chosen = by_error[np.linspace(0, len(by_error) - 1, min(30, len(by_error))).astype(int)]
 panels = []
 for title, cube in (("recovered", recovered), ("recovered minus true", recovered - truth)):
-    thin = {"color": "#D55E00", "linewidth": 0.5, "alpha": 0.45}
+    thin = {"color": styles.VERMILION, "linewidth": 0.5, "alpha": 0.45}
     curves = [
         (observed.freqs, line, thin | {"label": f"_flagged {n + 1}" if n else "flagged"})
         for n, line in enumerate(cube[:, chosen].T)
@@ -126,9 +129,9 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
     curves.append((observed.freqs, middle, black | {"label": "not flagged: median"}))
     curves.append((observed.freqs, low, black | {"linestyle": "--", "label": "not flagged: 5 and 95 %"}))
     curves.append((observed.freqs, high, black | {"linestyle": "--", "label": "_not flagged: 95 %"}))
-    title = f"{study.label(removers[method])}, {title}"
-    panels.append({"curves": curves, "title": title, "xlabel": "frequency [MHz]", "ylabel": "T [mK]"})
-study.stamped(plotting.lines(panels), beam=beam, method=method)
+    title = f"{styles.method_style(removers[method])['label']}, {title}"
+    panels.append({"curves": curves, "title": title, "xlabel": styles.CHANNELS, "ylabel": "T [mK]"})
+study.stamped(plotting.lines(panels), beam=selected, method=method)
 
 # %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of the figure above. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {out.mean():.1%} of the sky"
@@ -140,7 +143,7 @@ study.stamped(
         log={error_title: True},
         span={flag_title: (0, 1)},
     ),
-    beam=beam,
+    beam=selected,
     method=method,
 )
 
@@ -163,15 +166,15 @@ study.stamped(
 
 # %%
 relative = observed.beams / observed.beams.max(axis=0)
-peaks = observed.maps - study.peak_masked(beam).maps
+peaks = observed.maps - study.peak_masked(selected).maps
 
 
 def lost_to(remover):
     """HI and noise in what `remover` takes away, mK, (n_channels, n_pix)."""
-    mixing = study.cleaned(beam, remover).mixing
+    mixing = study.cleaned(selected, remover).mixing
     maps = centred(observed.truth - peaks).astype(np.float32)
     if remover.needs_beams:
-        return through_beams(maps, mixing, relative)
+        return through_beams(maps, mixing, relative, analysed(maps))
     basis = np.linalg.qr(mixing)[0].astype(np.float32)
     return basis @ (basis.T @ maps)
 
@@ -192,11 +195,11 @@ blind = [one for one in removers.values() if hasattr(one, "n_sources")]
 parts, table = {}, {}
 for one in blind:
     lost, out = lost_to(one), flagged[one.name]
-    error = centred(study.cleaned(beam, one).maps) - truth
+    error = centred(study.cleaned(selected, one).maps) - truth
     left = error + lost
     parts[one.name] = {"foreground left": rms(left, out), "HI lost": rms(lost, out), "truth": rms(truth, out)}
     power = (error[:, out] ** 2).sum(axis=1)
-    table[study.label(one)] = {
+    table[styles.method_style(one)["label"]] = {
         f"{what}, {where} [mK]": (np.sqrt(np.mean(cube[:, lines] ** 2)), 0.0005)
         for where, lines in (("flagged", out), ("others", ~out))
         for what, cube in (("left", left), ("lost", lost))
@@ -209,8 +212,8 @@ show_table(table)
 
 # %% mystnb={"figure": {"name": "fig-post-channels", "caption": "In which channels the error sits: rms over the flagged lines of sight of the foreground that is left and of the HI that is lost, for PCA (left) and SDecGMCA (right), with the rms of the truth there. Both panels have the same axes."}}
 looks = {
-    "foreground left": {"color": "#0072B2", "linestyle": "-"},
-    "HI lost": {"color": "#D55E00", "linestyle": "--"},
+    "foreground left": {"color": styles.BLUE, "linestyle": "-"},
+    "HI lost": {"color": styles.VERMILION, "linestyle": "--"},
     "truth": {"color": "black", "linestyle": ":"},
 }
 panels = []
@@ -219,8 +222,8 @@ for name in ("pca", "sdecgmca"):
     panels.append(
         {
             "curves": curves,
-            "title": study.label(removers[name]),
-            "xlabel": "frequency [MHz]",
+            "title": styles.method_style(removers[name])["label"],
+            "xlabel": styles.CHANNELS,
             "ylabel": "rms [mK]",
             "yscale": "log",
         }
@@ -228,7 +231,7 @@ for name in ("pca", "sdecgmca"):
 drawn = np.concatenate([values for panel in panels for _, values, _ in panel["curves"]])
 for panel in panels:
     panel["ylim"] = (0.7 * drawn[drawn > 0].min(), 1.5 * drawn.max())
-study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources)
+study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
 # What PCA, FastICA and GMCA leave of the foreground in their flagged lines of sight is more than fifteen times what they lose of HI there, and it goes up and down with
@@ -246,12 +249,12 @@ study.stamped(plotting.lines(panels), beam=beam, n_sources=n_sources)
 # %% mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask, for the oscillating beam (the paper's Fig. 6). PCA and FastICA coincide. With a mask C_l is in bins of two multipoles, and starts later. Peaks higher than the lower panels are in the table below. The black line is the truth of the whole sky. The two fits are in the next figure, far off this scale."}}
 def both(one):
     """`Comparison` of a method on the whole sky, and without the lines of sight that it got wrong."""
-    return study.compared(beam, one), study.compared(beam, one, masked=True)
+    return study.compared(selected, one), study.compared(selected, one, masked=True)
 
 
 def looks_of(one):
     """Styles of the two curves of one method."""
-    style = study.style(one)
+    style = styles.method_style(one)
     if one.name != "sdecgmca":
         thin = {"linewidth": 0.8, "alpha": 0.8, "label": f"_{style['label']}, whole sky"}
         return style | thin, style | {"linewidth": 1.4}
@@ -265,11 +268,11 @@ def curves_of(methods):
     return [curves[0] for curves in pairs] + [curves[1] for curves in pairs]
 
 
-study.both_figure(beam, curves_of(blind), ratio_limits=(0, 3), n_sources=n_sources)
+study.both_figure(selected, curves_of(blind), ratio_limits=(0, 3), n_sources=n_sources)
 
 # %% mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra after the two fits, of the whole sky (thin) and without the flagged lines of sight (thick), for the oscillating beam. The ratios are on a logarithmic axis."}}
 fits = [one for one in removers.values() if one not in blind]
-study.both_figure(beam, curves_of(fits), ratio_limits=(0.02, 1e6))
+study.both_figure(selected, curves_of(fits), ratio_limits=(0.02, 1e6))
 
 # %% [markdown]
 # In numbers, before and after: the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest P/P0 near $k_\nu = 0.31$, and the mean of
@@ -293,7 +296,7 @@ for one in removers.values():
         ],
         "C/C0": [np.abs(ratio - 1).mean() for ratio in (binned, masked.angular_ratio[inside])],
     }
-    table[study.label(one)] = {
+    table[styles.method_style(one)["label"]] = {
         f"{what}: {when}": (value, 0.02 * max(1, value))
         for what, values in pairs.items()
         for when, value in zip(("before", "after"), values, strict=True)
@@ -315,7 +318,7 @@ show_table(table)
 # centre, so that its shape is the same but it knows nothing of the HI under it; and a cut at 15° of latitude.
 
 # %%
-full = study.truth(beam).angular
+full = study.truth(selected).angular
 kept = ~flagged["sdecgmca"]
 masked_truths = {
     "flagged by SDecGMCA": found["sdecgmca"].masked_truth.angular,

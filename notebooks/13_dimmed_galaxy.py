@@ -39,7 +39,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 5  # components that PCA, FastICA, GMCA and SDecGMCA remove
 plane_weight: float = 0.1  # what is left of the foregrounds at b = 0
@@ -50,15 +50,17 @@ import warnings
 
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show_table
+from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
 from himap.measures.power_spectra import frequency_power
 from himap.paper import pipeline
-from himap.paper.evidence import methods_for
+from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal import peaks
+from himap.removal.analysis import analysed
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_projection import through_beams
 from himap.removal.pca import PCA
@@ -66,22 +68,23 @@ from himap.sky.dimming import Dimming
 
 common = {
     "preset": preset,
-    "survey": survey,
+    "overrides": survey,
     "galaxy": galaxy,
     "template_dir": template_dir,
     "small_scales": small_scales,
-    "ripple": ripple,
     "keep_cubes": False,
 }
 dimming = Dimming(weight=plane_weight, edge=plane_edge)
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 full, dimmed = Study(**common), Study(**common, dimming=dimming)
-removers = methods_for(beam, n_sources)
-full.check({beam: removers})
+removers = methods_for(selected, n_sources)
+full.check({selected: removers})
 warnings.simplefilter("ignore", SeparationWarning)  # which methods settle is listed in 10_results
 
 # %%
 for study in (full, dimmed):
-    study.prepare({beam: removers})
+    study.prepare({selected: removers})
 
 # %% [markdown]
 # ## The weight
@@ -93,7 +96,7 @@ near = np.abs(rings) < min(2 * plane_edge, 90)
 edge = {"color": "0.4", "linestyle": "--", "linewidth": 0.8}
 panel = {
     "curves": [
-        (rings[near], weight[near], {"color": "#0072B2", "label": "_weight"}),
+        (rings[near], weight[near], {"color": styles.BLUE, "label": "_weight"}),
         ([-plane_edge, -plane_edge], [0, 1], edge | {"label": "_edge"}),
         ([plane_edge, plane_edge], [0, 1], edge | {"label": "_edge"}),
     ],
@@ -106,12 +109,12 @@ full.stamped(
 )
 
 # %% mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of one channel in the middle of the band before the beam, in full and dimmed. Both have the same logarithmic colours."}}
-channel = full.made_for.n_channels // 2
-foreground = pipeline.foregrounds(full.made_for, full.case(beam).galaxy)[channel]
-freq = f"{full.made_for.freqs[channel]:.0f} MHz"
+channel = full.survey.n_channels // 2
+foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
+freq = f"{full.survey.freqs[channel]:.0f} MHz"
 maps = {
     f"foregrounds, {freq}": foreground,
-    f"dimmed, {freq}": foreground * dimming.weights(full.made_for.nside),
+    f"dimmed, {freq}": foreground * dimming.weights(full.survey.nside),
 }
 span = tuple(np.percentile(foreground, (0.5, 99.5)))
 full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_weight, plane_edge=plane_edge)
@@ -120,20 +123,20 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # ## Spectra
 
 # %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, for the oscillating beam, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; curves above 2 are cut off. The curves of PCA and FastICA coincide."}}
-curves = [(dimmed.style(one), dimmed.compared(beam, one)) for one in removers]
+curves = [(styles.method_style(one), dimmed.compared(selected, one)) for one in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources}
-dimmed.both_figure(beam, curves, **look)
+dimmed.both_figure(selected, curves, **look)
 
 # %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA and the oscillating beam, on logarithmic axes."}}
 panels = []
 for one in (removers[0], removers[2], removers[3]):
     pairs = {
-        "full": (full.compared(beam, one), {"color": "black", "linestyle": ":"}),
-        "dimmed": (dimmed.compared(beam, one), {"color": full.style(one)["color"]}),
+        "full": (full.compared(selected, one), {"color": "black", "linestyle": ":"}),
+        "dimmed": (dimmed.compared(selected, one), {"color": styles.method_style(one)["color"]}),
     }
     axes = {
-        "frequency": (r"$k_\nu$ [MHz$^{-1}$]", r"$P / P_0$"),
-        "angular": (r"multipole $\ell$", r"$C / C_0$"),
+        "frequency": (styles.AXES["frequency"]["xlabel"], r"$P / P_0$"),
+        "angular": (styles.AXES["angular"]["xlabel"], r"$C / C_0$"),
     }
     for kind, (xlabel, ylabel) in axes.items():
         panels.append(
@@ -146,7 +149,7 @@ for one in (removers[0], removers[2], removers[3]):
                     )
                     for name, (found, style) in pairs.items()
                 ],
-                "title": full.label(one),
+                "title": styles.method_style(one)["label"],
                 "xlabel": xlabel,
                 "ylabel": ylabel,
                 "xscale": "log",
@@ -154,7 +157,7 @@ for one in (removers[0], removers[2], removers[3]):
                 "ylim": (0.1, 20),
             }
         )
-dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=beam, **look)
+dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 
 # %% [markdown]
 # In numbers, with the full Galaxy and with the dimmed one: the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
@@ -165,14 +168,16 @@ table = {}
 for one in removers:
     row = {}
     for name, study in (("full", full), ("dimmed", dimmed)):
-        found = study.compared(beam, one)
+        found = study.compared(selected, one)
         total = found.total_error()
         peak = band_max(found.k, found.frequency_ratio, 0.25, 0.38)
         share = np.mean(np.abs(found.angular_ratio[found.degrees <= 200] - 1) < 0.1)
         row[f"error, {name}"] = (total, 0.02 * max(0.1, total))
         row[f"peak, {name}"] = (peak, 0.02 * max(1, peak))
         row[f"within 10 %, {name} [%]"] = (100 * share, 1)
-    table[full.label(one)] = dict(sorted(row.items(), key=lambda item: item[0].partition(",")[0]))
+    table[styles.method_style(one)["label"]] = dict(
+        sorted(row.items(), key=lambda item: item[0].partition(",")[0])
+    )
 show_table(table)
 
 # %% [markdown]
@@ -190,11 +195,12 @@ def centred(cube):
 
 def errors_of(study, remover):
     """rms of the foreground that `remover` leaves and of the HI that it takes, mK."""
-    seen, result = study.observed(beam), study.cleaned(beam, remover)
-    spotted = seen.maps - study.peak_masked(beam).maps
+    seen, result = study.observed(selected), study.cleaned(selected, remover)
+    spotted = seen.maps - study.peak_masked(selected).maps
     maps = centred(seen.truth - spotted)
     if remover.needs_beams:
-        lost = through_beams(maps, result.mixing, seen.beams / seen.beams.max(axis=0))
+        relative = seen.beams / seen.beams.max(axis=0)
+        lost = through_beams(maps, result.mixing, relative, analysed(maps))
     else:
         basis = np.linalg.qr(result.mixing)[0].astype(np.float32)
         lost = basis @ (basis.T @ maps)
@@ -205,7 +211,7 @@ table = {}
 for one in removers:
     if hasattr(one, "n_sources"):
         errors = {name: errors_of(study, one) for name, study in (("full", full), ("dimmed", dimmed))}
-        table[full.label(one)] = {
+        table[styles.method_style(one)["label"]] = {
             f"{what}, {name} [mK]": (found[n], 0.0005)
             for n, what in enumerate(("foreground left", "HI lost"))
             for name, found in errors.items()
@@ -224,27 +230,27 @@ show_table(table)
 
 
 # %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber, for the oscillating beam. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
-seen = full.observed(beam)
-nside = full.made_for.nside
+seen = full.observed(selected)
+nside = full.survey.nside
 
 
 def ratio_of(dimming):
     """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way; no map is kept."""
-    bright = pipeline.foreground_modes_of_sky(full.made_for.sky, full.case(beam).galaxy, dimming)
+    bright = pipeline.foreground_modes_of_sky(full.survey.sky, full.case(selected).galaxy, dimming)
     channels = zip(bright.spectra, seen.beams, strict=True)
     alms = (sphere.multiply_beam(row @ bright.alms, beam) for row, beam in channels)
     maps = sphere.synthesise_cube(alms, nside, n_channels=len(seen.freqs), label="dimmed foregrounds")
     maps += seen.truth
     flat = peaks.mask_peaks(maps, seen.freqs).maps
     left = PCA(n_sources=n_sources).clean(maps, freqs=seen.freqs, separate_on=flat).residual
-    true = full.truth(beam).frequency.power
+    true = full.truth(selected).frequency.power
     return (frequency_power(left, seen.channel_width).power / true)[1:]
 
 
-k = full.truth(beam).frequency.k[1:]
+k = full.truth(selected).frequency.k[1:]
 known = {  # from above
-    Dimming(weight=1, edge=plane_edge): full.compared(beam, removers[0]).frequency_ratio,
-    dimming: dimmed.compared(beam, removers[0]).frequency_ratio,
+    Dimming(weight=1, edge=plane_edge): full.compared(selected, removers[0]).frequency_ratio,
+    dimming: dimmed.compared(selected, removers[0]).frequency_ratio,
 }
 settings = {
     "weight in the plane": {
@@ -252,7 +258,13 @@ settings = {
     },
     "latitude of the edge": {f"edge {value:g}°": {"edge": value} for value in sorted({5, plane_edge, 30})},
 }
-looks = [("#0072B2", "-"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", ":"), ("#56B4E9", (0, (8, 3)))]
+looks = [
+    (styles.BLUE, "-"),
+    (styles.ORANGE, "--"),
+    (styles.GREEN, "-."),
+    (styles.PURPLE, ":"),
+    (styles.SKY_BLUE, (0, (8, 3))),
+]
 table, panels = {}, []
 for title, choices in settings.items():
     curves = []
@@ -265,9 +277,9 @@ for title, choices in settings.items():
             "mean |P/P0 - 1|, k < 0.1": (low, 0.02 * max(1, low)),
             "highest P/P0 near k = 0.31": (peak, 0.02 * max(1, peak)),
         }
-    axes = {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P / P_0$", "ylim": (0.1, 10)}
+    axes = {"xlabel": styles.AXES["frequency"]["xlabel"], "ylabel": r"$P / P_0$", "ylim": (0.1, 10)}
     panels.append({"curves": curves, "title": title, "xscale": "log", "yscale": "log"} | axes)
-full.stamped(plotting.lines(panels), beam=beam, method="pca", n_sources=n_sources)
+full.stamped(plotting.lines(panels), beam=selected, method="pca", n_sources=n_sources)
 
 # %%
 show_table(table)

@@ -28,7 +28,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 5  # sources of PCA, FastICA, GMCA and SDecGMCA
 iteration: str = "stable"  # SDecGMCA: stable or published
@@ -38,23 +38,25 @@ import warnings
 
 import numpy as np
 
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import show_table
+from himap.instrument.beams import named
 from himap.measures.diagnostics import error_variance
-from himap.paper.evidence import methods_for
+from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
-study.case(beam)  # an unknown beam is refused here
-removers = {beam: methods_for(beam, n_sources, iteration=iteration)}
+study.case(selected)  # an unknown beam is refused here
+removers = {selected: methods_for(selected, n_sources, iteration=iteration)}
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is in the table at the end
 
@@ -62,11 +64,11 @@ warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is i
 study.prepare(removers)
 
 # %%
-labels = {one.name: study.label(one) for one in removers[beam]}
-styles = {one.name: study.style(one) for one in removers[beam]}
-found = {one.name: study.assessed(beam, one) for one in removers[beam]}
-component = [one for one in removers[beam] if hasattr(one, "n_sources")]
-freqs = study.made_for.freqs
+labels = {one.name: styles.method_style(one)["label"] for one in removers[selected]}
+looks = {one.name: styles.method_style(one) for one in removers[selected]}
+found = {one.name: study.assessed(selected, one) for one in removers[selected]}
+component = [one for one in removers[selected] if hasattr(one, "n_sources")]
+freqs = study.survey.freqs
 
 # %% [markdown]
 # ## Do the maps agree?
@@ -86,10 +88,10 @@ freqs = study.made_for.freqs
 # $(q + f) / 2$.
 
 # %% mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods on the oscillating beam (the paper's Fig. A.1). Left: all. Right: the component methods. PCA and FastICA remove the same foreground, so their curves coincide."}}
-curves = [(freqs, one.correlation, styles[name]) for name, one in found.items()]
-near = [(freqs, found[one.name].correlation, styles[one.name]) for one in component]
+curves = [(freqs, one.correlation, looks[name]) for name, one in found.items()]
+near = [(freqs, found[one.name].correlation, looks[one.name]) for one in component]
 low = min(values.min() for _, values, _ in near)
-common = {"xlabel": "frequency [MHz]", "ylabel": "Pearson $r$", "xlim": (freqs[0], freqs[-1])}
+common = {"xlabel": styles.CHANNELS, "ylabel": "Pearson $r$", "xlim": (freqs[0], freqs[-1])}
 panels = [
     common
     | {
@@ -106,7 +108,7 @@ panels = [
         "legend": {"loc": "lower center"},
     },
 ]
-study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=beam, n_sources=n_sources)
+study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
 # SDecGMCA is near 0.98 over most of the band. The other component methods swing between that and 0.25 every 20 MHz in the lower half of the band: the
@@ -124,7 +126,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=beam, n_sources=n_sour
 # blurred by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
 
 # %%
-seen, true = study.observed(beam), study.truth(beam).angular
+seen, true = study.observed(selected), study.truth(selected).angular
 truth = seen.truth - seen.truth.mean(axis=1, keepdims=True)
 relative = seen.beams / seen.beams.max(axis=0)
 blurred = np.arange(2, min(relative.shape[1], true.cl.shape[1]))
@@ -132,7 +134,7 @@ blurred = np.arange(2, min(relative.shape[1], true.cl.shape[1]))
 
 def lost_and_left(remover):
     """q_nu and f_nu, (n_channels,)."""
-    maps = study.cleaned(beam, remover).maps
+    maps = study.cleaned(selected, remover).maps
     maps = maps - maps.mean(axis=1, keepdims=True)
     products = [np.sum(maps * other, axis=1, dtype=float) for other in (truth, maps)]
     slope, variance = products / np.sum(truth**2, axis=1, dtype=float)
@@ -141,7 +143,7 @@ def lost_and_left(remover):
 
 def share_taken(remover):
     """h_nu, (n_channels,)."""
-    mixing = study.cleaned(beam, remover).mixing
+    mixing = study.cleaned(selected, remover).mixing
     if not remover.needs_beams:
         return np.sum(np.linalg.qr(mixing)[0] ** 2, axis=1)
     spaces = np.linalg.qr(relative.T[blurred, :, None] * mixing)[0]  # (n_l, n_channels, n_sources)
@@ -155,12 +157,12 @@ for one in component:
     lost[one.name], left[one.name] = lost_and_left(one)
 
 # %% mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. PCA and FastICA coincide everywhere, and GMCA with them in the middle."}}
-shared = {"xlabel": "frequency [MHz]", "xlim": (freqs[0], freqs[-1])}
+shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(values.max() for values in lost.values())
 panels = [
     shared
     | {
-        "curves": [(freqs, values, styles[name]) for name, values in quantity.items()],
+        "curves": [(freqs, values, looks[name]) for name, values in quantity.items()],
         "title": title,
         "ylabel": ylabel,
     }
@@ -186,7 +188,7 @@ panels = [
         ),
     )
 ]
-study.stamped(plotting.lines(panels, columns=3, size=(3.9, 3.5)), beam=beam, n_sources=n_sources)
+study.stamped(plotting.lines(panels, columns=3, size=(3.9, 3.5)), beam=selected, n_sources=n_sources)
 
 # %%
 rows = {}
@@ -194,7 +196,7 @@ for one in component:
     r, q, f = found[one.name].correlation, lost[one.name], left[one.name]
     rows[labels[one.name]] = {
         "lowest r": (r.min(), 0.02),
-        "at": (freqs[r.argmin()], study.made_for.channel_width, "MHz"),
+        "at": (freqs[r.argmin()], study.survey.channel_width, "MHz"),
         "mean q": (q.mean(), 0.003),
         "correlation of q and h": (np.corrcoef(q, taken[one.name])[0, 1], 0.05),
         "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
@@ -228,11 +230,12 @@ inside = (true.degrees >= 2) & (true.degrees <= study.l_top)
 degrees = true.degrees[inside]
 claimed = (degrees >= LOW) & (degrees <= HIGH)
 variances = {
-    name: error_variance(one.spectra.angular.cl[:, inside], true.cl[:, inside]) for name, one in found.items()
+    name: error_variance(one.power_spectra.angular.cl[:, inside], true.cl[:, inside])
+    for name, one in found.items()
 }
-curves = [(degrees, values, styles[name]) for name, values in variances.items()]
-near = [(degrees, variances[one.name], styles[one.name]) for one in component]
-common = {"xlabel": r"multipole $\ell$", "xscale": "log", "yscale": "log"}
+curves = [(degrees, values, looks[name]) for name, values in variances.items()]
+near = [(degrees, variances[one.name], looks[one.name]) for one in component]
+common = {"xlabel": styles.AXES["angular"]["xlabel"], "xscale": "log", "yscale": "log"}
 panels = []
 for title, shown, headroom in (("all six", curves, 1e4), ("the component methods", near, 30)):
     low = min(values.min() for _, values, _ in shown) / 2
@@ -247,7 +250,7 @@ for title, shown, headroom in (("all six", curves, 1e4), ("the component methods
         | {"curves": shown + marks, "title": title, "ylim": (low, high), "ylabel": r"variance of $R_\ell$"}
         | {"legend": legend | {"columnspacing": 1.2}}
     )
-study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=beam, n_sources=n_sources)
+study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources)
 
 # %%
 highest = np.max([one.correlation for one in found.values()], axis=0)
@@ -255,7 +258,7 @@ smallest = np.min(list(variances.values()), axis=0)[claimed]
 rows = {}
 for name, one in found.items():
     variance = float(np.exp(np.log(variances[name][claimed]).mean()))
-    fractional = 1 - one.spectra.angular.cl[:, inside][:, claimed] / true.cl[:, inside][:, claimed]
+    fractional = 1 - one.power_spectra.angular.cl[:, inside][:, claimed] / true.cl[:, inside][:, claimed]
     squares = np.sort((fractional - fractional.mean(axis=0)) ** 2, axis=0)
     best, least = one.correlation >= highest, variances[name][claimed] <= smallest
     rows[labels[name]] = {

@@ -51,6 +51,7 @@ from himap.companion.notebooks import notebooks
 from himap.figures.numbers import quote, show, show_table
 from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations
 from himap.paper.ledger_table import LedgerTable, summary
+from himap.paper.methods import paper_beams
 from himap.removal.base import SeparationWarning
 
 skies = realisations(
@@ -59,7 +60,7 @@ skies = realisations(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
+    oscillating=paper_beams(ripple=ripple)["oscillating"],
     plane_weight=plane_weight,
     plane_edge=plane_edge,
     n_sources_min=n_sources_min,

@@ -37,7 +37,7 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = "oscillating"  # degraded, evolving or oscillating
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 missing: float = 0.3  # share of the sky that is not seen
 n_most: int = 9  # largest number of sources to try
@@ -55,18 +55,21 @@ from himap.cubes.report import compared, maps_figure, modes_figure, spectra_figu
 from himap.cubes.suggestion import advice, views_figure
 from himap.errors import InputError
 from himap.figures.numbers import show, show_table
+from himap.instrument.beams import named
 from himap.measures import diagnostics
+from himap.paper.methods import paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)  # the reports say which methods settle
+beams = paper_beams(ripple=ripple)
+selected = beams.get(beam) or named(beam)
 study = Study(
     preset=preset,
-    survey=survey,
+    overrides=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    ripple=ripple,
 )
 
 # %% [markdown]
@@ -76,8 +79,8 @@ study = Study(
 # too far north for a telescope in the south.
 
 # %%
-seen = study.observed(beam)
-nside = study.made_for.nside
+seen = study.observed(selected)
+nside = study.survey.nside
 rng = np.random.default_rng(1)
 order = rng.permutation(len(seen.freqs))
 
@@ -117,7 +120,7 @@ except InputError as error:
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
 found = suggest(cube, "pca", n_sources=range(1, n_most + 1))
-study.stamped(views_figure(found), beam=beam, missing=missing)
+study.stamped(views_figure(found), beam=selected, missing=missing)
 
 # %%
 print(advice(found))
@@ -144,10 +147,10 @@ except InputError as error:
     print(error)
 
 # %% mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
-study.stamped(modes_figure(cleaned), beam=beam, n_sources=n_sources, missing=missing)
+study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% mystnb={"figure": {"name": "fig-own-maps", "caption": "What is left in the channel in the middle of the band, and the rms of all channels. White is not seen."}}
-study.stamped(maps_figure(cleaned), beam=beam, n_sources=n_sources, missing=missing)
+study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
 # Structure along the Galactic plane in the rms would be foreground. The command writes these figures, and the spectra, to a page beside the cleaned cube; `save_cleaned`
@@ -168,7 +171,7 @@ print(
 
 # %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below, where the grey band is 10 %. With a mask C_l are decoupled, in bins."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
-study.stamped(spectra_figure(compared(cleaned, truth)), beam=beam, n_sources=n_sources, missing=missing)
+study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
 # And did the advice help? Here are the errors for each number of sources; nobody with a real sky could make this table.

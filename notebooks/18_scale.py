@@ -37,10 +37,11 @@ from dataclasses import replace
 from IPython.display import Markdown
 
 from himap.companion.stored import extrapolated, read_stored, times_of_all
-from himap.companion.stored_tables import growth_table, markdown_table, short, steps_table
+from himap.companion.stored_tables import growth_table, short, steps_table
 from himap.figures import plotting
 from himap.figures.numbers import quote
-from himap.paper.evidence import Realisation
+from himap.figures.tables import Table
+from himap.paper.realisation import Realisation
 from himap.products.provenance import Provenance
 from himap.survey import PRESETS
 
@@ -92,7 +93,7 @@ total = sum(parts.values()) / 60
 rows = [[part, f"{short(seconds / 60)} min", ""] for part, seconds in parts.items()]
 whole = f"{total:.0f} min"
 rows.append(["all", f"**{whole}**" if total > goal else whole, f"{goal} min"])
-Markdown(markdown_table(["Part", "Time", "Goal"], rows))
+Markdown("\n".join(Table(["Part", "Time", "Goal"], rows).markdown()))
 
 # %% [markdown]
 # The claims take most: they measure {glue:text}`scale_cubes` cleaned cubes, where Figs. 1 and 2 have 18. The chapters on post-masking and on the dimmed Galaxy clean some of them again, as
@@ -203,7 +204,7 @@ rows = [
 ]
 rows.append(["all", "", "", f"{sum(one['core_hours'] for one in extrapolation):,.0f}", ""])
 head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} realisations", "Memory"]
-Markdown(markdown_table(head, rows))
+Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
 # The exponent with channels is the one above. The exponent with `nside` comes from the two tables of steps: what is left of the ratio of their times when the doubled

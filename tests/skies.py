@@ -25,3 +25,10 @@ def lognormal(nside, seed=1, width=0.4):
     alm = sphere.gaussian_alm(np.where(degree > 0, (degree + 4.0) ** -2.7, 0), rng)
     field = sphere.synthesise(alm, nside)
     return np.exp(width * field / field.std())
+
+
+def convolve(maps, beams):
+    """A cube through `beams` (n_channels, lmax + 1), channel by channel, with healpy alone."""
+    nside, lmax = hp.npix2nside(maps.shape[1]), beams.shape[1] - 1
+    alms = (hp.map2alm(channel.astype(float), lmax=lmax, iter=sphere.N_ITER) for channel in maps)
+    return np.array([hp.alm2map(hp.almxfl(alm, b), nside) for alm, b in zip(alms, beams, strict=True)])

@@ -8,7 +8,7 @@ import pytest
 
 from himap.checks import checked_cube, real_array, whole_number
 from himap.errors import InputError
-from himap.instrument import beams
+from himap.instrument.beams import Evolving
 from himap.instrument.observe import observe
 from himap.measures import power_spectra as spectra
 from himap.paper import pipeline
@@ -109,21 +109,9 @@ def test_frequencies_in_other_units(maps):
 
 
 def test_beam_of_another_survey(maps):
-    other = beams.beam_model("evolving", replace(SURVEY, nside=8))
+    other = Evolving().of_survey(replace(SURVEY, nside=8))
     with pytest.raises(InputError, match=r"made for this survey: b_l of shape \(6, 12\), got \(6, 24\)"):
         observe(maps, maps, maps, other, SURVEY)
-
-
-def test_beams_that_amplify(maps):
-    with pytest.raises(InputError, match="at most 1 at every l, and above 0 at l = 0; got 50"):
-        beams.beam_from_array(np.full((6, 12), 50.0), SURVEY)
-
-
-def test_a_beam_does_not_follow_the_users_array():
-    transfer = np.ones((6, 12))
-    beam = beams.beam_from_array(transfer, SURVEY)
-    transfer[:] = 0.5
-    assert beam.native.min() == 1
 
 
 def test_an_observer_at_the_centre_of_a_cell_is_refused():
@@ -134,6 +122,8 @@ def test_an_observer_at_the_centre_of_a_cell_is_refused():
 def test_a_case_takes_objects():
     with pytest.raises(InputError, match="a Survey and a Galaxy"):
         pipeline.Case(survey=SURVEY, galaxy="synthetic")
+    with pytest.raises(InputError, match="a Case takes a beam, such as Degraded"):
+        pipeline.Case(survey=SURVEY, beam="degraded")
 
 
 def test_real_array_names_its_input():

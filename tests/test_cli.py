@@ -279,8 +279,8 @@ def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
 def test_from_the_shell(himap_command, tmp_path):
     """The whole way once: a process of its own, a kernel, an InputError inside it."""
     script = (
-        "import sys, pathlib; from himap import cli, notebooks; "
-        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); cli.main()"
+        "import pathlib; from himap.cli import main; from himap.companion import notebooks; "
+        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
     )
     assert _python("-c", script, "run", "01_toy", "--preset", "ci", "-o", "good.ipynb") == (0, "good", "")
     error = "Error: too many sources.\n"

@@ -38,7 +38,7 @@ def test_the_same_results_as_without(address, monkeypatch, tmp_path):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
         assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
         assert make_all(pipeline.assessment, CALLS, "test") == 0
-        found.append([pipeline.assessment(*call).spectra.angular.cl for call in CALLS])
+        found.append([pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS])
         monkeypatch.delenv(DASK_VARIABLE, raising=False)
     assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
 
@@ -82,7 +82,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
     victim = tmp_path / "victim"
     monkeypatch.setenv("HIMAP_TEST_VICTIM", str(victim))
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
-    expected = [pipeline.assessment(*call).spectra.angular.cl for call in CALLS]
+    expected = [pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS]
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
     with distributed.LocalCluster(
         n_workers=2,
@@ -95,7 +95,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
         assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
     assert victim.exists()
     monkeypatch.delenv(DASK_VARIABLE)
-    found = [pipeline.assessment(*call).spectra.angular.cl for call in CALLS]
+    found = [pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS]
     assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
     assert "unfinished" not in {entry.product for entry in cache.cache_info()}
 

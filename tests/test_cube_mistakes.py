@@ -151,7 +151,7 @@ class TestBeamFiles:
         [
             (np.full(24, 0.028), "FWHM in degrees, between"),  # rad
             (np.full(24, 96.0), "FWHM in degrees, between"),  # arcmin
-            (np.column_stack([FREQS, np.full(24, 1.6)]), "from l = 0 to 2 nside = 16"),
+            (np.column_stack([FREQS, np.full(24, 1.6)]), r"for widths give one FWHM \(deg\) a line"),
             (7 * np.ones((24, 24)), "1 at l = 0"),
             (1 + 0.1 * np.arange(24) * np.ones((24, 1)), "nowhere more"),
         ],

@@ -113,7 +113,7 @@ def test_not_converging_is_our_warning(sky):
 
 
 def test_bad_input(sky):
-    with pytest.raises(InputError, match="contrast must be one of logcosh, exp, cube, got 'tanh'"):
+    with pytest.raises(InputError, match="contrast must be logcosh, exp or cube, got 'tanh'"):
         FastICA(contrast="tanh")
     with pytest.raises(InputError, match="max_iterations .* at least 1, got 0"):
         FastICA(max_iterations=0)

@@ -7,11 +7,13 @@ from dataclasses import replace
 import pytest
 
 from himap.errors import InputError
+from himap.instrument.beams import Degraded
 from himap.paper import pipeline
 from himap.paper.study import Study
 from himap.products import memory
 from himap.products.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
 from himap.products.parallel import JOBS_VARIABLE
+from himap.removal import PCA
 from himap.survey import PRESETS
 
 PAPER = PRESETS["paper"]
@@ -64,7 +66,7 @@ def test_long_work_asks_first(monkeypatch, step):
             pipeline.hi(PAPER)
         else:
             study = Study(preset="paper")
-            study.prepare({"degraded": []})
+            study.prepare({Degraded(): [PCA()]})
 
 
 PEAK = """

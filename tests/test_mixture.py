@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from himap.removal import harmonic
-from himap.removal.sdecgmca.mixture import Channels
+from himap.removal.sdecgmca.mixture import BlurredMixture
 
 
 @pytest.fixture
 def small(rng):
     modes = rng.standard_normal((5, 16))
     beams = 0.5 + rng.random((5, 4))
-    return Channels(modes, beams, rng.random(5)), rng.standard_normal((5, 2))
+    return BlurredMixture(modes, beams, rng.random(5)), rng.standard_normal((5, 2))
 
 
 def test_sources_one_mode_at_a_time(small):
@@ -45,7 +45,7 @@ def test_correction_leaves_nothing_of_the_kept_sources(small, rng):
 def test_truth_is_a_fixed_point_of_the_correction_but_not_of_the_fit(rng):
     mixing, sources = rng.standard_normal((5, 2)), rng.standard_normal((2, 16))
     beams = 0.5 + rng.random((5, 4))
-    channels = Channels(beams[:, harmonic.degrees(3)] * (mixing @ sources), beams, None)
+    channels = BlurredMixture(beams[:, harmonic.degrees(3)] * (mixing @ sources), beams, None)
     kept = np.where(np.abs(sources) > 0.7, sources, 0)
     left = channels.left(mixing, sources)
     assert channels.corrected(mixing, left, sources, kept) == pytest.approx(mixing, abs=1e-12)

@@ -73,8 +73,10 @@ def quoted(text, whole=None):
 QUOTE = "from himap.figures.numbers import quote\nquote(some_ratio={})"
 SHOW = "from himap.figures.numbers import show\nshow({'ratio': (1.002, 0.01)})"
 TABLE = (
-    '<table><tr><td style="text-align:left">{}</td><td>{} ± 0.010</td>'
-    '<td style="text-align:left"></td></tr></table>'
+    '<div class="himap-table"><table>\n<tr>'
+    '<th scope="row" style="text-align:left; vertical-align:top">{}</th>'
+    '<td style="text-align:right; vertical-align:top; white-space:nowrap">{} ± 0.010</td>'
+    '<td style="text-align:left; vertical-align:top"></td></tr>\n</table></div>'
 )
 NOTEBOOKS = {
     "same": notebook("print('x = 0.987 ± 0.010')", printed("x = 0.987 ± 0.010")),

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from pages import cells
 
 from himap.errors import InputError
 from himap.figures.numbers import QUOTED, agree, quote, quoted, show, show_table
@@ -28,7 +29,7 @@ def test_the_digits_follow_the_tolerance(entry, text):
 
 def test_the_table_is_html():
     table = show({"10 < l": (1.0, 0.1, "mK"), "n": 3})._repr_html_()
-    assert "10 &lt; l</td><td>1.00 ± 0.10</td>" in table and table.count("<tr>") == 2
+    assert cells(table) == [["10 &lt; l", "1.00 ± 0.10", "mK"], ["n", "3", ""]]
 
 
 @pytest.mark.parametrize("entry", [(1.0, 0), (1.0, -1), (1.0, math.nan), (1.0,), (1, 2, 3, 4), ("a", 1)])
@@ -65,14 +66,22 @@ def test_what_is_shown_agrees_with_what_is_shown_elsewhere():
     assert agree(mine, theirs) and not agree(mine, off)
 
 
+def test_a_number_of_another_width_leaves_the_rest_of_the_html():
+    mine, theirs = (
+        show_table({"PCA": {"C": (value, 0.5)}, "GMCA": {"C": (1.0, 0.5)}}).html() for value in (9.9, 10.1)
+    )
+    assert mine != theirs and agree(mine, theirs)
+
+
 def test_a_table_has_a_column_for_each_quantity():
     table = show_table({"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}})
     lines = repr(table).splitlines()
     assert lines[0].split() == ["C", "n", "P"]
     assert lines[1].split("  ")[0] == "PCA" and "0.987 ± 0.010" in lines[1]
     assert lines[2].endswith("1.50 ± 0.10 mK") and len(lines) == 3
-    html = table._repr_html_()
-    assert "<td>0.987 ± 0.010</td><td>3</td><td></td>" in html and "&lt;b&gt;" in html
+    head, *rows = cells(table._repr_html_())
+    assert head == ["", "C", "n", "P"]
+    assert rows == [["PCA", "0.987 ± 0.010", "3", ""], ["&lt;b&gt;", "1.000 ± 0.010", "", "1.50 ± 0.10 mK"]]
     with pytest.raises(InputError, match="PCA, C: the tolerance"):
         show_table({"PCA": {"C": (1, 0)}})
 

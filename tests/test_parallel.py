@@ -33,7 +33,7 @@ def test_processes_give_what_one_gives(monkeypatch, tmp_path):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / jobs))
         monkeypatch.setenv(JOBS_VARIABLE, jobs)
         make_all(pipeline.assessment, CALLS, "test")
-        found.append([pipeline.assessment(*call).spectra.angular.cl for call in CALLS])
+        found.append([pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS])
     assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
 
 

@@ -6,10 +6,11 @@ import pytest
 
 matplotlib.use("agg")
 
-from himap.figures import plotting
-from himap.instrument.beams import BEAM_MODELS
+from himap.figures import plotting, styles
+from himap.instrument import beams
+from himap.instrument.beams import Degraded
 from himap.maps import sphere
-from himap.paper.evidence import methods_for
+from himap.paper.methods import methods_for
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():
@@ -106,21 +107,21 @@ def test_figures_are_left_to_the_caller():
 
 def test_every_method_and_beam_has_a_style():
     """Of the paper; a method that somebody adds gets its name and the next colour."""
-    assert {method.name for method in methods_for("degraded")} == set(plotting.METHOD_STYLES)
-    assert set(BEAM_MODELS) == set(plotting.BEAM_STYLES)
-    for styles in (plotting.METHOD_STYLES, plotting.BEAM_STYLES):
-        looks = [(style["color"], style["linestyle"]) for style in styles.values()]
+    assert {method.name for method in methods_for(Degraded())} == set(styles.METHOD_STYLES)
+    assert set(beams.available()) == {*styles.BEAM_STYLES, "file"}
+    for of in (styles.METHOD_STYLES, styles.BEAM_STYLES):
+        looks = [(style["color"], style["linestyle"]) for style in of.values()]
         assert len({colour for colour, _ in looks}) == len(looks)
         assert len({line for _, line in looks}) == len(looks)
 
 
 def test_a_sequence_gets_lighter_and_neighbours_differ_in_their_dashes():
-    styles = plotting.sequence(["2", "3", "5", "6", "7", "10", "20"])
-    grey = [np.dot(style["color"][:3], (0.299, 0.587, 0.114)) for style in styles]
+    looks = styles.sequence(["2", "3", "5", "6", "7", "10", "20"])
+    grey = [np.dot(style["color"][:3], (0.299, 0.587, 0.114)) for style in looks]
     assert np.diff(grey).min() > 0.05 and max(grey) < 0.85
-    assert all(one["linestyle"] != two["linestyle"] for one, two in zip(styles, styles[1:], strict=False))
-    assert [style["label"] for style in styles][-1] == "20"
-    assert len(plotting.sequence(["only"])) == 1
+    assert all(one["linestyle"] != two["linestyle"] for one, two in zip(looks, looks[1:], strict=False))
+    assert [style["label"] for style in looks][-1] == "20"
+    assert len(styles.sequence(["only"])) == 1
 
 
 def test_short_logarithmic_axes_have_plain_ticks():

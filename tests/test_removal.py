@@ -11,7 +11,8 @@ from sklearn.decomposition import PCA as SklearnPCA
 from himap import removal
 from himap.errors import InputError
 from himap.removal.base import REGISTRY, ForegroundRemover, Separation, SeparationWarning
-from himap.removal.pca import PCA, channel_covariance
+from himap.removal.covariance import channel_covariance
+from himap.removal.pca import PCA
 
 FREQS = np.linspace(902.5, 1397.5, 30)
 N_PIX = 12 * 8**2

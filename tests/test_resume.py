@@ -15,12 +15,13 @@ from himap.products import cache
 ROOT = Path(himap.__file__).parents[1]
 
 CHAIN = """
+from himap.instrument.beams import Degraded, Oscillating
 from himap.paper import pipeline
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 from himap.survey import Survey
 
-for beam in ("degraded", "oscillating"):
+for beam in (Degraded(), Oscillating()):
     case = pipeline.Case(survey=Survey(nside=16, n_channels=40, box_cells=32), beam=beam)
     for remover in (PCA(n_sources=2), GMCA(n_sources=2)):
         pipeline.assessment(case, remover)
@@ -41,7 +42,7 @@ from himap.removal.pca import PCA
 from himap.survey import Survey
 
 case = pipeline.Case(survey=Survey.preset(preset, **survey))
-found = pipeline.spectra(case, PCA(n_sources=n_sources))
+found = pipeline.power_spectra(case, PCA(n_sources=n_sources))
 print(found.angular.mean.tolist(), found.frequency.power.tolist())
 """
 

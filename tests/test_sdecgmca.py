@@ -13,8 +13,8 @@ from himap.removal import harmonic
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.removal.sdecgmca.method import TABLE_1, SDecGMCA
-from himap.removal.sdecgmca.mixture import Channels
+from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal.sdecgmca.mixture import BlurredMixture
 
 FREQS = np.linspace(900, 1400, 8)
 
@@ -45,10 +45,10 @@ def noisy(maps, decibel, rng):
 class TestSeparation:
     def test_without_noise_or_thresholds_it_inverts_exactly(self, problem):
         maps, mixing, sources = problem
-        channels = Channels(harmonic.to_modes(sphere.analyse(maps, LMAX)), BEAMS[:, : LMAX + 1], None)
-        found = harmonic.project(harmonic.safe_inverse(channels.matrices(mixing)), channels.modes)
+        mixture = BlurredMixture(harmonic.to_modes(sphere.analyse(maps, LMAX)), BEAMS[:, : LMAX + 1], None)
+        found = harmonic.project(harmonic.safe_inverse(mixture.matrices(mixing)), mixture.modes)
         assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
-        assert channels.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
+        assert mixture.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
 
     @pytest.mark.parametrize("iteration", ["stable", "published"])
     def test_removes_a_noise_free_sky(self, problem, iteration):
@@ -163,16 +163,6 @@ class TestSeparation:
         assert np.abs(one - two).max() > 1e-6
         if options.get("nonnegative"):
             assert two.min() >= 0
-
-
-def test_table_1():
-    assert {beam: SDecGMCA.for_beam(beam).n_sources for beam in TABLE_1} == {
-        "degraded": 3, "evolving": 4, "oscillating": 5,
-    }  # fmt: skip
-    assert SDecGMCA.for_beam("evolving", share=0.5).share == 0.5
-    assert SDecGMCA.for_beam("evolving").regularisation == 5e-3
-    with pytest.raises(InputError, match="no beam 'round'; it has degraded, evolving, oscillating"):
-        SDecGMCA.for_beam("round")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from himap.errors import InputError
-from himap.paper.study import BEAMS, N_SOURCES, Study, each_beam
+from himap.instrument.beams import Degraded
+from himap.paper.methods import TABLE_1, paper_beams
+from himap.paper.study import Study
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
@@ -16,21 +18,13 @@ TINY = {"nside": 8, "box_cells": 16}
 
 @pytest.fixture
 def study():
-    return Study(preset="ci", survey=TINY)
-
-
-def test_each_beam():
-    removers = each_beam(lambda n: PCA(n_sources=n), oscillating=6)
-    assert {beam: methods[0].n_sources for beam, methods in removers.items()} == N_SOURCES | {
-        "oscillating": 6
-    }
-    assert tuple(removers) == BEAMS
+    return Study(preset="ci", overrides=TINY)
 
 
 def test_bands_are_means_of_the_ratios(study):
     remover = PCA(n_sources=3)
-    degrees, angular, k, frequency = study.ratios("degraded", remover)
-    bands = study.bands("degraded", remover)
+    degrees, angular, k, frequency = study.ratios(Degraded(), remover)
+    bands = study.bands(Degraded(), remover)
     assert bands["C/C0, 1 < l < 10"] == pytest.approx(angular[(degrees > 1) & (degrees < 10)].mean())
     assert bands["C/C0, 10 < l < 16"] == pytest.approx(angular[(degrees > 10) & (degrees < 16)].mean())
     assert bands["P/P0, k > 0.1"] == pytest.approx(frequency[k > 0.1].mean())
@@ -41,41 +35,41 @@ def test_bands_are_means_of_the_ratios(study):
 def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     lower = partial(mask_peaks, n_sigma=3.0)  # so small a sky has no peaks of 5 sigma
     monkeypatch.setattr("himap.paper.pipeline.peaks.mask_peaks", lower)
-    study = Study(preset="ci", survey=TINY | {"seed": 7})
-    assert study.peak_masked("degraded").flagged.any()
-    with_mask = study.cleaned("degraded", PCA(n_sources=2)).maps
-    without = study.cleaned("degraded", PCA(n_sources=2), mask_peaks=False).maps
+    study = Study(preset="ci", overrides=TINY | {"seed": 7})
+    assert study.peak_masked(Degraded()).flagged.any()
+    with_mask = study.cleaned(Degraded(), PCA(n_sources=2)).maps
+    without = study.cleaned(Degraded(), PCA(n_sources=2), mask_peaks=False).maps
     direct = PCA(n_sources=2).clean(
-        study.observed("degraded").maps,
-        freqs=study.made_for.freqs,
-        separate_on=study.peak_masked("degraded").maps,
+        study.observed(Degraded()).maps,
+        freqs=study.survey.freqs,
+        separate_on=study.peak_masked(Degraded()).maps,
     )
     assert np.array_equal(with_mask, direct.residual)
     assert not np.array_equal(with_mask, without)
 
 
 def test_figures_have_a_panel_for_each_beam_and_one_legend(study):
-    removers = {beam: [PCA(n_sources=n), PCA(n_sources=n + 1), Polynomial()] for beam, n in N_SOURCES.items()}
+    removers = {beam: [PCA(n_sources=2), PCA(n_sources=3), Polynomial()] for beam in paper_beams().values()}
     for figure in (study.angular_figure(removers), study.frequency_figure(removers)):
         panels = figure.axes
-        assert [axes.get_title() for axes in panels[:3]] == list(BEAMS)
+        assert [axes.get_title() for axes in panels[:3]] == list(TABLE_1)
         assert len(figure.legends) == 1
         assert not any(axes.get_legend() for axes in panels)
-    one = study.angular_figure({"degraded": [PCA(n_sources=3)]})
+    one = study.angular_figure({Degraded(): [PCA(n_sources=3)]})
     assert one.axes[0].get_title() == "degraded, 3 components"
     assert one.axes[0].get_legend() is not None
 
 
 def test_what_does_not_fit_is_refused_before_any_work(study):
     with pytest.raises(InputError, match="at most the number of channels, 100"):
-        study.check({"degraded": [PCA(n_sources=101)]})
-    with pytest.raises(InputError, match="unknown beam"):
+        study.check({Degraded(): [PCA(n_sources=101)]})
+    with pytest.raises(InputError, match="a Case takes a beam"):
         study.check({"round": [PCA(n_sources=3)]})
     with pytest.raises(InputError, match="nothing to clean"):
         study.check({})
 
 
 def test_numbers_carry_a_tolerance(study):
-    numbers = study.band_numbers({"degraded": [PCA(n_sources=3)]}, tolerance=0.05)
+    numbers = study.band_numbers({Degraded(): [PCA(n_sources=3)]}, tolerance=0.05)
     value, tolerance = numbers["degraded, PCA: P/P0, k > 0.1"]
     assert tolerance == 0.05 * max(1, value)

@@ -54,9 +54,10 @@ def test_units(folder, unit, scale):
     assert components(folder)[0].amplitude == pytest.approx(20e3 * lognormal(16), rel=1e-12)
 
 
-def test_nested_order(folder):
+@pytest.mark.parametrize("word", ["NESTED", "NEST", "nested"])
+def test_nested_order(folder, word):
     nested = hp.reorder(20 * lognormal(16), r2n=True)
-    write(folder, "synchrotron_408MHz.fits", nested, nest=True)
+    write(folder, "synchrotron_408MHz.fits", nested, nest=True, extra_header=[("ORDERING", word)])
     assert components(folder)[0].amplitude == pytest.approx(20e3 * lognormal(16), rel=1e-12)
 
 

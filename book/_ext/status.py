@@ -10,7 +10,7 @@ from sphinx.util.docutils import SphinxDirective
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
-from himap.companion.stored_tables import markdown_table
+from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 
 RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
@@ -25,14 +25,14 @@ class Status(SphinxDirective):
         for one in notebooks(folder):
             self.env.note_dependency(str(one.executed))
             executions[one.name] = read_notebook(one.executed).metadata[STAMP].get("execution", {})
-        lines = [*_runs(executions, stale(folder)).splitlines(), "", *_versions(executions).splitlines()]
+        lines = [*_runs(executions, stale(folder)), "", *_versions(executions)]
         node = nodes.container()
         self.state.nested_parse(StringList(lines, self.name), self.content_offset, node)
         return node.children
 
 
 def _runs(executions, old):
-    """The table of notebooks."""
+    """Lines of the table of notebooks."""
     rows = []
     for name, one in executions.items():
         commit = f"`{one['commit']}`{' with edits' if one['dirty'] else ''}" if one else ""
@@ -40,13 +40,12 @@ def _runs(executions, old):
         state = f"stale: {old[name]}" if name in old else "fresh"
         rows.append([f"[{name}](../notebooks/{name}.ipynb)", state, time, one.get("himap", ""), commit])
     total = sum(one.get("seconds", 0) for one in executions.values())
-    return markdown_table(
-        ["Notebook", "State", "Time", "himap", "Commit"], [*rows, ["all", "", duration(total), "", ""]]
-    )
+    rows.append(["all", "", duration(total), "", ""])
+    return Table(["Notebook", "State", "Time", "himap", "Commit"], rows).markdown()
 
 
 def _versions(executions):
-    """The table of versions; more than one where the notebooks differ."""
+    """Lines of the table of versions; more than one where the notebooks differ."""
     found = {}
     for one in executions.values():
         for name, number in {"python": one.get("python"), **one.get("packages", {})}.items():
@@ -54,7 +53,7 @@ def _versions(executions):
     rows = {name: ", ".join(sorted(filter(None, numbers))) for name, numbers in found.items()}
     rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
     rows["commit (rendering)"] = f"`{environment()['commit']}`"
-    return markdown_table(["Package", "Version"], rows.items())
+    return Table(["Package", "Version"], rows.items()).markdown()
 
 
 def setup(app):

@@ -5,7 +5,8 @@ from datetime import datetime
 
 import click
 
-from himap.cli.shared import print_table, size_text
+from himap.cli.shared import size_text
+from himap.figures.tables import Table
 from himap.products import cache
 from himap.survey import PRESETS
 
@@ -39,9 +40,9 @@ def info(every):
     groups = defaultdict(list)
     for entry in entries:
         groups[entry.product, _preset_of(entry)].append(entry.n_bytes)
-    rows = [(*key, str(len(sizes)), size_text(sum(sizes))) for key, sizes in sorted(groups.items())]
+    rows = [(*key, len(sizes), size_text(sum(sizes))) for key, sizes in sorted(groups.items())]
     if rows:
-        print_table(("product", "preset", "results", "size"), rows)
+        click.echo(Table(["product", "preset", "results", "size"], rows))
 
 
 @cache_commands.command()

@@ -5,38 +5,51 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 
 import time
 import warnings
+from importlib import import_module
 
 import click
 
-from himap.cli.shared import debug, named_values, print_table
+from himap.cli.shared import debug, named_values
 from himap.companion.parameters import parse_texts
 from himap.errors import InputError
+from himap.figures.tables import Table
 from himap.outputs import whole_file
 
 __all__ = ["clean", "suggest"]
 
+
+class _Registered(click.Option):
+    """An option whose help lists what there is, found when it is asked for."""
+
+    package, more = "", ""
+
+    def get_help_record(self, context):
+        names = import_module(self.package).available()
+        self.help = f"{', '.join(names)}{self.more}."
+        return super().get_help_record(context)
+
+
+class _Methods(_Registered):
+    package = "himap.removal"
+
+
+class _Beams(_Registered):
+    package = "himap.instrument.beams"
+    more = " (NAME:PARAMETER=VALUE for others), or a FILE"
+
+
 _OPTIONS = [
-    click.option("--beam", metavar="NAME", help="degraded, evolving, oscillating, meerkat, or a FILE."),
+    click.option("--beam", cls=_Beams, metavar="NAME"),
     click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
     click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
-    click.option("--unit", metavar="NAME", help="K or mK, if the file does not say."),
+    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
     click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
     click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
     click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
 ]
-
-
-class _Methods(click.Option):
-    """The option of a method; its help lists all there are, found when it is asked for."""
-
-    def get_help_record(self, context):
-        from himap.removal import available
-
-        self.help = f"{', '.join(available())}."
-        return super().get_help_record(context)
 
 
 def _cube_options(command):
@@ -126,10 +139,10 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
             cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
         )
     rows = [
-        (str(n), f"{value:.4f}", f"{change:.1%}" if change is not None else "")
+        (n, f"{value:.4f}", f"{change:.1%}" if change is not None else "")
         for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
     ]
-    print_table(("n_sources", "criterion", "change with one more"), rows)
+    click.echo(Table(["n_sources", "criterion", "change with one more"], rows))
     click.echo(f"{found.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(found)}")
     if page is not None:
         with whole_file(page) as temporary:
@@ -147,8 +160,11 @@ def _parameters(pairs):
 
 def _cube_and_beams(path, remover, beam, dish, reading):
     """The cube, with its remarks told, and its beams, None where none are named."""
+    import numpy as np
+
     from himap.cubes.beams import beams_of
     from himap.cubes.cube import read_cube
+    from himap.instrument.beams.base import gaussian_widths
 
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
@@ -159,17 +175,6 @@ def _cube_and_beams(path, remover, beam, dish, reading):
         click.echo(remark, err=True)
     beams = None if beam is None else beams_of(cube, beam, dish=dish)
     if beams is not None:
-        click.echo(f"The beams have a FWHM of {_widths(beams)}.", err=True)
+        widths = np.rad2deg(gaussian_widths(beams))
+        click.echo(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.", err=True)
     return cube, beams
-
-
-def _widths(beams):
-    """The FWHM of Gaussians that fall as b_l do, at the last l where they are above a tenth."""
-    import numpy as np
-
-    found = []
-    for beam in beams:
-        last = max(np.flatnonzero(beam > 0.1)[-1], 1)
-        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
-        found.append(np.rad2deg(np.sqrt(8 * np.log(2)) * sigma))
-    return f"{min(found):.3g} to {max(found):.3g} deg"

@@ -9,12 +9,13 @@ import click
 from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest
-from himap.cli.shared import SETTINGS, Commands, debug, named_values, print_table, workers
+from himap.cli.shared import SETTINGS, Commands, debug, named_values, workers
 from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.errors import InputError
+from himap.figures.tables import Table
 from himap.products.provenance import Provenance
 
 __all__ = ["main"]
@@ -50,7 +51,7 @@ def list_(name):
     """
     if name is None:
         rows = [(n.name, f"Sect. {n.section}" if n.section else "", n.title) for n in notebooks()]
-        print_table(("notebook", "paper", "title"), rows)
+        click.echo(Table(["notebook", "paper", "title"], rows))
         return
     notebook = find(name)
     click.echo(notebook.title)
@@ -130,6 +131,7 @@ def claims(preset, pairs, output):
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
     # Imported here: other commands need not wait seconds for what does the work.
+    from himap.instrument.beams.oscillating import Oscillating
     from himap.paper import ledger, ledger_table
     from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 
@@ -140,7 +142,9 @@ def claims(preset, pairs, output):
     name = copy_name("claims", preset, values, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
     started = time.monotonic()
-    skies = ledger.realisations(**defaults | {"n_realisations": _SEEDS} | values)
+    chosen = defaults | {"n_realisations": _SEEDS} | values
+    oscillating = Oscillating(ripple=chosen.pop("ripple"))
+    skies = ledger.realisations(**chosen, oscillating=oscillating)
     entries = ledger.evaluate(skies)
     about = Provenance.of(
         skies[0].survey,
@@ -150,9 +154,13 @@ def claims(preset, pairs, output):
         started=started,
     )
     ledger.write_ledger(entries, path, asdict(about))
-    header = ("claim", "beam", "verdict", "in", "measured", "paper", "what is measured")
+    header = ["claim", "beam", "verdict", "in", "measured", "paper", "what is measured"]
     colours = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
-    print_table(header, ledger_table.plain_rows(entries), colours=(2, colours))
+    rows = [
+        [id, beam, click.style(verdict, fg=colours[verdict]), *others]
+        for id, beam, verdict, *others in ledger_table.plain_rows(entries)
+    ]
+    click.echo(Table(header, rows))
     count = ledger_table.summary(entries)
     click.echo(", ".join(f"{n} {verdict}" for verdict, n in count.items() if n))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")

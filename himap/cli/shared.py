@@ -1,4 +1,4 @@
-"""What the commands of `himap` share: options, errors told in one paragraph, tables."""
+"""What the commands of `himap` share: options, errors told in one paragraph, sizes."""
 
 import functools
 
@@ -10,7 +10,7 @@ from himap.errors import InputError
 from himap.products.memory import LIMIT_VARIABLE, parse_size
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
-__all__ = ["SETTINGS", "Commands", "debug", "named_values", "print_table", "size_text", "workers"]
+__all__ = ["SETTINGS", "Commands", "debug", "named_values", "size_text", "workers"]
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
@@ -105,17 +105,6 @@ def named_values(pairs):
             )
         texts[name] = text
     return texts
-
-
-def print_table(header, rows, colours=(None, {})):
-    """Aligned columns; `colours` are a column and the colour of each of its texts."""
-    column, colour_of = colours
-    widths = [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
-    for row in [header, *rows]:
-        cells = [text.ljust(width) for text, width in zip(row, widths, strict=True)]
-        if column is not None:
-            cells[column] = click.style(cells[column], fg=colour_of.get(row[column]))
-        click.echo("  ".join(cells).rstrip())
 
 
 def size_text(n_bytes):

@@ -5,19 +5,13 @@ import re
 
 from himap.companion.notebooks import notebooks, notebooks_folder
 from himap.companion.stored import RESULTS, read_stored
+from himap.figures.tables import Table
 from himap.paper.ledger_table import BADGES, plain_rows
 from himap.products.provenance import Provenance, duration
 
-__all__ = ["growth_table", "ledgers_table", "markdown_table", "pictures", "short", "steps_table"]
+__all__ = ["growth_table", "ledgers_table", "pictures", "short", "steps_table"]
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
-_BAR = r"\|"
-
-
-def markdown_table(head, rows):
-    """A Markdown table of texts; a bar in a text stays one."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(str(cell).replace('|', _BAR) for cell in cells)} |" for cells in lines)
 
 
 def short(value, digits=2):
@@ -42,7 +36,7 @@ def steps_table(found):
     goals = found["about"]["preset"] == "paper"
     rows = [_step(row, goals) for row in found["steps"]]
     head = head if goals else [word for word in head if word != "Goal"]
-    return "\n\n".join([markdown_table(head, rows), _machine(found["machine"]), _footer(found["about"])])
+    return "\n\n".join([_markdown(head, rows), _machine(found["machine"]), _footer(found["about"])])
 
 
 def _step(row, goals):
@@ -73,7 +67,7 @@ def growth_table(found):
     names = list(next(iter(ways.values())))
     rows = [[name, *(f"{way[name]['exponent']:.2f}" for way in ways.values())] for name in names]
     head = ["Step", "with nside", "with channels"]
-    return "\n\n".join([markdown_table(head, rows), _footer(found["about"])])
+    return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
 
 
 def ledgers_table(ledgers):
@@ -87,7 +81,7 @@ def ledgers_table(ledgers):
     rows = [plain_rows(entries) for entries, _ in ledgers]
     made = [Provenance(**about) for _, about in ledgers]
     columns = [f"{one.preset}, {one.galaxy}" for one in made]
-    table = markdown_table(
+    table = _markdown(
         ["Claim", "Measured", "The paper says", *columns],
         [*map(_claim, zip(*rows, strict=True)), ["all", "", "", *map(_count, rows)]],
     )
@@ -153,3 +147,7 @@ def _made(parameters, execution):
 def _footer(about):
     known = {key: value for key, value in about.items() if key != "size"}
     return f"*{Provenance(**known).footer()}*"
+
+
+def _markdown(head, rows):
+    return "\n".join(Table(head, rows).markdown())

@@ -1,16 +1,19 @@
 """Foregrounds removed from a cube of one's own, by any method, and what is written of it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from himap.cubes.cube import Cube
 from himap.errors import InputError
+from himap.maps.blocked import centred
 from himap.removal import available, create
+from himap.removal.analysis import analysed
 from himap.removal.base import REGISTRY, ForegroundRemover, Separation
 from himap.removal.peaks import mask_peaks
 
-__all__ = ["CleanedCube", "clean_cube", "method_for"]
+__all__ = ["Basis", "CleanedCube", "clean_cube", "method_for"]
 
 _LEAST_FOR_PEAKS = 8
 
@@ -45,7 +48,46 @@ class CleanedCube:
         return self.separation.foreground
 
 
-def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters):
+class Basis:
+    """The maps of a `Cube` that a foreground is looked for in, made once for all methods that look.
+
+    Parameters
+    ----------
+    cube
+        The `Cube`.
+    peaks
+        Whether peaks are masked (paper, Sect. 4.1).
+
+    Attributes
+    ----------
+    maps
+        (n_channels, n_seen) float32, mK.
+    flagged
+        Share of the voxels that peak masking replaced.
+
+    Raises
+    ------
+    InputError
+        Too few channels for the masking of peaks.
+    """
+
+    def __init__(self, cube, *, peaks=True):
+        if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
+            raise InputError(
+                f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
+                f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
+            )
+        masked = mask_peaks(cube.maps, cube.freqs) if peaks else None
+        self.maps = masked.maps if peaks else cube.maps
+        self.flagged = float(masked.flagged.mean()) if peaks else 0.0
+
+    @cached_property
+    def modes(self):
+        """The `CubeModes` of the maps less their channel means."""
+        return analysed(centred(self.maps))
+
+
+def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, **parameters):
     """Remove the foregrounds of a cube.
 
     Parameters
@@ -58,6 +100,8 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
         b_l, (n_channels, lmax + 1), for methods that use them (`beams_of`).
     peaks
         Whether the foreground is looked for in maps whose peaks are masked (paper, Sect. 4.1).
+    basis
+        The `Basis` of the cube where it is at hand, for several methods on one cube.
     seed
         Of the random numbers of methods that draw some.
     parameters
@@ -74,25 +118,21 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
         itself refuses.
     """
     remover = method_for(cube, method, **parameters)
-    if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
-        raise InputError(
-            f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
-            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
-        )
-    masked = mask_peaks(cube.maps, cube.freqs) if peaks else None
-    found = remover.clean(
+    basis = Basis(cube, peaks=peaks) if basis is None else basis
+    result = remover.clean(
         cube.maps,
         freqs=cube.freqs,
         beams=beams if remover.needs_beams else None,
         rng=np.random.default_rng(seed),
-        separate_on=masked.maps if peaks else None,
+        separate_on=basis.maps,
+        modes=basis.modes if remover.needs_modes else None,
     )
     return CleanedCube(
         cube=cube,
         method=remover,
-        residual=found.residual,
-        separation=found.separation,
-        flagged=float(masked.flagged.mean()) if peaks else 0.0,
+        residual=result.residual,
+        separation=result.separation,
+        flagged=basis.flagged,
     )
 
 

@@ -8,13 +8,13 @@ from himap.checks import checked_freqs, real_array
 from himap.cubes.files import read_freqs, read_raw
 from himap.errors import InputError
 from himap.maps import sphere
+from himap.maps.healpix_files import MILLIKELVIN, is_nested, temperature_unit, to_ring
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
 _ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
 _UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 _LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
-_MILLIKELVIN = {"k": 1e3, "kelvin": 1e3, "mk": 1.0, "millikelvin": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,17 +27,14 @@ class Layout:
         For each channel of the `Cube` its place in the file, (n_channels,).
     freqs
         MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
-    factor
-        mK in one unit of the file.
     unit
-        "K" or "mK".
+        Of the file: "K", "mK" or "uK".
     nested
         Whether its pixels are in NESTED order.
     """
 
     channels: np.ndarray
     freqs: np.ndarray
-    factor: float
     unit: str
     nested: bool
 
@@ -47,7 +44,7 @@ class Layout:
         whole = np.full(len(mask), np.nan, dtype=np.float32)
         ring = sphere.nest_to_ring(sphere.nside_of(mask)) if self.nested else slice(None)
         for place, pixels in zip(self.channels, maps, strict=True):
-            whole[mask] = pixels / self.factor
+            whole[mask] = pixels / MILLIKELVIN[self.unit]
             out[place] = whole[ring]
         return out
 
@@ -110,7 +107,7 @@ def read_cube(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_
         Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
         one number a line; for files that do not tell them.
     unit
-        "K" or "mK", if the file does not say.
+        "K", "mK" or "uK", if the file does not say.
     order
         "RING" or "NESTED", if the file does not say; RING unless given.
     maps_name, freqs_name
@@ -164,7 +161,7 @@ def make_cube(raw, *, unit=None, order=None):
     NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out.
     """
     remarks = []
-    factor, unit = _unit(raw.unit, unit)
+    unit = _unit(raw.unit, unit)
     nested = _is_nested(raw.nested, order, remarks)
     sphere.nside_of(raw.maps)
     freqs = np.asarray(raw.freqs, dtype=float)
@@ -177,15 +174,15 @@ def make_cube(raw, *, unit=None, order=None):
     if not mask.any():
         raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
     if nested:
-        mask = _to_ring(mask)
+        mask = to_ring(mask)
     maps = np.empty((len(channels), int(mask.sum())), dtype=np.float32)
     for place, out in zip(channels, maps, strict=True):
         pixels = _wide(raw.maps[place])
-        out[:] = (_to_ring(pixels) if nested else pixels)[mask] * factor
+        out[:] = (to_ring(pixels) if nested else pixels)[mask] * MILLIKELVIN[unit]
     if not mask.all():
         remarks.append(f"{mask.mean():.1%} of the sky is seen in every channel; the rest is masked.")
     _look_at(maps, freqs, remarks)
-    layout = Layout(channels=channels, freqs=given, factor=factor, unit=unit, nested=nested)
+    layout = Layout(channels=channels, freqs=given, unit=unit, nested=nested)
     return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
 
 
@@ -243,31 +240,16 @@ def _wide(pixels):
     return pixels.astype(np.result_type(pixels, np.float32), copy=False)
 
 
-def _to_ring(pixels):
-    out = np.empty_like(pixels)
-    out[sphere.nest_to_ring(sphere.nside_of(pixels))] = pixels
-    return out
-
-
 def _unit(said, given):
-    """mK in one unit, and its name, from what the file and the user say."""
-    factors = {text: _millikelvin(text) for text in (said, given) if text is not None}
-    if not factors:
+    """The name of the unit, from what the file and the user say."""
+    units = {temperature_unit(text) for text in (said, given) if text is not None}
+    if not units:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
-    if len(set(factors.values())) > 1:
+    if len(units) > 1:
         raise InputError(
             f"the file says {said}, but the unit given is {given}; leave it out, or mend the file."
         )
-    factor = next(iter(factors.values()))
-    return factor, "K" if factor == 1e3 else "mK"
-
-
-def _millikelvin(text):
-    # Case tells milli from mega, but nobody has maps in MK, and "MK" is written for mK.
-    factor = _MILLIKELVIN.get(str(text).strip().lower())
-    if factor is None:
-        raise InputError(f"maps must be brightness temperatures in K or mK, got {text!r}.")
-    return factor
+    return units.pop()
 
 
 def _is_nested(said, given, remarks):
@@ -277,10 +259,7 @@ def _is_nested(said, given, remarks):
                 "the file does not say the order of its pixels: taken as RING (--order to change it)."
             )
         return bool(said)
-    name = str(given).strip().upper()
-    if name not in ("RING", "NESTED", "NEST"):
-        raise InputError(f"order must be RING or NESTED, got {given!r}.")
-    nested = name != "RING"
+    nested = is_nested(str(given), "order")
     if said is not None and said != nested:
         raise InputError(f"the file says {'NESTED' if said else 'RING'}, but the order given is {given}.")
     return nested

@@ -4,15 +4,17 @@ import re
 from pathlib import Path
 
 import h5py
-import healpy as hp
 import numpy as np
 from astropy import units as u
 
 from himap.cubes import fits
-from himap.cubes.raw import RawCube, is_nested
+from himap.cubes.raw import RawCube
 from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.healpix_files import is_nested
+from himap.reading import read_array, read_numbers
 
-__all__ = ["read_array", "read_freqs", "read_numbers", "read_raw"]
+__all__ = ["read_freqs", "read_raw"]
 
 _HDF5 = (".h5", ".hdf5", ".hdf")
 
@@ -52,33 +54,12 @@ def read_raw(path, *, maps_name=None, freqs_name=None):
     )
 
 
-def read_array(path):
-    """The array of a .npy file; object arrays, which could run code, are refused."""
-    try:
-        found = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise InputError(f"{path} is no .npy file of plain numbers ({error}).") from None
-    if not isinstance(found, np.ndarray):
-        raise InputError(f"{path} is an archive of arrays (.npz); save the one that is meant as .npy.")
-    return found
-
-
 def read_freqs(path):
     """Frequencies of a .npy file or a text file with one number a line, (n,), in MHz."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"there is no file of frequencies {path}.")
     return read_numbers(path).ravel()
-
-
-def read_numbers(path):
-    """The numbers of a .npy file, or of a text file with columns parted by blanks or commas."""
-    if path.suffix == ".npy":
-        return read_array(path)
-    try:
-        return np.loadtxt(path.read_text().replace(",", " ").splitlines(), ndmin=1)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is no table of numbers ({error}).") from None
 
 
 def _npy(path):
@@ -115,7 +96,7 @@ def _is_numeric(item):
 
 def _sphere_sizes(shape):
     """The numbers among `shape` that are those of the pixels of a sphere."""
-    return [n for n in shape if n >= 12 and hp.isnpixok(n) and hp.isnsideok(hp.npix2nside(n), nest=True)]
+    return [n for n in shape if sphere.is_n_pix(n)]
 
 
 def pixels_last(maps):

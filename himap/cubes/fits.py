@@ -2,11 +2,11 @@
 
 import re
 
-import healpy as hp
 import numpy as np
 
-from himap.cubes.raw import RawCube, is_nested
+from himap.cubes.raw import RawCube
 from himap.errors import InputError
+from himap.maps.healpix_files import read_maps
 
 __all__ = ["ENDINGS", "maps_of_file", "maps_of_folder"]
 
@@ -15,43 +15,22 @@ _DIGITS = re.compile(r"(\d+)")
 _FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*MHz", re.IGNORECASE)
 
 
-def _maps(path):
-    """Maps (n, n_pix) of the table of a FITS file, NaN or UNSEEN where there are none, and its header."""
-    try:
-        maps, header = hp.read_map(path, field=None, dtype=None, nest=None, h=True)
-    except Exception as error:  # healpy and astropy raise all kinds for a file that is something else
-        raise InputError(f"{path} cannot be read as HEALPix maps in FITS ({error}).") from None
-    maps, header = np.atleast_2d(maps), dict(header)
-    missing = [*_of_columns(header, "TNULL", len(maps)), header.get("BAD_DATA")]
-    if any(value is not None for value in missing):
-        maps = np.array(maps, dtype=np.float64)
-        for pixels, value in zip(maps, missing, strict=False):
-            pixels[np.isin(pixels, [one for one in (value, missing[-1]) if one is not None])] = np.nan
-    return maps, header
-
-
-def _of_columns(header, key, n_maps):
-    """The keyword `key` of the column of each map; of partial maps the first column tells the pixels."""
-    first = 2 if header.get("INDXSCHM") == "EXPLICIT" else 1
-    return [header.get(f"{key}{first + n}") for n in range(n_maps)]
-
-
 def _one_unit(path, units):
     """The unit that all maps have, None where none is told."""
     if len(set(units)) > 1:
         told = ", ".join(str(unit) for unit in dict.fromkeys(units))
         raise InputError(f"the maps in {path} must have one unit, got {told}.")
-    return units[0] or None
+    return units[0]
 
 
 def maps_of_file(path):
     """One file with a column for each channel, as healpy writes a list of maps."""
-    maps, header = _maps(path)
+    file = read_maps(path)
     return RawCube(
-        maps=maps,
-        freqs=_from_texts([str(name) for name in _of_columns(header, "TTYPE", len(maps))]),
-        unit=_one_unit(path, _of_columns(header, "TUNIT", len(maps))),
-        nested=is_nested(header.get("ORDERING")),
+        maps=file.maps,
+        freqs=_from_texts(file.names),
+        unit=_one_unit(path, file.units),
+        nested=file.nested,
     )
 
 
@@ -61,27 +40,22 @@ def maps_of_folder(folder):
     paths.sort(key=lambda path: [int(part) if part.isdigit() else part for part in _DIGITS.split(path.name)])
     if not paths:
         raise InputError(f"the folder {folder} holds no .fits file.")
-    maps, headers = [], []
+    files = []
     for path in paths:
-        found, header = _maps(path)
-        if len(found) != 1 or (maps and found[0].shape != maps[0].shape):
+        files.append(read_maps(path))
+        n_maps, n_pix = files[-1].maps.shape
+        if n_maps != 1 or n_pix != files[0].maps.shape[1]:
             raise InputError(
-                f"{path} must hold one map of the size of the others, "
-                f"got {len(found)} of {found.shape[1]} pixels."
+                f"{path} must hold one map of the size of the others, got {n_maps} of {n_pix} pixels."
             )
-        maps.append(found[0])
-        headers.append(header)
-    units = [unit for header in headers for unit in _of_columns(header, "TUNIT", 1)]
-    orders = {header.get("ORDERING") for header in headers}
-    if len(orders) > 1:
-        raise InputError(
-            f"the files in {folder} must have one order of pixels, got {', '.join(map(str, orders))}."
-        )
+    if len({file.nested for file in files}) > 1:
+        orders = ", ".join(dict.fromkeys(str(file.header.get("ORDERING")) for file in files))
+        raise InputError(f"the files in {folder} must have one order of pixels, got {orders}.")
     return RawCube(
-        maps=np.array(maps),
-        freqs=_from_headers(paths, headers),
-        unit=_one_unit(folder, units),
-        nested=is_nested(orders.pop()),
+        maps=np.concatenate([file.maps for file in files]),
+        freqs=_from_headers(paths, [file.header for file in files]),
+        unit=_one_unit(folder, [file.units[0] for file in files]),
+        nested=files[0].nested,
     )
 
 

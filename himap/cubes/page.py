@@ -6,14 +6,15 @@ import io
 
 from himap import __version__
 
-__all__ = ["figure", "note", "page", "table"]
+__all__ = ["figure", "note", "page"]
 
 _STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
 img { max-width: 100%; background: white; border-radius: 4px; }
+.himap-table { overflow-x: auto; }
 table { border-collapse: collapse; }
-td, th { padding: .2rem .8rem .2rem 0; text-align: left; vertical-align: top; }
+td, th { padding: .2rem .8rem .2rem 0; }
 figure { margin: 1.5rem 0; } figcaption { font-size: .9rem; opacity: .85; }
 """
 
@@ -31,15 +32,6 @@ def page(title, parts):
             "</body></html>\n",
         ]
     )
-
-
-def table(rows):
-    """A table of texts whose first column is a heading."""
-    cells = "".join(
-        f"<tr><th>{html.escape(first)}</th>{''.join(f'<td>{html.escape(cell)}</td>' for cell in others)}</tr>"
-        for first, *others in rows
-    )
-    return f"<table>{cells}</table>"
 
 
 def note(text):

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.errors import InputError
-
-__all__ = ["RawCube", "is_nested"]
+__all__ = ["RawCube"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,12 +27,3 @@ class RawCube:
     freqs: np.ndarray | None = None
     unit: str | None = None
     nested: bool | None = None
-
-
-def is_nested(order):
-    """Whether the text of an ordering means NESTED; None where there is none."""
-    if order is None:
-        return None
-    if order.strip().upper() not in ("RING", "NEST", "NESTED"):
-        raise InputError(f"the order of pixels must be RING or NESTED, the file says {order!r}.")
-    return order.strip().upper().startswith("NEST")

@@ -7,7 +7,8 @@ import numpy as np
 
 from himap.cubes import page
 from himap.errors import InputError
-from himap.figures import plotting
+from himap.figures import comparisons, plotting, styles
+from himap.figures.tables import Table
 from himap.measures.power_spectra import (
     angular_power,
     angular_power_pair,
@@ -15,8 +16,8 @@ from himap.measures.power_spectra import (
     masked_alms,
     recovered_angular_power,
 )
-from himap.measures.results import Comparison, Spectra
-from himap.removal.pca import channel_covariance
+from himap.measures.results import Comparison, PowerSpectra
+from himap.removal.covariance import channel_covariance
 
 __all__ = [
     "SpectraBeside",
@@ -33,9 +34,9 @@ _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogethe
 
 
 def spectra_of(cleaned):
-    """The `Spectra` of a `CleanedCube`; with a mask C_l are decoupled."""
+    """The `PowerSpectra` of a `CleanedCube`; with a mask C_l are decoupled."""
     cube = cleaned.cube
-    return Spectra(
+    return PowerSpectra(
         angular=angular_power(cube.on_sphere(cleaned.residual), mask=_mask_of(cube)),
         frequency=frequency_power(cleaned.residual, cube.channel_width),
     )
@@ -57,7 +58,7 @@ class SpectraBeside:
 
     def __call__(self, cleaned):
         maps = cleaned.cube.on_sphere(cleaned.residual)
-        return Spectra(
+        return PowerSpectra(
             angular=recovered_angular_power(maps, self._maps, self._alms, mask=self._mask),
             frequency=frequency_power(cleaned.residual, cleaned.cube.channel_width),
         )
@@ -68,7 +69,7 @@ def _mask_of(cube):
 
 
 def compared(cleaned, truth):
-    """Both spectra of a `CleanedCube` beside those of the truth, an `results.Comparison`.
+    """Both spectra of a `CleanedCube` beside those of the truth, a `Comparison`.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def compared(cleaned, truth):
     maps = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
     angular = angular_power_pair(*(cube.on_sphere(one) for one in maps), mask=_mask_of(cube))
     found, true = (
-        Spectra(angular=power, frequency=frequency_power(one, cube.channel_width))
+        PowerSpectra(angular=power, frequency=frequency_power(one, cube.channel_width))
         for power, one in zip(angular, maps, strict=True)
     )
     return Comparison.of(found, true, l_top=2 * cube.nside)
@@ -138,7 +139,7 @@ def _head(cleaned):
         + ("" if cleaned.separation.converged else ", stopped before it converged"),
     }
     notes = [*cube.remarks, *filter(None, [cleaned.separation.remark])]
-    return [page.table(facts.items()), *map(page.note, notes)]
+    return [Table([], facts.items()).html(), *map(page.note, notes)]
 
 
 def _rms(maps):
@@ -147,31 +148,21 @@ def _rms(maps):
 
 
 def spectra_figure(found):
-    """Both spectra, `Spectra`, or with their ratios to the truth, a `Comparison`."""
-    style = {"label": "cleaned", "color": "#0072B2"}
-    axes = [
-        {"xlabel": r"multipole $\ell$", "ylabel": r"$C_\ell$ [mK$^2$]"},
-        {"xlabel": r"$k_\nu$ [MHz$^{-1}$]", "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]"},
-    ]
-    if isinstance(found, Spectra):
-        shown = (found.angular.degrees, found.angular.mean), (found.frequency.k, found.frequency.power)
-        scales = {"xscale": "log", "yscale": "log"}
-        return plotting.lines(
-            [
-                one | scales | {"curves": [(x[x > 0], y[x > 0], style)]}
-                for one, (x, y) in zip(axes, shown, strict=True)
-            ]
-        )
-    ratios = r"$C / C_0$", r"$P / P_0$"
-    values = (
-        (found.degrees, found.angular, found.true_angular),
-        (found.k, found.frequency, found.true_frequency),
-    )
-    panels = [
-        one | {"title": "", "true": (x, true), "ratio_label": label, "curves": [(style, x, cleaned, true)]}
-        for one, label, (x, cleaned, true) in zip(axes, ratios, values, strict=True)
-    ]
-    return plotting.spectrum(panels, ratio_limits=(0, 1.5))
+    """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
+    style = {"label": "cleaned", "color": styles.BLUE}
+    if isinstance(found, Comparison):
+        panels = [comparisons.panel(kind, [(style, found)]) for kind in ("angular", "frequency")]
+        return plotting.spectrum(panels, ratio_limits=(0, 1.5))
+    values = {
+        "angular": (found.angular.degrees, found.angular.mean),
+        "frequency": (found.frequency.k, found.frequency.power),
+    }
+    panels = []
+    for kind, (x, y) in values.items():
+        labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
+        curves = {"curves": [(x[x > 0], y[x > 0], style)]}
+        panels.append(labels | curves | {"xscale": "log", "yscale": "log"})
+    return plotting.lines(panels)
 
 
 def _spectra_part(found):
@@ -191,7 +182,7 @@ def _spectra_part(found):
             ("P/P0, k < 0.03 / MHz", _mean(found.k, found.frequency_ratio, 0, 0.03)),
             ("P/P0, beyond", _mean(found.k, found.frequency_ratio, 0.03, np.inf)),
         ]
-        parts += ["<h3>Over the truth</h3>", page.table(rows)]
+        parts += ["<h3>Over the truth</h3>", Table([], rows).html()]
     return parts
 
 
@@ -208,6 +199,7 @@ def modes_figure(cleaned):
     )
     numbers = np.arange(1, len(before) + 1)
     mixing = cleaned.separation.mixing
+    blue = {"color": styles.BLUE}
     panels = [
         {
             "title": "Eigenvalues of the channel covariance",
@@ -216,20 +208,20 @@ def modes_figure(cleaned):
             "xscale": "log",
             "yscale": "log",
             "curves": [
-                (numbers, before, {"label": "as it came", "color": "#D55E00"}),
-                (numbers, np.maximum(after, before.min() * _FAINT), {"label": "cleaned", "color": "#0072B2"}),
+                (numbers, before, {"label": "as it came", "color": styles.VERMILION}),
+                (numbers, np.maximum(after, before.min() * _FAINT), blue | {"label": "cleaned"}),
             ],
         },
         {
             "title": "Spectra of the sources",
-            "xlabel": "frequency [MHz]",
+            "xlabel": styles.CHANNELS,
             "ylabel": "mixing coefficient",
             "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
             "curves": [
                 (cube.freqs, column, style)
                 for column, style in zip(
                     mixing.T,
-                    plotting.sequence([f"source {n + 1}" for n in range(mixing.shape[1])]),
+                    styles.sequence([f"source {n + 1}" for n in range(mixing.shape[1])]),
                     strict=True,
                 )
             ],

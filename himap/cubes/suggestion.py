@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.cubes import page
-from himap.cubes.cleaning import clean_cube, method_for
+from himap.cubes.cleaning import Basis, clean_cube, method_for
 from himap.cubes.report import SpectraBeside
 from himap.errors import InputError
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.progress import progress
-from himap.removal.pca import channel_covariance
+from himap.removal.covariance import channel_covariance
 
 __all__ = ["Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
 
@@ -104,9 +104,10 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     method_for(cube, method, n_sources=int(counts[-1]), **parameters)  # refused now, not after the others
     values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     line = _line(values)
+    basis = Basis(cube, peaks=peaks)
     left, spectra, spectra_of = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
-        cleaned = clean_cube(cube, method, beams=beams, peaks=peaks, n_sources=int(count), **parameters)
+        cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
         spectra_of = spectra_of or SpectraBeside(cleaned)
         left.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
@@ -165,7 +166,7 @@ def views_figure(found):
     """The three views of a `Suggestion`."""
     number = np.arange(1, len(found.eigenvalues) + 1)
     common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
-    blue, orange = {"color": "#0072B2", "marker": "o"}, {"color": "#D55E00"}
+    blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
     panels = [
         {
             "title": "Eigenvalues",

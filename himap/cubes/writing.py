@@ -7,11 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 import h5py
-import healpy as hp
 import numpy as np
 
 from himap import __version__
 from himap.errors import InputError
+from himap.maps.healpix_files import write_maps
 from himap.outputs import whole_file
 
 __all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned"]
@@ -105,7 +105,14 @@ def save_cleaned(cleaned, path, *, overwrite=False):
             if path.suffix == ".npy":
                 np.save(target, maps)
             else:
-                _write_fits(name, maps, cleaned, target)
+                write_maps(
+                    target,
+                    maps,
+                    names=[f"{name} {freq:.10g} MHz" for freq in cube.layout.freqs],
+                    unit=cube.layout.unit,
+                    nested=cube.layout.nested,
+                    cards=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
+                )
         header = "frequency [MHz], then the columns of the mixing matrix"
         np.savetxt(table, np.column_stack([cube.freqs, cleaned.separation.mixing]), header=header)
     return paths
@@ -132,17 +139,3 @@ def _write_hdf5(cleaned, path):
         file.attrs["method"] = cleaned.method.name
         file.attrs["parameters"] = json.dumps(asdict(cleaned.method))
         file.attrs["himap"] = __version__
-
-
-def _write_fits(name, maps, cleaned, path):
-    layout = cleaned.cube.layout
-    maps[~np.isfinite(maps)] = hp.UNSEEN
-    hp.write_map(
-        path,
-        maps,
-        nest=layout.nested,
-        dtype=np.float32,
-        column_names=[f"{name} {freq:.10g} MHz" for freq in layout.freqs],
-        column_units=layout.unit,
-        extra_header=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
-    )

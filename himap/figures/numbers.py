@@ -5,13 +5,13 @@ may move on another machine before somebody should look; it is not an error bar.
 without it, and comes from the notebook all the same: see `quote`.
 """
 
-import html
 import math
 import re
 
 from himap.errors import InputError
+from himap.figures.tables import Table
 
-__all__ = ["QUOTED", "Numbers", "Table", "agree", "quote", "quoted", "show", "show_table"]
+__all__ = ["QUOTED", "agree", "quote", "quoted", "show", "show_table"]
 
 _RECORD = "application/papermill.record/"  # what MyST-NB's glue puts before a kind that is not to be seen
 
@@ -42,7 +42,7 @@ def show(numbers):
     noise: 0.03310 ± 0.00020 mK
     channels: 125
     """
-    return Numbers(numbers)
+    return _Numbers([], [_row(name, entry) for name, entry in numbers.items()], align="lr")
 
 
 def show_table(rows):
@@ -58,7 +58,12 @@ def show_table(rows):
     InputError
         As `show`.
     """
-    return Table(rows)
+    columns = list(dict.fromkeys(column for entries in rows.values() for column in entries))
+    cells = []
+    for name, entries in rows.items():
+        numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in entries.items()}
+        cells.append([name, *(" ".join(numbers.get(column, ())).strip() for column in columns)])
+    return Table(["", *columns], cells, align="l" + "r" * len(columns))
 
 
 def quote(**numbers):
@@ -101,51 +106,11 @@ def quoted(entry):
     return f"{_rounded(value, tolerance)}\N{NO-BREAK SPACE}{unit}".rstrip()
 
 
-class Table:
-    """What `show_table` returns: a table in a notebook, lines of aligned columns elsewhere."""
-
-    def __init__(self, rows):
-        self.columns = list(dict.fromkeys(column for cells in rows.values() for column in cells))
-        self.rows = {name: self._cells(name, cells) for name, cells in rows.items()}
-
-    def _cells(self, name, cells):
-        numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in cells.items()}
-        return [" ".join(numbers.get(column, ("", ""))).strip() for column in self.columns]
-
-    def __repr__(self):
-        lines = [["", *self.columns], *([name, *cells] for name, cells in self.rows.items())]
-        widths = [max(len(line[n]) for line in lines) for n in range(len(lines[0]))]
-        padded = ([cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
-        return "\n".join("  ".join(line).rstrip() for line in padded)
-
-    def _repr_html_(self):
-        head = "".join(f"<th>{html.escape(column)}</th>" for column in self.columns)
-        rows = "".join(
-            f'<tr><td style="text-align:left">{html.escape(name)}</td>'
-            + "".join(f"<td>{cell}</td>" for cell in cells)
-            + "</tr>"
-            for name, cells in self.rows.items()
-        )
-        style = "font-size:85%; white-space:nowrap"
-        return f'<table style="{style}"><tr><th></th>{head}</tr>{rows}</table>'
-
-
-class Numbers:
+class _Numbers(Table):
     """What `show` returns: a table in a notebook, one line for each number elsewhere."""
-
-    def __init__(self, numbers):
-        self.rows = [_row(name, entry) for name, entry in numbers.items()]
 
     def __repr__(self):
         return "\n".join(f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows)
-
-    def _repr_html_(self):
-        rows = "".join(
-            f'<tr><td style="text-align:left">{html.escape(name)}</td><td>{number}</td>'
-            f'<td style="text-align:left">{html.escape(unit)}</td></tr>'
-            for name, number, unit in self.rows
-        )
-        return f"<table>{rows}</table>"
 
 
 def agree(text, reference):

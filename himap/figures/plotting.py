@@ -2,8 +2,7 @@
 
 Figures carry their numbers (`himap.figures.data`): a notebook that shows one keeps them beside the picture.
 
-Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in
-style too, so they stay apart in grey. Maps use cividis, which is monotonic in lightness.
+Colours and lines are those of `himap.figures.styles`; maps use cividis, which is monotonic in lightness.
 """
 
 import matplotlib.pyplot as plt
@@ -15,36 +14,15 @@ from himap.figures.data import with_curves, with_image, with_maps
 from himap.maps import sphere
 
 __all__ = [
-    "BEAM_STYLES",
-    "METHOD_STYLES",
     "image",
     "lines",
     "save",
-    "sequence",
     "sky_map",
     "sky_maps",
     "spectrum",
     "stamp",
 ]
 
-METHOD_STYLES = {
-    "pca": {"label": "PCA", "color": "#0072B2", "linestyle": "--"},
-    "fastica": {"label": "FastICA", "color": "#E69F00", "linestyle": (0, (1, 1.2))},
-    "gmca": {"label": "GMCA", "color": "#009E73", "linestyle": "-."},
-    "sdecgmca": {"label": "SDecGMCA", "color": "#D55E00", "linestyle": "-", "linewidth": 2},
-    "polynomial": {"label": "polynomial", "color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
-    "parametric": {"label": "parametric", "color": "#56B4E9", "linestyle": (0, (8, 3))},
-}
-"""Line style of every method, the same throughout the book; the order is that of the legends."""
-
-BEAM_STYLES = {
-    "degraded": {"label": "degraded", "color": "#0072B2", "linestyle": "-"},
-    "evolving": {"label": "evolving", "color": "#E69F00", "linestyle": "--"},
-    "oscillating": {"label": "oscillating", "color": "#009E73", "linestyle": "-."},
-}
-"""Line style of every beam, the same throughout the book."""
-
-_DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
 _RC = {
     "figure.dpi": 110,
@@ -121,7 +99,7 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
     ----------
     panels
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
-        list of (style, x, recovered, true) with styles as in `METHOD_STYLES` and spectra (n,); optional
+        list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,); optional
         "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
         above.
     ratio_limits
@@ -261,16 +239,3 @@ def stamp(figure, provenance):
 def save(figure, path, *, dpi=150):
     """Write `figure` as a file, format by its ending."""
     figure.savefig(path, dpi=dpi)
-
-
-def sequence(labels):
-    """Styles of curves that have an order, such as one for each number of components: [style, ...].
-
-    Colours go from dark to light, evenly for the eye, colour-blind or not, and in grey; neighbours differ in
-    their dashes too.
-    """
-    colours = plt.get_cmap("plasma")(np.linspace(0.05, 0.9, len(labels)))
-    return [
-        {"label": label, "color": colour, "linestyle": _DASHES[n % len(_DASHES)], "linewidth": 1.6}
-        for n, (label, colour) in enumerate(zip(labels, colours, strict=True))
-    ]

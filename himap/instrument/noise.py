@@ -3,7 +3,7 @@
 import numpy as np
 from astropy import units as u
 
-from himap.instrument.beams import diffraction_fwhm
+from himap.instrument.beams.base import diffraction_fwhm
 
 __all__ = ["noise_maps", "noise_sigma", "system_temperature"]
 

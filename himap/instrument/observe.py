@@ -27,8 +27,6 @@ class Observation:
         MHz.
     beams
         b_l from the sky to `maps`, (n_channels, lmax + 1).
-    provenance
-        Names and values of what made it.
     """
 
     maps: np.ndarray
@@ -36,10 +34,9 @@ class Observation:
     freqs: np.ndarray
     channel_width: float
     beams: np.ndarray
-    provenance: dict
 
 
-def observe(hi, foregrounds, noise, beam, survey, *, noise_alms=None, provenance=None):
+def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
     """Observe a sky.
 
     What is at hand as harmonic coefficients (complex, to 3 nside - 1, as `sphere.analyse` gives them) is not
@@ -53,49 +50,46 @@ def observe(hi, foregrounds, noise, beam, survey, *, noise_alms=None, provenance
         The same as maps, or as a pair (spectra, coefficients), (n_channels, n_modes) and (n_modes, n_alm),
         whose product is the cube.
     noise
-        Maps in mK, as the receiver adds them; smoothed only by what `beam` does afterwards.
-    beam
-        A `Beam`.
+        Maps in mK, as the receiver adds them; smoothed only by what is done to the maps afterwards.
+    windows
+        The `Windows` of a beam (`himap.instrument.beams.base`).
     survey
         The `Survey` they belong to.
     noise_alms
         Coefficients of `noise`, (n_channels, n_alm), where they are at hand.
-    provenance
-        Dictionary kept with the result.
 
     Raises
     ------
     InputError
         Cubes that are not of the survey's shape.
     """
-    if beam.transfer.shape != (survey.n_channels, survey.lmax + 1):
+    if windows.total.shape != (survey.n_channels, survey.lmax + 1):
         raise InputError(
             f"the beam must be made for this survey: b_l of shape {(survey.n_channels, survey.lmax + 1)}, "
-            f"got {beam.transfer.shape}."
+            f"got {windows.total.shape}."
         )
     noise = _checked("noise", noise, survey)
     signal = _coefficients("hi", hi, survey)
     bright = _mixture(*foregrounds, survey) if isinstance(foregrounds, tuple) else None
     if bright is None:
         bright = _coefficients("foregrounds", foregrounds, survey)
-    truth = _through(beam.transfer, signal)
-    if beam.after is not None:
+    truth = _through(windows.total, signal)
+    if windows.resmoothing is not None:
         smoothed = _through(
-            beam.after, _coefficients("noise", noise if noise_alms is None else noise_alms, survey)
+            windows.resmoothing, _coefficients("noise", noise if noise_alms is None else noise_alms, survey)
         )
         truth = (one + two for one, two in zip(truth, smoothed, strict=True))
     truth = _cube(truth, survey, "HI and noise")
-    if beam.after is None:
+    if windows.resmoothing is None:
         truth += noise
-    maps = _cube(_through(beam.transfer, bright), survey, "foregrounds")
+    maps = _cube(_through(windows.total, bright), survey, "foregrounds")
     maps += truth
     return Observation(
         maps=maps,
         truth=truth,
         freqs=survey.freqs,
         channel_width=survey.channel_width,
-        beams=beam.transfer,
-        provenance=dict(provenance or {}) | {"beam": beam.name},
+        beams=windows.total,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from himap.progress import progress
 
-__all__ = ["SplitCube", "blocks", "mixture", "projection"]
+__all__ = ["SplitCube", "blocks", "centred", "mixture", "projection"]
 
 _BLOCK = 16384  # pixels
 
@@ -17,6 +17,15 @@ def blocks(n_pix, size=None):
     """Slices of at most `size` pixels, 16384 unless given, that cover `n_pix` pixels."""
     size = size or _BLOCK
     return [slice(start, start + size) for start in range(0, n_pix, size)]
+
+
+def centred(maps, means=None):
+    """float32 maps (n_channels, n_pix) less one number per channel, its mean unless given."""
+    means = maps.mean(axis=1, dtype=np.float64) if means is None else means
+    out = np.empty(maps.shape, dtype=np.float32)
+    for channel, value, row in zip(maps, means, out, strict=True):
+        row[:] = channel - np.float64(value)
+    return out
 
 
 def projection(rows, maps):

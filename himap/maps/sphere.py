@@ -1,4 +1,4 @@
-"""The one door to healpy and ducc0: maps, harmonic coefficients, power spectra, beams.
+"""The door to healpy and ducc0: maps, harmonic coefficients, power spectra, beams.
 
 Maps are HEALPix RING; coefficients are in healpy's order (m major), for real fields of spin 0.
 The transforms run in ducc0, on all cores, in the precision of what they are given: float32 maps
@@ -21,10 +21,10 @@ __all__ = [
     "analyse_closely",
     "analyse_grid",
     "change_resolution",
-    "convolve",
     "coupling_matrix",
     "gaussian_alm",
     "gaussian_beam",
+    "is_n_pix",
     "lmax_of_size",
     "multiply_beam",
     "nest_to_ring",
@@ -46,6 +46,11 @@ N_ITER_FLAT = 2
 beyond 2 nside (there C_l are 1 to 10 % off, 0.2 to 2 % with two) and little better below."""
 
 
+def is_n_pix(number):
+    """Whether a sphere can have this number of pixels: 12 nside^2, nside a power of two."""
+    return bool(hp.isnpixok(number) and hp.isnsideok(hp.npix2nside(number), nest=True))
+
+
 def nside_of(maps):
     """nside of a map or of the last axis of a cube.
 
@@ -55,7 +60,7 @@ def nside_of(maps):
         The number of pixels is not 12 nside^2 with nside a power of two.
     """
     n_pix = np.shape(maps)[-1]
-    if not hp.isnpixok(n_pix) or not hp.isnsideok(hp.npix2nside(n_pix), nest=True):
+    if not is_n_pix(n_pix):
         raise InputError(f"a HEALPix map has 12 nside^2 pixels, nside a power of two; got {n_pix} pixels.")
     return hp.npix2nside(n_pix)
 
@@ -214,18 +219,6 @@ def multiply_beam(alm, beam):
     if len(beam) <= lmax:
         raise InputError(f"the beam must reach l = {lmax}, got {len(beam) - 1}; give a longer b_l.")
     return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
-
-
-def convolve(maps, beams, *, label="maps"):
-    """Cube convolved channel by channel with `beams` (n_channels, lmax + 1), float32.
-
-    Works in float64 on one channel at a time, so foregrounds 1e6 times brighter than HI keep their digits.
-    """
-    alms = (
-        multiply_beam(analyse(np.asarray(channel, dtype=np.float64), len(beam) - 1), beam)
-        for channel, beam in zip(maps, beams, strict=True)
-    )
-    return synthesise_cube(alms, nside_of(maps), n_channels=len(beams), label=f"beam on {label}")
 
 
 def synthesise_cube(alms, nside, *, n_channels, label):

@@ -7,7 +7,7 @@ import numpy as np
 from himap.measures import diagnostics
 from himap.measures.power_spectra import AngularPower, FrequencyPower
 
-__all__ = ["Assessment", "Comparison", "Modes", "Residual", "Spectra"]
+__all__ = ["Assessment", "Comparison", "Modes", "PowerSpectra", "Residual"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Residual:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spectra:
+class PowerSpectra:
     """Both spectra of one cube."""
 
     angular: AngularPower
@@ -44,24 +44,24 @@ class Assessment:
 
     Attributes
     ----------
-    spectra
-        `Spectra` of what it leaves.
+    power_spectra
+        `PowerSpectra` of what it leaves.
     correlation
         Pearson r with the truth in every channel, (n_channels,).
     line_errors
         Mean squared error of every line of sight, (n_pix,), mK^2.
     masked, masked_truth
-        `Spectra` without the lines of sight that `diagnostics.flagged_lines` flags, of what is left and of
-        the truth; None unless asked for.
+        `PowerSpectra` without the lines of sight that `diagnostics.flagged_lines` flags, of what is left
+        and of the truth; None unless asked for.
     converged, n_iterations
         As in `Residual`.
     """
 
-    spectra: Spectra
+    power_spectra: PowerSpectra
     correlation: np.ndarray
     line_errors: np.ndarray
-    masked: Spectra | None
-    masked_truth: Spectra | None
+    masked: PowerSpectra | None
+    masked_truth: PowerSpectra | None
     converged: bool
     n_iterations: int
 
@@ -86,15 +86,15 @@ class Comparison:
     true_frequency: np.ndarray
 
     @classmethod
-    def of(cls, found, true, *, l_top):
-        """From two `Spectra`, for 2 <= l <= l_top and k > 0."""
+    def of(cls, recovered, true, *, l_top):
+        """From two `PowerSpectra`, for 2 <= l <= l_top and k > 0."""
         inside = (true.angular.degrees >= 2) & (true.angular.degrees <= l_top)
         return cls(
             degrees=true.angular.degrees[inside],
-            angular=found.angular.mean[inside],
+            angular=recovered.angular.mean[inside],
             true_angular=true.angular.mean[inside],
             k=true.frequency.k[1:],
-            frequency=found.frequency.power[1:],
+            frequency=recovered.frequency.power[1:],
             true_frequency=true.frequency.power[1:],
         )
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from himap.checks import whole_number
 from himap.errors import InputError
+from himap.instrument.beams.oscillating import Oscillating
 from himap.outputs import whole_file
+from himap.paper import plan
 from himap.paper.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED, Finding
-from himap.paper.evidence import Realisation, make_realisations
+from himap.paper.realisation import Realisation
 from himap.products.parallel import dask_address
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
@@ -33,7 +35,7 @@ class Entry:
         {field: text} of a `himap.paper.claims.Claim`: id, beam, statement, number, paper, section, figure,
         notebook and reading.
     findings
-        {seed: {"value", "verdict", "parts", "sentence"}}, of the first seed first.
+        {seed: `Finding`}, of the first seed first.
     """
 
     claim: dict
@@ -42,7 +44,7 @@ class Entry:
     @property
     def verdict(self):
         """That of most realisations, where *reproduced* also counts as reproduced with a difference."""
-        verdicts = [finding["verdict"] for finding in self.findings.values()]
+        verdicts = [finding.verdict for finding in self.findings.values()]
         decided = [verdict for verdict in verdicts if verdict != UNDECIDED]
         if not decided:
             return UNDECIDED
@@ -53,24 +55,24 @@ class Entry:
     @property
     def agreeing(self):
         """How many realisations have the verdict of the entry."""
-        return sum(finding["verdict"] == self.verdict for finding in self.findings.values())
+        return sum(finding.verdict == self.verdict for finding in self.findings.values())
 
     @property
     def values(self):
         """The measured number: median, lowest and highest over realisations; NaN if there is none."""
-        values = [finding["value"] for finding in self.findings.values() if finding["value"] is not None]
+        values = [finding.value for finding in self.findings.values() if math.isfinite(finding.value)]
         return (float(np.median(values)), min(values), max(values)) if values else (math.nan,) * 3
 
     @property
     def sentence(self):
         """The numbers behind it, of the first realisation."""
-        return next(iter(self.findings.values()))["sentence"]
+        return next(iter(self.findings.values())).sentence
 
     def failed_parts(self):
         """{part: in how many realisations it does not hold}, of the parts that fail in some."""
         count = {}
         for finding in self.findings.values():
-            for part, held in finding["parts"].items():
+            for part, held in finding.parts.items():
                 if not held:
                     count[part] = count.get(part, 0) + 1
         return count
@@ -83,7 +85,7 @@ def realisations(
     galaxy="synthetic",
     template_dir=None,
     small_scales=True,
-    ripple="bracket",
+    oscillating=None,
     plane_weight=0.1,
     plane_edge=15.0,
     n_sources_min=2,
@@ -94,8 +96,10 @@ def realisations(
 
     Parameters
     ----------
-    preset, survey, galaxy, template_dir, small_scales, ripple
+    preset, survey, galaxy, template_dir, small_scales
         As in `himap.paper.study.Study`.
+    oscillating
+        The `Beam` in the place of the oscillating one; that itself unless given.
     plane_weight, plane_edge
         Of the `Dimming`.
     n_sources_min, n_sources_max
@@ -112,7 +116,7 @@ def realisations(
     first = Realisation(
         survey=Survey.preset(preset, **(survey or {})),
         galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        ripple=ripple,
+        oscillating=Oscillating() if oscillating is None else oscillating,
         dimming=Dimming(weight=plane_weight, edge=plane_edge),
         n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
     )
@@ -128,19 +132,19 @@ def evaluate(realisations):
     """
     findings = {id: {} for id in CLAIMS}
     if dask_address():
-        make_realisations(realisations)
+        calls = [call for realisation in realisations for call in realisation.assessments]
+        plan.make(calls, keep_observations=False)
     for realisation in realisations:
         realisation.make()
-        evidence = realisation.evidence()
         for id, claim in CLAIMS.items():
-            findings[id][realisation.survey.seed] = _as_dict(_checked(claim, evidence))
+            findings[id][realisation.survey.seed] = _checked(claim, realisation)
     return [Entry(claim=_words(CLAIMS[id]), findings=found) for id, found in findings.items()]
 
 
-def _checked(claim, evidence):
+def _checked(claim, realisation):
     """The finding; undecided where the maps do not hold the scales that the claim is about."""
     try:
-        return claim.check(evidence)
+        return claim.check(realisation)
     except InputError as error:
         return Finding(value=math.nan, parts={}, sentence=f"Not on these maps: {error}")
 
@@ -152,7 +156,7 @@ def _words(claim):
 
 def _as_dict(finding):
     return {
-        "value": float(finding.value) if np.isfinite(finding.value) else None,
+        "value": _or_none(float(finding.value)),
         "verdict": finding.verdict,
         "parts": {part: bool(held) for part, held in finding.parts.items()},
         "sentence": finding.sentence,
@@ -164,7 +168,7 @@ def write_ledger(entries, path, about):
     rows = [
         entry.claim
         | {"verdict": entry.verdict, "median_lowest_highest": [_or_none(v) for v in entry.values]}
-        | {"realisations": [{"seed": seed} | found for seed, found in entry.findings.items()]}
+        | {"realisations": [{"seed": seed} | _as_dict(found) for seed, found in entry.findings.items()]}
         for entry in entries
     ]
     with whole_file(path) as temporary:
@@ -190,11 +194,13 @@ def read_ledger(path):
 
 
 def _entry(row):
-    findings = {
-        found["seed"]: {k: v for k, v in found.items() if k != "seed"} for found in row["realisations"]
-    }
+    findings = {found["seed"]: _finding(**found) for found in row["realisations"]}
     derived = ("verdict", "median_lowest_highest", "realisations")
     return Entry(claim={key: value for key, value in row.items() if key not in derived}, findings=findings)
+
+
+def _finding(seed, value, verdict, parts, sentence):
+    return Finding(value=math.nan if value is None else value, parts=parts, sentence=sentence)
 
 
 def _or_none(value):

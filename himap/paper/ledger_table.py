@@ -3,6 +3,7 @@
 import html
 from collections import Counter
 
+from himap.figures.tables import HTML, Table
 from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 
 __all__ = ["BADGES", "LedgerTable", "plain_rows", "summary"]
@@ -63,23 +64,15 @@ class LedgerTable:
         self.entries, self.links = entries, links or {}
 
     def __repr__(self):
-        rows = plain_rows(self.entries)
-        widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-        lines = (
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        return repr(Table([], plain_rows(self.entries)))
 
     def _repr_html_(self):
-        parts = []
+        rows = []
         for section, title in _SECTIONS.items():
-            rows = [self._row(entry) for entry in self.entries if entry.claim["section"] == section]
-            if rows:
-                parts.append(f'<tr><th colspan="4" style="text-align:left">{title}</th></tr>' + "".join(rows))
-        head = "".join(
-            f'<th style="text-align:left">{word}</th>' for word in ("", "claim", "verdict", "measured; paper")
-        )
-        return f'<table style="font-size:90%"><tr>{head}</tr>{"".join(parts)}</table>'
+            claims = [self._row(entry) for entry in self.entries if entry.claim["section"] == section]
+            if claims:
+                rows += [["", HTML(f"<strong>{title}</strong>"), "", ""], *claims]
+        return Table(["", "claim", "verdict", "measured; paper"], rows).html()
 
     def _row(self, entry):
         claim = {key: html.escape(value) for key, value in entry.claim.items()}
@@ -88,17 +81,16 @@ class LedgerTable:
             f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
             f'white-space:nowrap">{sign} {entry.verdict}</span>'
         )
-        times = f"{entry.agreeing} of {len(entry.findings)}"
-        left = 'style="text-align:left;vertical-align:top;padding:4px 8px"'
-        measured = f"{html.escape(_measured(entry))}; {claim['paper']}<br><em>{claim['number']}</em>"
-        return (
-            f'<tr id="claim-{claim["id"]}"><td {left}>{claim["id"]}</td>'
-            f"<td {left}>{claim['statement']} <em>({claim['beam']})</em> {self._link(entry.claim)}"
-            f"<details><summary>reading and numbers</summary>{claim['reading']} "
-            f"{html.escape(entry.sentence)}{_failed(entry)}</details></td>"
-            f"<td {left}>{badge}<br>{times} realisations</td>"
-            f"<td {left}>{measured}</td></tr>"
+        cells = (
+            f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
+            # As wide as can be read: on a phone the table scrolls.
+            f'<div style="min-width:16em">{claim["statement"]} <em>({claim["beam"]})</em> '
+            f"{self._link(entry.claim)}<details><summary>reading and numbers</summary>{claim['reading']} "
+            f"{html.escape(entry.sentence)}{_failed(entry)}</details></div>",
+            f"{badge}<br>{entry.agreeing} of {len(entry.findings)} realisations",
+            f"{html.escape(_measured(entry))}; {claim['paper']}<br><em>{claim['number']}</em>",
         )
+        return [HTML(cell) for cell in cells]
 
     def _link(self, claim):
         page, figure = claim["notebook"], claim["figure"]

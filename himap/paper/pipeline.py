@@ -4,15 +4,17 @@ A `Case` names one observation; every product is a function of a case or of a su
 asks for what it shows and what is behind it is made, or found, on the way.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from himap.errors import InputError
-from himap.instrument.beams import RIPPLES, Beam, beam_model
+from himap.instrument.beams.base import Beam
+from himap.instrument.beams.degraded import Degraded
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.maps import sphere
+from himap.maps.blocked import centred
 from himap.measures import diagnostics
 from himap.measures.power_spectra import (
     AngularPower,
@@ -20,10 +22,11 @@ from himap.measures.power_spectra import (
     frequency_power,
     recovered_angular_power,
 )
-from himap.measures.results import Assessment, Modes, Residual, Spectra
+from himap.measures.results import Assessment, Modes, PowerSpectra, Residual
 from himap.products.memory import check_memory
 from himap.products.store import product
 from himap.removal import peaks
+from himap.removal.analysis import analysed
 from himap.sky.dimming import Dimming
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
@@ -32,11 +35,8 @@ from himap.sky.hi import hi_maps
 from himap.survey import Survey
 
 __all__ = [
-    "Assessment",
     "Case",
-    "Modes",
-    "Residual",
-    "Spectra",
+    "analysis",
     "assessment",
     "cleaned",
     "components",
@@ -49,8 +49,7 @@ __all__ = [
     "noise_alms",
     "observation",
     "peak_masked",
-    "prepare",
-    "spectra",
+    "power_spectra",
     "true_spectra",
     "truth_alms",
 ]
@@ -67,33 +66,27 @@ class Case:
     galaxy
         `Galaxy`.
     beam
-        "degraded", "evolving", "oscillating", or a `Beam` of your own (`beam_from_array`).
-    ripple
-        Reading of the oscillating beam's ripple, one of `himap.instrument.beams.RIPPLES`.
+        A `Beam`, such as those of `himap.paper.methods.paper_beams`.
     dimming
         A `Dimming` of the foregrounds along the Galactic plane, or None.
     """
 
     survey: Survey = field(default_factory=Survey)
     galaxy: Galaxy = field(default_factory=Galaxy)
-    beam: str | Beam = "degraded"
-    ripple: str = "bracket"
+    beam: Beam = field(default_factory=Degraded)
     dimming: Dimming | None = None
 
     def __post_init__(self):
         if not (isinstance(self.survey, Survey) and isinstance(self.galaxy, Galaxy)):
             raise InputError("a Case takes a Survey and a Galaxy, such as Galaxy(source='synthetic').")
-        if not isinstance(self.ripple, str) or self.ripple not in RIPPLES:
-            raise InputError(f"unknown ripple {self.ripple!r}; there are {', '.join(RIPPLES)}.")
+        if not isinstance(self.beam, Beam):
+            raise InputError(
+                f"a Case takes a beam, such as Degraded(), got {self.beam!r}; himap.instrument.beams.named "
+                "makes one of its name."
+            )
         if not isinstance(self.dimming, Dimming | None):
             raise InputError(f"dimming must be a Dimming or None, got {self.dimming!r}.")
-        self.beam_of_survey()  # fails now, not after the sky is made
-
-    def beam_of_survey(self):
-        """The `Beam` of this case."""
-        if isinstance(self.beam, Beam):
-            return self.beam
-        return beam_model(self.beam, self.survey, ripple=self.ripple)
+        self.beam.of_survey(self.survey)  # fails now, not after the sky is made
 
 
 def hi(survey):
@@ -145,15 +138,6 @@ def foregrounds(survey, galaxy):
     return emission_maps(components(survey, galaxy), survey.freqs)
 
 
-def prepare(cases):
-    """Make what the observations of `cases` share, once, before several processes ask for it."""
-    for case in cases:
-        components(case.survey, case.galaxy)  # a bad template shows before the long work
-        hi_alms_of_sky(case.survey.sky)
-        noise_alms(case.survey)
-        foreground_modes_of_sky(case.survey.sky, case.galaxy, case.dimming)
-
-
 @product
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
@@ -161,20 +145,14 @@ def observation(case):
     components(survey, case.galaxy)  # a bad template shows before the long work
     check_memory(survey, steps=["observing"])
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
-    beam = case.beam_of_survey()
+    windows = case.beam.of_survey(survey)
     return observe(
         hi_alms_of_sky(survey.sky),
         (bright.spectra, bright.alms),
         noise_maps(survey, survey.rng("noise")),
-        beam,
+        windows,
         survey,
-        noise_alms=None if beam.after is None else noise_alms(survey),
-        provenance={
-            "survey": asdict(survey),
-            "galaxy": asdict(case.galaxy),
-            "ripple": case.ripple,
-            "dimming": case.dimming and asdict(case.dimming),
-        },
+        noise_alms=None if windows.resmoothing is None else noise_alms(survey),
     )
 
 
@@ -186,6 +164,16 @@ def peak_masked(case):
 
 
 @product
+def analysis(case, mask_peaks=True):
+    """The `CubeModes` of the maps that the foreground is found in, less their channel means."""
+    return analysed(centred(_basis(case, mask_peaks)))
+
+
+def _basis(case, mask_peaks):
+    return peak_masked(case).maps if mask_peaks else observation(case).maps
+
+
+@product
 def cleaned(case, remover, mask_peaks=True):
     """The `Residual` of a case cleaned by `remover`, a `ForegroundRemover` such as PCA(n_sources=3).
 
@@ -193,43 +181,44 @@ def cleaned(case, remover, mask_peaks=True):
     The method comes as an object, not by name, so that its result depends on the code of that method alone.
     """
     remover.check(case.survey.n_channels)
-    seen = observation(case)
+    observed = observation(case)
     result = remover.clean(
-        seen.maps,
-        freqs=seen.freqs,
-        beams=seen.beams,
+        observed.maps,
+        freqs=observed.freqs,
+        beams=observed.beams,
         rng=case.survey.rng(f"removal {remover.name}"),
-        separate_on=peak_masked(case).maps if mask_peaks else None,
+        separate_on=_basis(case, mask_peaks) if mask_peaks else None,
+        modes=analysis(case, mask_peaks) if remover.needs_modes else None,
     )
-    found = result.separation
+    separation = result.separation
     return Residual(
         maps=result.residual,
-        mixing=found.mixing,
-        sources=found.sources,
-        converged=found.converged,
-        n_iterations=found.n_iterations,
-        flagged=found.flagged,
+        mixing=separation.mixing,
+        sources=separation.sources,
+        converged=separation.converged,
+        n_iterations=separation.n_iterations,
+        flagged=separation.flagged,
     )
 
 
 def truth_alms(case):
     """Harmonic coefficients of the truth less its channel means, to 3 nside - 1; complex64, not kept."""
-    beam = case.beam_of_survey()
-    seen = hi_alms_of_sky(case.survey.sky), beam.transfer, noise_alms(case.survey), beam.after
-    alms = np.empty(seen[0].shape, dtype=np.complex64)
+    windows = case.beam.of_survey(case.survey)
+    sky, noise = hi_alms_of_sky(case.survey.sky), noise_alms(case.survey)
+    alms = np.empty(sky.shape, dtype=np.complex64)
     for n, out in enumerate(alms):
-        hi, transfer, noise, after = (one if one is None else one[n] for one in seen)
-        out[:] = sphere.multiply_beam(hi, transfer)
-        out += noise if after is None else sphere.multiply_beam(noise, after)
+        out[:] = sphere.multiply_beam(sky[n], windows.total[n])
+        again = windows.resmoothing
+        out += noise[n] if again is None else sphere.multiply_beam(noise[n], again[n])
     alms[:, 0] = 0
     return alms
 
 
 @product
 def true_spectra(case):
-    """The `Spectra` of the truth."""
+    """The `PowerSpectra` of the truth."""
     cl = sphere.power_spectrum(truth_alms(case))
-    return Spectra(
+    return PowerSpectra(
         angular=AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl),
         frequency=frequency_power(observation(case).truth, case.survey.channel_width),
     )
@@ -239,37 +228,36 @@ def true_spectra(case):
 def assessment(case, remover, mask_peaks=True, post_mask=False):
     """The `Assessment` of what `remover` leaves of a case, found as in `cleaned`.
 
-    The cleaned cube is taken from the cache if `cleaned` keeps it there, and is not kept for this: a
-    scan over many methods would fill the disk. With `post_mask` the lines of sight whose error stands out are
-    left out of a second pair of spectra (paper, Sect. 5.1).
+    A cleaned cube that is not kept yet is not kept for this either: a scan over many methods would fill the
+    disk. With `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra
+    (paper, Sect. 5.1).
     """
-    make = cleaned if cleaned.is_cached(case, remover, mask_peaks) else cleaned.compute
-    left, truth = make(case, remover, mask_peaks), observation(case).truth
-    errors = diagnostics.line_errors(left.maps, truth)
+    residual, truth = cleaned.once(case, remover, mask_peaks), observation(case).truth
+    errors = diagnostics.line_errors(residual.maps, truth)
     alms = truth_alms(case)
     width = case.survey.channel_width
     masked = masked_truth = None
     if post_mask:
         kept = ~diagnostics.flagged_lines(errors)
-        pair = angular_power_pair(left.maps, truth, mask=kept, truth_alms=alms)
+        pair = angular_power_pair(residual.maps, truth, mask=kept, truth_alms=alms)
         masked, masked_truth = (
-            Spectra(angular=angular, frequency=frequency_power(maps, width, mask=kept))
-            for angular, maps in zip(pair, (left.maps, truth), strict=True)
+            PowerSpectra(angular=angular, frequency=frequency_power(maps, width, mask=kept))
+            for angular, maps in zip(pair, (residual.maps, truth), strict=True)
         )
     return Assessment(
-        spectra=Spectra(
-            angular=recovered_angular_power(left.maps, truth, alms),
-            frequency=frequency_power(left.maps, width),
+        power_spectra=PowerSpectra(
+            angular=recovered_angular_power(residual.maps, truth, alms),
+            frequency=frequency_power(residual.maps, width),
         ),
-        correlation=diagnostics.correlation(left.maps, truth),
+        correlation=diagnostics.correlation(residual.maps, truth),
         line_errors=errors,
         masked=masked,
         masked_truth=masked_truth,
-        converged=left.converged,
-        n_iterations=left.n_iterations,
+        converged=residual.converged,
+        n_iterations=residual.n_iterations,
     )
 
 
-def spectra(case, remover=None, mask_peaks=True):
-    """The `Spectra` of a case: of the truth, or of what `remover` leaves, found as in `cleaned`."""
-    return true_spectra(case) if remover is None else assessment(case, remover, mask_peaks).spectra
+def power_spectra(case, remover=None, mask_peaks=True):
+    """The `PowerSpectra` of a case: of the truth, or of what `remover` leaves, found as in `cleaned`."""
+    return true_spectra(case) if remover is None else assessment(case, remover, mask_peaks).power_spectra

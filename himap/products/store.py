@@ -92,6 +92,10 @@ class Product:
         """The result, computed now and not kept."""
         return self._function(*args, **kwargs)
 
+    def once(self, *args, **kwargs):
+        """The result, from the cache if it is there, else computed and not kept: for what is kept itself."""
+        return (self if self.is_cached(*args, **kwargs) else self.compute)(*args, **kwargs)
+
     def is_cached(self, *args, **kwargs):
         """Whether a call with these arguments would be read from the cache."""
         key, current = self._key(self._bind(args, kwargs))

@@ -1,7 +1,6 @@
 """Harmonic analysis of a cube, once for all that is asked of it."""
 
 from dataclasses import dataclass
-from zlib import adler32, crc32
 
 import numpy as np
 
@@ -9,11 +8,10 @@ from himap.maps import sphere
 from himap.maps.blocked import projection
 from himap.progress import progress
 from himap.removal import harmonic
-from himap.removal.pca import channel_covariance
+from himap.removal.covariance import channel_covariance
 
 __all__ = ["CubeModes", "analysed"]
 
-_LAST = {}  # the modes of the maps analysed last
 _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and noise alone
 _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more
 _CLOSE = 0.3  # of the level of HI and noise: how well the maps of what is bright are reproduced
@@ -54,26 +52,13 @@ class CubeModes:
         return modes
 
 
-def analysed(maps, *, label):
+def analysed(maps):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
-    1e-5. The modes of the last maps are remembered by what the maps hold, for scans of a parameter on the
-    same maps.
+    1e-5.
     """
-    maps = np.ascontiguousarray(maps)
-    key = (crc32(maps), adler32(maps), maps.shape)
-    if key not in _LAST:
-        modes = _analyse(maps, label)
-        for array in (modes.spectra, modes.bright, modes.rest):
-            array.flags.writeable = False
-        _LAST.clear()
-        _LAST[key] = modes
-    return _LAST[key]
-
-
-def _analyse(maps, label):
     lmax = 3 * sphere.nside_of(maps) - 1
     spectra, tolerances = _bright_axes(channel_covariance(maps))
     pixels = projection(spectra.T, maps)
@@ -82,7 +67,7 @@ def _analyse(maps, label):
         out[:] = harmonic.to_modes(sphere.analyse_closely(one, lmax, tolerance))
     n_iter = 0 if sphere.nside_of(maps) >= _FINE else sphere.N_ITER_FLAT
     rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
-    for channel, spectrum, out in zip(progress(maps, label), spectra, rest, strict=True):
+    for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
         faint = (channel - spectrum @ pixels).astype(np.float32)
         out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=n_iter))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)

@@ -1,18 +1,20 @@
 """What every method of foreground removal has in common: checks, centring, subtraction, the register.
 
-A method is a dataclass of its parameters with one hook, `_separate`. To add one, write one file with
+A method is a frozen dataclass of its parameters with one hook, `_separate`. To add one, write one file with
 one class in `himap/removal/`; it registers by its name, and the contract test runs on it by itself.
 """
 
 import warnings
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_beams, checked_cube, checked_field, checked_freqs, parameter
+from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, parameter
 from himap.errors import InputError
+from himap.maps.blocked import centred
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
@@ -76,7 +78,7 @@ class Cleaned:
         return self.separation.foreground
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ForegroundRemover(ABC):
     """A method of foreground removal; its fields are its parameters.
 
@@ -91,22 +93,24 @@ class ForegroundRemover(ABC):
         Whether the method uses the beams; the others get None for them.
     needs_whole_sky
         Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
+    needs_modes
+        Whether `_separate` gets the harmonic modes of the maps too, `modes`, a `CubeModes`.
     """
 
     name: ClassVar[str]
     centred: ClassVar[bool] = True
     needs_beams: ClassVar[bool] = False
     needs_whole_sky: ClassVar[bool] = False
+    needs_modes: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
         REGISTRY[cls.name] = cls
 
     def __post_init__(self):
-        for item in fields(self):
-            setattr(self, item.name, checked_field(item, getattr(self, item.name)))
+        checked_fields(self)
 
-    def clean(self, maps, *, freqs, beams=None, rng=None, separate_on=None):
+    def clean(self, maps, *, freqs, beams=None, rng=None, separate_on=None, modes=None):
         """Find the foreground and subtract it.
 
         Parameters
@@ -122,6 +126,9 @@ class ForegroundRemover(ABC):
         separate_on
             Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
             themselves unless given. The foreground is always subtracted from `maps`.
+        modes
+            The `CubeModes` of those maps less their channel means (`himap.removal.analysis.analysed`), where
+            they are at hand, for methods that need them: to make them is half of the work.
 
         Returns
         -------
@@ -140,13 +147,23 @@ class ForegroundRemover(ABC):
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
         self.check(len(maps))
-        mean = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        separation = self._separate(_centred(basis, mean), freqs=freqs, beams=beams, rng=rng)
+        means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
+        basis = centred(basis, means)
+        if self.needs_modes:
+            # Imported here: the others do without transforms, and to import these takes a second.
+            from himap.removal.analysis import analysed
+
+            separate = partial(self._separate, modes=analysed(basis) if modes is None else modes)
+        else:
+            separate = self._separate
+        separation = separate(basis, freqs=freqs, beams=beams, rng=rng)
         self._check_result(separation, maps.shape)
         residual = np.empty(maps.shape, dtype=np.float32)
-        for seen, found, value, left in zip(maps, separation.foreground, mean, residual, strict=True):
-            found += value
-            left[:] = seen - found
+        for observed, foreground, mean, left in zip(
+            maps, separation.foreground, means, residual, strict=True
+        ):
+            foreground += mean
+            left[:] = observed - foreground
         return Cleaned(residual=residual, separation=separation)
 
     def _own_beams(self, beams, n_channels):
@@ -190,11 +207,3 @@ class ForegroundRemover(ABC):
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
         """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
-
-
-def _centred(maps, mean):
-    """float32 maps less one number per channel, subtracted in float64 a channel at a time."""
-    out = np.empty(maps.shape, dtype=np.float32)
-    for channel, value, row in zip(maps, mean, out, strict=True):
-        row[:] = channel - np.float64(value)
-    return out

@@ -6,14 +6,13 @@ from himap.maps import sphere
 from himap.maps.blocked import mixture, projection
 from himap.progress import progress
 from himap.removal import harmonic
-from himap.removal.analysis import analysed
 
 __all__ = ["through_beams"]
 
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
-def through_beams(maps, space, beams):
+def through_beams(maps, space, beams, modes):
     """What the spectra `space`, seen through `beams`, hold of `maps`, (n_channels, n_pix) float32.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
@@ -28,21 +27,23 @@ def through_beams(maps, space, beams):
         (n_channels, n_sources); only the space that its columns span matters.
     beams
         b_l, (n_channels, lmax + 1); a common factor of all channels at one l does not matter.
+    modes
+        The `CubeModes` of the maps.
     """
     nside = sphere.nside_of(maps)
     lmax = min(3 * nside, beams.shape[1]) - 1
     bases = _bases(space, beams[:, : lmax + 1])
     spectra = _common(bases)
     within = np.einsum("cv,lcn->lvn", spectra, bases)
-    modes = analysed(maps, label="sdecgmca: analysis").along(spectra.T, lmax)
+    seen = modes.along(spectra.T, lmax)
     # P_l of what the transform holds and the last P of the rest: P_l m less P_last m, and P_last of it all.
     last = within[-1]
-    beyond = last @ (last.T @ modes)
-    for basis, block in zip(within, harmonic.blocks(modes), strict=True):
+    beyond = last @ (last.T @ seen)
+    for basis, block in zip(within, harmonic.blocks(seen), strict=True):
         block[:] = basis @ (basis.T @ block)
-    modes -= beyond
+    seen -= beyond
     found = last @ (last.T @ projection(spectra.T, maps))
-    for pixels, mode in zip(progress(found, "sdecgmca: foreground"), modes, strict=True):
+    for pixels, mode in zip(progress(found, "foreground"), seen, strict=True):
         pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
     return mixture(spectra, found)
 

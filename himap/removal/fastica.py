@@ -5,20 +5,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from sklearn.decomposition import fastica
-from sklearn.exceptions import ConvergenceWarning
 
 from himap.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
-from himap.removal.pca import PCA
+from himap.removal.pca import principal_components
 
 __all__ = ["FastICA"]
 
-_CONTRASTS = ("logcosh", "exp", "cube")
 
-
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class FastICA(ForegroundRemover):
     """Independent components: the rotation of the principal components that is least Gaussian.
 
@@ -36,19 +32,16 @@ class FastICA(ForegroundRemover):
 
     name: ClassVar[str] = "fastica"
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
-    contrast: str = parameter("logcosh", "contrast function: logcosh, exp or cube")
+    contrast: str = parameter(
+        "logcosh", "contrast function: logcosh, exp or cube", choices=("logcosh", "exp", "cube")
+    )
     max_iterations: int = parameter(500, "largest number of iterations", minimum=1)
     tolerance: float = parameter(1e-6, "rotation between iterations at which to stop", minimum=0, above=True)
-
-    def __post_init__(self):
-        super().__post_init__()
-        if self.contrast not in _CONTRASTS:
-            raise InputError(f"contrast must be one of {', '.join(_CONTRASTS)}, got {self.contrast!r}.")
 
     def _separate(self, maps, *, freqs, beams, rng):
         if rng is None:
             raise InputError("fastica starts from a random rotation: pass rng=np.random.default_rng(seed).")
-        axes = PCA(n_sources=self.n_sources)._separate(maps, freqs=freqs, beams=beams, rng=rng)
+        axes = principal_components(maps, self.n_sources)
         scale = np.sqrt(np.mean(axes.sources**2, axis=1))
         rank = np.count_nonzero(scale > _rounding(scale[0], len(maps)))
         mixing, sources = np.zeros_like(axes.mixing), np.zeros_like(axes.sources)
@@ -69,6 +62,10 @@ class FastICA(ForegroundRemover):
 
     def _rotation(self, white, start):
         """W and the number of iterations, which is the largest one where scikit-learn did not converge."""
+        # Imported here: every other method does without, and it takes as long as all of himap.
+        from sklearn.decomposition import fastica
+        from sklearn.exceptions import ConvergenceWarning
+
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # the base class warns, in our words
             _, rotation, _, n_iterations = fastica(

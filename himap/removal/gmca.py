@@ -5,15 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.blocked import SplitCube, mixture, projection
 from himap.maps.starlets import starlet_bands
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
+from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
-from himap.removal.pca import bright_axes, channel_covariance, principal_axes
 from himap.removal.thresholds import NORMAL, share_threshold
 
 __all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
@@ -21,7 +20,7 @@ __all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class GMCA(ForegroundRemover):
     """Sources that are sparse in starlets (Bobin et al. 2007; Carucci et al. 2020).
 
@@ -47,18 +46,13 @@ class GMCA(ForegroundRemover):
     needs_whole_sky: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
     n_scales: int = parameter(4, "number of starlet detail scales", minimum=1, maximum=12)
-    penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)")
+    penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)", choices=("l0", "l1"))
     n_sigma: float = parameter(3.0, "last threshold, in units of the noise of each scale", minimum=0)
     n_falling: int = parameter(50, "iterations in which the thresholds fall", minimum=1)
     max_iterations: int = parameter(200, "largest number of iterations", minimum=1)
     tolerance: float = parameter(
         1e-3, "change of the foreground to stop at, in units of what is left", minimum=0, above=True
     )
-
-    def __post_init__(self):
-        super().__post_init__()
-        if self.penalty not in ("l0", "l1"):
-            raise InputError(f"penalty must be l0 or l1, got {self.penalty!r}.")
 
     def _separate(self, maps, *, freqs, beams, rng):
         for step in progress(self.iterate(maps), "gmca", total=self.max_iterations):

@@ -12,10 +12,10 @@ from himap.maps.blocked import blocks
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
-__all__ = ["FREE_FREE_INDEX", "Parametric"]
+__all__ = ["FIXED_INDEX", "Parametric"]
 
-FREE_FREE_INDEX = -2.13
-"""Spectral index of the first term (Bennett et al. 1992)."""
+FIXED_INDEX = -2.13
+"""Spectral index of the first term, free-free emission (Bennett et al. 1992)."""
 
 _BLOCK = 4096  # pixels at a time: the float64 copies of a block stay small
 _DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band and indices the fields allow
@@ -24,7 +24,7 @@ _MAX_STEPS = 60  # bisection alone needs 45
 _TOLERANCE = 1e-11  # in units of half the range of beta
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Parametric(ForegroundRemover):
     """Two power laws in frequency, fitted to each line of sight on its own.
 
@@ -107,7 +107,7 @@ class _TwoPowerLaws:
     def __init__(self, x, beta_min, beta_max):
         self.logx = np.log(x)
         self.middle, self.half = 0.5 * (beta_max + beta_min), 0.5 * (beta_max - beta_min)
-        first = np.exp(FREE_FREE_INDEX * self.logx)
+        first = np.exp(FIXED_INDEX * self.logx)
         self.norm = np.linalg.norm(first)
         self.q1 = first / self.norm
         table = chebyshev.chebinterpolate(np.vectorize(self._table, signature="()->(n)"), _DEGREE)
@@ -115,8 +115,8 @@ class _TwoPowerLaws:
 
     def _table(self, t):
         """q2, and the product with q1 and the inverse norm of the vector it comes from, in one row."""
-        delta = self.middle + self.half * t - FREE_FREE_INDEX
-        second = np.exp(FREE_FREE_INDEX * self.logx) * self.logx * exprel(delta * self.logx)
+        delta = self.middle + self.half * t - FIXED_INDEX
+        second = np.exp(FIXED_INDEX * self.logx) * self.logx * exprel(delta * self.logx)
         overlap = self.q1 @ second
         second -= overlap * self.q1
         norm = np.linalg.norm(second)
@@ -136,14 +136,14 @@ class _TwoPowerLaws:
         fit = np.outer(self.q1, flat) + (self.q2.T @ powers) * height
         beta = self.middle + self.half * t
         slope = height * (self.inverse_norm @ powers)
-        second = slope / (beta - FREE_FREE_INDEX)
+        second = slope / (beta - FIXED_INDEX)
         first = (flat - height * (self.overlap @ powers)) / self.norm - second
         return fit, np.stack([first, second, beta])
 
     def derivatives(self, first, second, beta):
         """Derivatives of the model with respect to a1, a2 and beta, (n_channels, 3)."""
         power = np.exp(beta * self.logx)
-        return np.stack([np.exp(FREE_FREE_INDEX * self.logx), power, second * power * self.logx], axis=1)
+        return np.stack([np.exp(FIXED_INDEX * self.logx), power, second * power * self.logx], axis=1)
 
 
 @dataclass(frozen=True)

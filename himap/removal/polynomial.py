@@ -10,7 +10,7 @@ from himap.removal.peaks import check_clipping, smooth_baselines
 __all__ = ["Polynomial"]
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Polynomial(ForegroundRemover):
     """A polynomial in frequency, fitted to each line of sight on its own.
 

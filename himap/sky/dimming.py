@@ -1,10 +1,10 @@
 """Foregrounds made fainter along the Galactic plane (paper, Sect. 5.2)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from himap.checks import checked_field, parameter
+from himap.checks import checked_fields, parameter
 from himap.maps import sphere
 
 __all__ = ["Dimming"]
@@ -32,8 +32,7 @@ class Dimming:
     )
 
     def __post_init__(self):
-        for item in fields(self):
-            object.__setattr__(self, item.name, checked_field(item, getattr(self, item.name)))
+        checked_fields(self)
 
     def weights(self, nside):
         """The weight of every pixel, (n_pix,) float64, RING, Galactic."""

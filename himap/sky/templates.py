@@ -6,12 +6,10 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import healpy as hp
 import numpy as np
-from astropy.io import fits
 
 from himap.errors import InputError
-from himap.maps import sphere
+from himap.maps.healpix_files import MILLIKELVIN, read_maps, temperature_unit, to_ring
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
@@ -24,7 +22,6 @@ _KINDS = {
     "synchrotron": re.compile("synchrotron", re.IGNORECASE),
     "free-free": re.compile("free[ _-]?free", re.IGNORECASE),
 }
-_UNITS = {"k": 1e3, "mk": 1.0, "uk": 1e-3, "µk": 1e-3, "μk": 1e-3}  # to mK; both letters mu
 _INDEX_LIMITS = (-5.0, 0.0)
 _NOT_POSITIVE = 0.01  # share of the pixels that may be zero or negative
 
@@ -137,61 +134,39 @@ def _freq_of(path):
 
 
 def _read_map(path):
-    """First column of a FITS map, RING, float64, and its header as a dict."""
-    try:
-        with fits.open(path) as file:  # healpy would leave a damaged file open
-            pixels, cards = hp.read_map(file, field=0, nest=False, dtype=np.float64, h=True)
-    except Exception as error:  # healpy and astropy raise nearly anything on a damaged file
-        raise InputError(
-            f"{path.name} could not be read as a HEALPix map ({type(error).__name__}: {error}). "
-            f"Write it again with healpy.write_map, whole and of a valid nside."
-        ) from error
-    header = dict(cards)
-    if (
-        str(header.get("INDXSCHM", "")).strip() == "EXPLICIT"
-        or str(header.get("OBJECT", "")).strip() == "PARTIAL"
-    ):
+    """First map of a file, RING, Galactic, float64, without holes, and its unit."""
+    file = read_maps(path, n_maps=1)
+    if file.partial:
         raise InputError(
             f"{path.name} covers a part of the sky; templates cover all of it. Fill the rest first."
         )
-    if str(header.get("ORDERING", "")).strip().upper() not in ("RING", "NESTED", "NEST"):
+    if file.nested is None:
         raise InputError(
-            f"{path.name} must say ORDERING = RING or NESTED in its header, got "
-            f"{header.get('ORDERING', 'nothing')!r}. Write it again with healpy.write_map."
+            f"{path.name} must say ORDERING = RING or NESTED in its header. Write it again with "
+            "healpy.write_map."
         )
-    _check_frame(path, str(header.get("COORDSYS", "G")).strip().upper())
-    sphere.nside_of(pixels)
-    bad = np.count_nonzero(~np.isfinite(pixels) | (np.abs(pixels / hp.UNSEEN - 1) < 1e-5))
-    if bad:
-        raise InputError(
-            f"{path.name} has {bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
-            "templates need a value in every pixel. Fill the holes first."
-        )
-    return pixels, header
-
-
-def _check_frame(path, frame):
+    frame = (file.coordinates or "G").upper()
     if frame not in ("G", "GAL", "GALACTIC"):
         raise InputError(
             f"{path.name} must be in Galactic coordinates (COORDSYS = G), got COORDSYS = {frame!r}. Rotate "
             f"it first: healpy.Rotator(coord=[{frame[:1]!r}, 'G']).rotate_map_pixel(pixels), and "
             "healpy.write_map(..., coord='G')."
         )
+    pixels = file.maps[0].astype(np.float64)
+    bad = np.count_nonzero(~np.isfinite(pixels))
+    if bad:
+        raise InputError(
+            f"{path.name} has {bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
+            "templates need a value in every pixel. Fill the holes first."
+        )
+    return to_ring(pixels) if file.nested else pixels, file.units[0]
 
 
 def _read_intensity(path, name):
     """Intensity map in mK, RING, positive."""
-    pixels, header = _read_map(path)
-    unit = str(header.get("TUNIT1") or "").strip()
-    bare = re.sub(r"[ _]?\{?\(?rj\)?\}?$", "", unit.lower())
-    if bare not in _UNITS:
-        came = f"{unit!r}" if unit else "no TUNIT1"
-        raise InputError(
-            f"{path.name} must have a unit in its header (TUNIT1) out of K, K_RJ, mK, mK_RJ, uK, uK_RJ "
-            f"(Rayleigh-Jeans brightness temperature), got {came}. Convert the map and write "
-            "it with healpy.write_map(..., column_units='K_RJ')."
-        )
-    return positive(pixels * _UNITS[bare], f"{name} ({path.name})")
+    pixels, unit = _read_map(path)
+    unit = temperature_unit(unit, f"TUNIT1 in {path.name}")
+    return positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
 
 
 def positive(pixels, label):

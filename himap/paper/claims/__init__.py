@@ -1,4 +1,4 @@
-"""The claims of the paper as checks: one function for each, on the `Evidence` of one realisation.
+"""The claims of the paper as checks: one function for each, on one `Realisation` of the sky.
 
 A claim is broken into parts that hold or do not. It is reproduced if all hold, reproduced with a difference
 if at least half of them do, not reproduced otherwise. How the words of the paper are read is in the

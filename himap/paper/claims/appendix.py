@@ -13,9 +13,9 @@ _APPENDIX = {"section": "A", "notebook": "14_diagnostics"}
     "A1", "oscillating", "SD has the highest correlation with the truth at every frequency.",
     number="share of channels where SD is highest", paper="1", figure="A.1", **_APPENDIX,
 )  # fmt: skip
-def correlation_highest(evidence):
+def correlation_highest(realisation):
     """Parts: highest on average over channels; highest in every channel."""
-    values = {METHODS[name]: one.correlation for name, one in evidence.recoveries["oscillating"].items()}
+    values = {short: realisation.correlation(name) for name, short in METHODS.items()}
     others = np.max([row for name, row in values.items() if name != "SD"], axis=0)
     share = float(np.mean(values["SD"] >= others))
     means = {name: row.mean() for name, row in values.items()}
@@ -33,12 +33,11 @@ def correlation_highest(evidence):
     "A2", "oscillating", "SD has the smallest variance of R_l for 10 <= l <= 200.",
     number="share of l where SD is smallest", paper="1", figure="A.2", **_APPENDIX,
 )  # fmt: skip
-def variance_smallest(evidence):
+def variance_smallest(realisation):
     """Parts: smallest on average (geometric mean over l); smallest at every l."""
-    recoveries = evidence.recoveries["oscillating"]
-    degrees = recoveries["sdecgmca"].spectra.degrees
+    degrees = realisation.of("oscillating")["sdecgmca"].degrees
     inside = (degrees >= 10) & (degrees <= 200)
-    values = {METHODS[name]: one.variance[inside] for name, one in recoveries.items()}
+    values = {short: realisation.variance(name)[inside] for name, short in METHODS.items()}
     others = np.min([row for name, row in values.items() if name != "SD"], axis=0)
     share = float(np.mean(values["SD"] <= others))
     means = {name: float(np.exp(np.mean(np.log(row)))) for name, row in values.items()}

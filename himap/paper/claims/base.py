@@ -9,7 +9,6 @@ from himap.measures.diagnostics import BUMP, band_max, band_mean, largest_deviat
 
 __all__ = [
     "BLIND",
-    "BSS",
     "DIFFERENT",
     "FAILED",
     "LOW_K",
@@ -48,7 +47,6 @@ METHODS = {
 }
 """Short names of the methods in the ledger."""
 
-BSS = ("pca", "fastica", "gmca", "sdecgmca")
 BLIND = ("pca", "fastica", "gmca")
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
 
@@ -95,7 +93,7 @@ class Claim:
     section, figure, notebook
         Of the paper; where the companion shows it.
     check
-        Function from `Evidence` to `Finding`.
+        Function from `Realisation` to `Finding`.
     """
 
     id: str
@@ -119,7 +117,7 @@ REGISTRY = {}
 
 
 def claim(id, beam, statement, *, number, paper, section, figure, notebook):
-    """Decorator: enter a function from `Evidence` to `Finding`; its docstring is the reading."""
+    """Decorator: enter a function from `Realisation` to `Finding`; its docstring is the reading."""
 
     def register(check):
         REGISTRY[id] = Claim(

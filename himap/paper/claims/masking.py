@@ -5,7 +5,6 @@ import numpy as np
 from himap.maps import sphere
 from himap.paper.claims.base import (
     BLIND,
-    BSS,
     LOW_K,
     METHODS,
     Finding,
@@ -18,6 +17,7 @@ from himap.paper.claims.base import (
     listing,
     total,
 )
+from himap.paper.methods import BSS
 
 __all__ = [
     "dimmed_all",
@@ -40,10 +40,10 @@ _PLANE = 15.0  # deg of latitude
     number="smallest ratio of total MSE, without over with", paper="> 1",
     section="4.1, B", figure="B.3", notebook="03_peak_masking",
 )  # fmt: skip
-def peaks_left_in(evidence):
+def peaks_left_in(realisation):
     """Worse is a total MSE of both spectra that is larger by a thousandth, one part for each method."""
-    with_mask = by_method(evidence.of("oscillating"), total)
-    without = by_method(evidence.of("peaks left in"), total)
+    with_mask = by_method(realisation.of("oscillating"), total)
+    without = by_method(realisation.of("peaks left in"), total)
     values = {name: without[name] / with_mask[name] for name in with_mask}
     return Finding(
         value=min(values.values()),
@@ -56,9 +56,9 @@ def peaks_left_in(evidence):
     "M1", "oscillating", "The lines of sight whose error stands out lie along the Galactic plane.",
     number="share of SD's flagged lines within 15 deg of the plane", paper="most", figure="5", **_POST,
 )  # fmt: skip
-def flagged_in_plane(evidence):
+def flagged_in_plane(realisation):
     """More than half of those that SD leaves lie within 15 deg of the plane, which is 26 % of the sky."""
-    flagged = evidence.recoveries["oscillating"]["sdecgmca"].flagged
+    flagged = realisation.flagged("sdecgmca")
     if not flagged.any():
         return Finding(value=np.nan, parts={}, sentence="No line of sight is flagged.")
     latitude = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged])
@@ -71,17 +71,13 @@ def flagged_in_plane(evidence):
     )
 
 
-def _masked(evidence, method):
-    return evidence.recoveries["oscillating"][method].masked
-
-
 @claim(
     "M2", "oscillating", "Without them the peak of SD is lower, and lower k are recovered.",
     number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked", figure="6", **_POST,
 )  # fmt: skip
-def masked_sdecgmca(evidence):
+def masked_sdecgmca(realisation):
     """The highest P/P0 near k = 0.31 is lower, and the mean |P/P0 - 1| at k < 0.1 is smaller. Two parts."""
-    whole, masked = evidence.of("oscillating")["sdecgmca"], _masked(evidence, "sdecgmca")
+    whole, masked = realisation.of("oscillating")["sdecgmca"], realisation.masked("sdecgmca")
     peak, low = (bump(whole), bump(masked)), [frequency_error(0, LOW_K)(one) for one in (whole, masked)]
     return Finding(
         value=peak[1],
@@ -95,10 +91,10 @@ def masked_sdecgmca(evidence):
     "M3", "oscillating", "P/P0 of the other methods does not improve notably.",
     number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1", figure="6", **_POST,
 )  # fmt: skip
-def masked_others(evidence):
+def masked_others(realisation):
     """Notably is by more than a fifth of the mean |P/P0 - 1|; PCA, ICA and GMCA, one part for each."""
-    before = by_method(evidence.of("oscillating"), frequency_error(0), BLIND)
-    after = {METHODS[name]: frequency_error(0)(_masked(evidence, name)) for name in BLIND}
+    before = by_method(realisation.of("oscillating"), frequency_error(0), BLIND)
+    after = {METHODS[name]: frequency_error(0)(realisation.masked(name)) for name in BLIND}
     values = {name: after[name] / before[name] for name in before}
     return Finding(
         value=min(values.values()),
@@ -111,11 +107,11 @@ def masked_others(evidence):
     "M4", "oscillating", "C/C0 improves for every BSS method, most for SD.",
     number="largest mean |C/C0 - 1| over that without the mask", paper="< 1", figure="6", **_POST,
 )  # fmt: skip
-def masked_angular(evidence):
+def masked_angular(realisation):
     """The mean |C/C0 - 1| for 2 <= l < 200 shrinks; most is by the largest factor. Five parts."""
     error = angular_error(1, 200)
     values = {
-        METHODS[name]: error(_masked(evidence, name)) / error(evidence.of("oscillating")[name])
+        METHODS[name]: error(realisation.masked(name)) / error(realisation.of("oscillating")[name])
         for name in BSS
     }
     return Finding(
@@ -130,9 +126,9 @@ def masked_angular(evidence):
     "G1", "oscillating, dimmed", "Dimming the plane improves every method, most PCA, ICA and SD.",
     number="largest total MSE over that of the full Galaxy", paper="< 1", **_DIMMED,
 )  # fmt: skip
-def dimmed_all(evidence):
+def dimmed_all(realisation):
     """To improve is a smaller total MSE; most is by the three largest factors. Seven parts."""
-    before, after = (by_method(evidence.of(case), total) for case in ("oscillating", "dimmed"))
+    before, after = (by_method(realisation.of(case), total) for case in ("oscillating", "dimmed"))
     values = {name: after[name] / before[name] for name in before}
     best = set(sorted(values, key=values.get)[:3])
     return Finding(
@@ -147,9 +143,9 @@ def dimmed_all(evidence):
     "G2", "oscillating, dimmed", "The peak near k = 0.3 stays for PCA and ICA, and is below 2 % for SD.",
     number="highest P/P0 of SD near k = 0.31, less 1", paper="< 0.02", **_DIMMED,
 )  # fmt: skip
-def dimmed_peak(evidence):
+def dimmed_peak(realisation):
     """A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Three parts."""
-    values = by_method(evidence.of("dimmed"), bump, ("pca", "fastica", "sdecgmca"))
+    values = by_method(realisation.of("dimmed"), bump, ("pca", "fastica", "sdecgmca"))
     return Finding(
         value=values["SD"] - 1,
         parts={f"{name}: the peak stays": values[name] > 1.1 for name in ("PCA", "ICA")}
@@ -162,14 +158,14 @@ def dimmed_peak(evidence):
     "G3", "oscillating, dimmed", "The range of l that is recovered grows for PCA, ICA and SD.",
     number="smallest growth of the share of l within 10 %", paper="> 0", **_DIMMED,
 )  # fmt: skip
-def dimmed_range(evidence):
+def dimmed_range(realisation):
     """The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows, one part for each method."""
 
     def share(one):
         return float(np.mean(np.abs(one.angular_ratio[one.degrees <= 200] - 1) < 0.1))
 
     three = ("pca", "fastica", "sdecgmca")
-    before, after = (by_method(evidence.of(case), share, three) for case in ("oscillating", "dimmed"))
+    before, after = (by_method(realisation.of(case), share, three) for case in ("oscillating", "dimmed"))
     values = {name: after[name] - before[name] for name in before}
     return Finding(
         value=min(values.values()),

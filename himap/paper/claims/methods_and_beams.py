@@ -4,7 +4,6 @@ import numpy as np
 
 from himap.measures.diagnostics import band_max, largest_deviation
 from himap.paper.claims.base import (
-    BSS,
     LOW_K,
     METHODS,
     Finding,
@@ -19,6 +18,7 @@ from himap.paper.claims.base import (
     frequency_mean,
     listing,
 )
+from himap.paper.methods import BSS
 
 __all__ = [
     "beyond_200",
@@ -45,9 +45,9 @@ _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
     "D1", "degraded", "All six methods recover C/C0 to 10 % for 3 < l < 200.",
     number="largest |C/C0 - 1|", paper="< 0.1", **_ANGULAR,
 )  # fmt: skip
-def degraded_angular(evidence):
+def degraded_angular(realisation):
     """Every l between 3 and 200 (or 2 nside), one part for each method."""
-    values = by_method(evidence.of("degraded"), angular_deviation(3, 200))
+    values = by_method(realisation.of("degraded"), angular_deviation(3, 200))
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 0.1, "within 10 %"),
@@ -59,9 +59,9 @@ def degraded_angular(evidence):
     "D2", "degraded", "All six methods recover P/P0 to 10 % for k > 0.03.",
     number="largest |P/P0 - 1|", paper="< 0.1", **_FREQUENCY,
 )  # fmt: skip
-def degraded_frequency(evidence):
+def degraded_frequency(realisation):
     """Every k above 0.03, one part for each method."""
-    values = by_method(evidence.of("degraded"), frequency_deviation(0.03))
+    values = by_method(realisation.of("degraded"), frequency_deviation(0.03))
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 0.1, "within 10 %"),
@@ -73,9 +73,9 @@ def degraded_frequency(evidence):
     "D3", "degraded", "All six methods lose power at k < 0.03.",
     number="largest P/P0", paper="< 1", **_FREQUENCY,
 )  # fmt: skip
-def degraded_loss(evidence):
+def degraded_loss(realisation):
     """P/P0 below 1 at every k below 0.03, one part for each method."""
-    values = by_method(evidence.of("degraded"), lambda one: band_max(one.k, one.frequency_ratio, 0, 0.03))
+    values = by_method(realisation.of("degraded"), lambda one: band_max(one.k, one.frequency_ratio, 0, 0.03))
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 1, "loses power"),
@@ -87,9 +87,9 @@ def degraded_loss(evidence):
     "E1", "evolving", "The parametric fit is too high in C/C0 by orders of magnitude at every l.",
     number="lowest C/C0 of PAR", paper="> 100", **_ANGULAR,
 )  # fmt: skip
-def evolving_parametric(evidence):
+def evolving_parametric(realisation):
     """Orders of magnitude are two or more: a factor of 100 at every l to 200, with 10 as the other part."""
-    one = evidence.of("evolving")["parametric"]
+    one = realisation.of("evolving")["parametric"]
     ratios = one.angular_ratio[one.degrees <= 200]
     return Finding(
         value=float(ratios.min()),
@@ -102,9 +102,9 @@ def evolving_parametric(evidence):
     "E2", "evolving", "PCA, ICA and SD recover C/C0 to about 10 % for 4 <= l <= 200.",
     number="largest |C/C0 - 1|", paper="about 0.1", **_ANGULAR,
 )  # fmt: skip
-def evolving_angular(evidence):
+def evolving_angular(realisation):
     """Less than 15 % at every l, one part for each method."""
-    values = by_method(evidence.of("evolving"), angular_deviation(3, 201), ("pca", "fastica", "sdecgmca"))
+    values = by_method(realisation.of("evolving"), angular_deviation(3, 201), ("pca", "fastica", "sdecgmca"))
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 0.15, "within about 10 %"),
@@ -116,9 +116,9 @@ def evolving_angular(evidence):
     "E3", "evolving", "GMCA has a clear excess in C/C0 from l = 40 down, and in P/P0 below k = 0.2.",
     number="mean C/C0 of GMCA for 10 < l < 40", paper="> 1.1", **_ANGULAR,
 )  # fmt: skip
-def evolving_gmca(evidence):
+def evolving_gmca(realisation):
     """A clear excess is a mean of more than 1.1: for 2 <= l < 10, for 10 < l < 40, and for k < 0.2."""
-    one = evidence.of("evolving")["gmca"]
+    one = realisation.of("evolving")["gmca"]
     large, intermediate = angular_mean(1, 10)(one), angular_mean(10, 40)(one)
     frequency = frequency_mean(0, 0.2)(one)
     return Finding(
@@ -137,11 +137,11 @@ def evolving_gmca(evidence):
     "E4", "evolving", "All but PAR recover P/P0 down to k of about 0.1, and deviate more below.",
     number="largest |P/P0 - 1| at k > 0.1", paper="< 0.1", **_FREQUENCY,
 )  # fmt: skip
-def evolving_frequency(evidence):
+def evolving_frequency(realisation):
     """Recovered is to 10 % at every k above 0.1; the deviation below must be larger. Two parts a method."""
     five = tuple(name for name in METHODS if name != "parametric")
-    above = by_method(evidence.of("evolving"), frequency_deviation(0.1), five)
-    below = by_method(evidence.of("evolving"), frequency_deviation(0, 0.1), five)
+    above = by_method(realisation.of("evolving"), frequency_deviation(0.1), five)
+    below = by_method(realisation.of("evolving"), frequency_deviation(0, 0.1), five)
     grows = {f"{name} deviates more below": below[name] > above[name] for name in above}
     return Finding(
         value=max(above.values()),
@@ -154,9 +154,9 @@ def evolving_frequency(evidence):
     "E5", "evolving", "POL does not feel this beam.",
     number="largest change of C/C0 from the degraded to the evolving beam", paper="small", **_FREQUENCY,
 )  # fmt: skip
-def evolving_polynomial(evidence):
+def evolving_polynomial(realisation):
     """Both ratios are within 10 % of those of the degraded beam, for 3 < l < 200 and for k > 0.03."""
-    evolving, degraded = (evidence.of(beam)["polynomial"] for beam in ("evolving", "degraded"))
+    evolving, degraded = (realisation.of(beam)["polynomial"] for beam in ("evolving", "degraded"))
     angular = largest_deviation(evolving.degrees, evolving.angular_ratio / degraded.angular_ratio, 3, 200)[0]
     frequency = largest_deviation(
         evolving.k, evolving.frequency_ratio / degraded.frequency_ratio, 0.03, np.inf
@@ -172,7 +172,7 @@ def evolving_polynomial(evidence):
     "O1", "oscillating", "POL and PAR fail in both spectra.",
     number="smallest of the four median errors, as a factor", paper="> 2", **_ANGULAR,
 )  # fmt: skip
-def oscillating_fits(evidence):
+def oscillating_fits(realisation):
     """To fail is to be off by a factor of 2 at half of all l up to 200, or of all k. Four parts."""
 
     def factor(ratios):
@@ -180,7 +180,7 @@ def oscillating_fits(evidence):
 
     values = {}
     for name in ("polynomial", "parametric"):
-        one = evidence.of("oscillating")[name]
+        one = realisation.of("oscillating")[name]
         values[f"{METHODS[name]} in C"] = factor(one.angular_ratio[one.degrees <= 200])
         values[f"{METHODS[name]} in P"] = factor(one.frequency_ratio)
     return Finding(
@@ -194,9 +194,9 @@ def oscillating_fits(evidence):
     "O2", "oscillating", "The BSS methods have a strong excess in C/C0 at l < 10.",
     number="smallest mean C/C0 at l < 10", paper="> 1.5", **_ANGULAR,
 )  # fmt: skip
-def oscillating_excess(evidence):
+def oscillating_excess(realisation):
     """A strong excess is a mean of more than 1.5 for 2 <= l < 10, one part for each method."""
-    values = by_method(evidence.of("oscillating"), angular_mean(1, 10), BSS)
+    values = by_method(realisation.of("oscillating"), angular_mean(1, 10), BSS)
     return Finding(
         value=min(values.values()),
         parts=each_part(values, lambda value: value > 1.5, "in excess"),
@@ -208,9 +208,9 @@ def oscillating_excess(evidence):
     "O3", "oscillating", "SD recovers C/C0 to 5 % for 10 < l < 200; PCA, ICA and GMCA are each further off.",
     number="largest |C/C0 - 1| of SD", paper="< 0.05", **_ANGULAR,
 )  # fmt: skip
-def oscillating_angular(evidence):
+def oscillating_angular(realisation):
     """SD at every l; the others by their mean |C/C0 - 1|. Four parts."""
-    comparisons = evidence.of("oscillating")
+    comparisons = realisation.of("oscillating")
     one = comparisons["sdecgmca"]
     worst, where = largest_deviation(one.degrees, one.angular_ratio, 10, 200)
     inside = (one.degrees > 10) & (one.degrees < 200)
@@ -229,9 +229,9 @@ def oscillating_angular(evidence):
     "O4", "oscillating", "Every method has a spurious peak in P/P0 near k = 0.3; that of SD is the lowest.",
     number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest", **_FREQUENCY,
 )  # fmt: skip
-def oscillating_peak(evidence):
+def oscillating_peak(realisation):
     """A peak is a P/P0 above 1.1 for 0.25 < k < 0.38; one part for each method, one for the rank."""
-    values = by_method(evidence.of("oscillating"), bump)
+    values = by_method(realisation.of("oscillating"), bump)
     return Finding(
         value=values["SD"],
         parts=each_part(values, lambda value: value > 1.1, "has the peak")
@@ -244,9 +244,9 @@ def oscillating_peak(evidence):
     "O5", "oscillating", "The BSS methods have an excess in P/P0 at low k, SD no less than PCA or ICA.",
     number="mean P/P0 of SD at k < 0.1", paper="> 1.1", **_FREQUENCY,
 )  # fmt: skip
-def oscillating_low_k(evidence):
+def oscillating_low_k(realisation):
     """An excess is a mean of more than 1.1 at k < 0.1; better is nearer to 1. Five parts."""
-    values = by_method(evidence.of("oscillating"), frequency_mean(0, LOW_K), BSS)
+    values = by_method(realisation.of("oscillating"), frequency_mean(0, LOW_K), BSS)
     no_better = abs(values["SD"] - 1) >= min(abs(values[name] - 1) for name in ("PCA", "ICA"))
     return Finding(
         value=values["SD"],
@@ -260,11 +260,11 @@ def oscillating_low_k(evidence):
     "O6", "all", "Beyond l = 200 SD has a spurious peak in C, from inverting the beam.",
     number="highest C/C0 of SD at l > 200", paper="> 1.1", **_ANGULAR,
 )  # fmt: skip
-def beyond_200(evidence):
+def beyond_200(realisation):
     """A peak is a C/C0 of more than 1.1 between l = 200 and 2 nside, one part for each beam."""
     values = {}
     for beam in ("degraded", "evolving", "oscillating"):
-        one = evidence.of(beam)["sdecgmca"]
+        one = realisation.of(beam)["sdecgmca"]
         beyond = one.angular_ratio[one.degrees > 200]
         if not len(beyond):
             top = one.degrees.max()

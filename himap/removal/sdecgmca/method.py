@@ -9,30 +9,15 @@ from himap.errors import InputError
 from himap.maps import sphere
 from himap.progress import progress
 from himap.removal import harmonic
-from himap.removal.analysis import analysed
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
 from himap.removal.conventions import ordered
-from himap.removal.pca import principal_axes
-from himap.removal.sdecgmca.mixture import Channels
+from himap.removal.covariance import principal_axes
+from himap.removal.sdecgmca.mixture import BlurredMixture
 from himap.removal.sdecgmca.sparse_sources import SparseSources
 
-__all__ = ["TABLE_1", "SDecGMCA"]
+__all__ = ["SDecGMCA"]
 
-TABLE_1 = {
-    "degraded": {"n_sources": 3, "regularisation": 1e-3, "share": 0.3},
-    "evolving": {"n_sources": 4, "regularisation": 5e-3, "share": 0.8},
-    "oscillating": {"n_sources": 5, "regularisation": 1e-2, "share": 0.7},
-}
-"""Parameters of the paper by beam (Table 1): n_s, c and K_max."""
-
-_CHOICES = {
-    "iteration": ("stable", "published"),
-    "coefficients": ("spectrum", "matrix"),
-    "thresholds": ("analytic", "mad"),
-    "nonnegative": (False, True),
-    "reweighted": (True, False),
-}
 _SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
 _MOST_STABLE = 50  # iterations for that; the misfit settles in 3 to 20
@@ -40,7 +25,7 @@ _LARGEST_RIDGE = 1e6  # relative to columns of unit length: where a source has n
 _CONDITION_LIMIT = 1 / np.finfo(np.float32).eps  # of A; beyond, sources of float32 maps have no digit left
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SDecGMCA(ForegroundRemover):
     """Sources sparse in starlets, at the resolution of the best beam: X_l = diag(H_l) A S_l + N_l (Eq. 22).
 
@@ -59,8 +44,8 @@ class SDecGMCA(ForegroundRemover):
         channel. A goes to fit that, and the result moves with the noise level and other things of no account.
     "stable"
         A is corrected by what the residual of the *whole* sources holds of the thresholded ones
-        (`Channels.corrected`), so that no threshold can bias it, until the misfit settles. The result hardly
-        depends on noise level, threshold or start. Sources are given uncorrelated, not separated.
+        (`BlurredMixture.corrected`), so that no threshold can bias it, until the misfit settles. The result
+        hardly depends on noise level, threshold or start. Sources are given uncorrelated, not separated.
 
     Columns of A have unit length, and sources are ordered by variance. There is no randomness.
     """
@@ -68,6 +53,7 @@ class SDecGMCA(ForegroundRemover):
     name: ClassVar[str] = "sdecgmca"
     needs_beams: ClassVar[bool] = True
     needs_whole_sky: ClassVar[bool] = True
+    needs_modes: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
     share: float = parameter(
@@ -75,11 +61,19 @@ class SDecGMCA(ForegroundRemover):
     )
     n_scales: int = parameter(5, "number of starlet detail scales", minimum=1, maximum=12)
     lmax: int = parameter(200, "largest multipole that shapes A, at most 2 nside", minimum=4)
-    iteration: str = parameter("stable", "stable or published: how A is found")
-    coefficients: str = parameter("spectrum", "epsilon of the refinement: spectrum (#4) or matrix (#3)")
-    thresholds: str = parameter("analytic", "noise of the thresholds: analytic or mad")
-    nonnegative: bool = parameter(False, "set negative entries of A to zero")
-    reweighted: bool = parameter(True, "l1 reweighting in the refinement")
+    iteration: str = parameter(
+        "stable", "stable or published: how A is found", choices=("stable", "published")
+    )
+    coefficients: str = parameter(
+        "spectrum",
+        "epsilon of the refinement: spectrum (#4) or matrix (#3)",
+        choices=("spectrum", "matrix"),
+    )
+    thresholds: str = parameter(
+        "analytic", "noise of the thresholds: analytic or mad", choices=("analytic", "mad")
+    )
+    nonnegative: bool = parameter(False, "set negative entries of A to zero", choices=(False, True))
+    reweighted: bool = parameter(True, "l1 reweighting in the refinement", choices=(True, False))
     noise: float | tuple | None = parameter(None, "noise per pixel, mK, or one for each channel")
     n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
     n_warmup: int = parameter(100, "iterations in which the share grows; half as many may follow", minimum=1)
@@ -89,28 +83,11 @@ class SDecGMCA(ForegroundRemover):
 
     def __post_init__(self):
         super().__post_init__()
-        for item, choices in _CHOICES.items():
-            if getattr(self, item) not in choices:
-                options = " or ".join(str(choice) for choice in choices)
-                raise InputError(f"{item} must be {options}, got {getattr(self, item)!r}.")
         if self.noise is not None:
             noise = np.asarray(self.noise)
             if noise.dtype.kind not in "fiu" or noise.ndim > 1 or not ((noise > 0) & (noise < np.inf)).all():
                 raise InputError(f"noise must be above zero, in mK per pixel, got {self.noise!r}.")
-            self.noise = tuple(noise.tolist()) if noise.ndim else float(noise)
-
-    @classmethod
-    def for_beam(cls, beam, **changed):
-        """The method with the parameters of the paper's Table 1 for one of its beams, but for `changed`.
-
-        Raises
-        ------
-        InputError
-            A beam that the table does not have.
-        """
-        if beam not in TABLE_1:
-            raise InputError(f"Table 1 has no beam {beam!r}; it has {', '.join(TABLE_1)}.")
-        return cls(**TABLE_1[beam] | changed)
+            object.__setattr__(self, "noise", tuple(noise.tolist()) if noise.ndim else float(noise))
 
     def check(self, n_channels):
         super().check(n_channels)
@@ -119,22 +96,22 @@ class SDecGMCA(ForegroundRemover):
                 f"noise must be one value or {n_channels}, one for each channel, got {len(self.noise)}."
             )
 
-    def _separate(self, maps, *, freqs, beams, rng):
+    def _separate(self, maps, *, freqs, beams, rng, modes):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
-        modes = analysed(maps, label="sdecgmca: analysis").upto(lmax)
+        data = modes.upto(lmax)
         best = beams.max(axis=0)
         relative = beams[:, : lmax + 1] / best[: lmax + 1]
-        mixing = _start(modes, relative, self.n_sources)
-        channels = Channels(modes, relative)
-        channels = channels.with_noise(self._noise_power(channels, mixing, maps.shape[1]))
-        found = self._stable if self.iteration == "stable" else self._published
-        mixing, converged, n_iterations = found(channels, mixing)
-        mixing, sources = ordered(mixing, _least_squares(channels, mixing))
+        mixing = _start(data, relative, self.n_sources)
+        mixture = BlurredMixture(data, relative)
+        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1]))
+        iteration = self._stable if self.iteration == "stable" else self._published
+        mixing, converged, n_iterations = iteration(mixture, mixing)
+        mixing, sources = ordered(mixing, _least_squares(mixture, mixing))
         condition = np.linalg.cond(mixing)
         too_close = f"the mixing matrix is near-degenerate (condition {condition:.0e}): use fewer sources"
         return Separation(
-            foreground=through_beams(maps, mixing, beams / best),
+            foreground=through_beams(maps, mixing, beams / best, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=converged,
@@ -142,32 +119,32 @@ class SDecGMCA(ForegroundRemover):
             remark=too_close if condition > _CONDITION_LIMIT else "",
         )
 
-    def _noise_power(self, channels, mixing, n_pix):
+    def _noise_power(self, mixture, mixing, n_pix):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
         if self.noise is None:
-            return channels.noise_left(mixing, _least_squares(channels, mixing))
-        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(channels.modes))
+            return mixture.noise_left(mixing, _least_squares(mixture, mixing))
+        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
 
-    def _stable(self, channels, mixing):
+    def _stable(self, mixture, mixing):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
-        sparse = self._sparse(channels)
-        exact = _ROUNDING * np.vdot(channels.modes, channels.modes)
+        sparse = self._sparse(mixture)
+        exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_STABLE), "sdecgmca"):
-            inverses = harmonic.safe_inverse(channels.matrices(mixing))
-            sources = harmonic.project(inverses, channels.modes)
-            left = channels.left(mixing, sources)
+            inverses = harmonic.safe_inverse(mixture.matrices(mixing))
+            sources = harmonic.project(inverses, mixture.modes)
+            left = mixture.left(mixing, sources)
             last, misfit = misfit, np.vdot(left, left)
             settled = last is not None and abs(last - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
-            kept = sparse(sources, channels.noise_of(inverses), self.share)
-            mixing, _ = np.linalg.qr(channels.corrected(mixing, left, sources, kept))
+            kept = sparse(sources, mixture.noise_of(inverses), self.share)
+            mixing, _ = np.linalg.qr(mixture.corrected(mixing, left, sources, kept))
         return mixing, False, _MOST_STABLE
 
-    def _published(self, channels, mixing):
+    def _published(self, mixture, mixing):
         """A after warm-up and refinement, whether S settled, iterations."""
-        sparse = self._sparse(channels)
+        sparse = self._sparse(mixture)
         sources, n_iterations = None, 0
         for refining, least, most, tolerance in (
             (False, self.n_warmup, self.n_warmup * 3 // 2, self.warmup_tolerance),
@@ -176,28 +153,28 @@ class SDecGMCA(ForegroundRemover):
             for count in progress(range(1, most + 1), "refinement" if refining else "warm-up"):
                 share = self.share if refining else self.share * min(1, count / least)
                 last = sources
-                mixing, sources = self._iterated(channels, sparse, mixing, last, share, refining)
+                mixing, sources = self._iterated(mixture, sparse, mixing, last, share, refining)
                 n_iterations += 1
                 settled = last is not None and _change(last, sources) < tolerance
                 if count >= least and settled:
                     break
         return mixing, settled, n_iterations
 
-    def _iterated(self, channels, sparse, mixing, sources, share, refining):
+    def _iterated(self, mixture, sparse, mixing, sources, share, refining):
         """One iteration: A, and the thresholded S with its smooth scale."""
-        matrices = channels.matrices(mixing)
+        matrices = mixture.matrices(mixing)
         if refining and self.coefficients == "spectrum":
-            ridge = self._ridge_of_spectra(channels.noise, sources)
+            ridge = self._ridge_of_spectra(mixture.noise, sources)
         else:
             ridge = self._ridge_of_matrices(matrices, mixing)
         inverses = harmonic.safe_inverse(matrices, ridge)
-        found = harmonic.project(inverses, channels.modes)
-        kept = sparse(found, channels.noise_of(inverses), share, reweighted=refining and self.reweighted)
+        found = harmonic.project(inverses, mixture.modes)
+        kept = sparse(found, mixture.noise_of(inverses), share, reweighted=refining and self.reweighted)
         whole = kept + sparse.coarse(found)
         if refining:
-            fitted = channels.fit(kept, sparse.detail)
+            fitted = mixture.fit(kept, sparse.detail)
         else:
-            fitted = channels.fit(whole, np.ones_like(sparse.detail))
+            fitted = mixture.fit(whole, np.ones_like(sparse.detail))
         return self._normalised(fitted, mixing), whole
 
     def _ridge_of_matrices(self, matrices, mixing):
@@ -222,9 +199,9 @@ class SDecGMCA(ForegroundRemover):
         length = np.linalg.norm(fitted, axis=0)
         return np.where(length > 0, fitted / np.where(length > 0, length, 1), mixing)
 
-    def _sparse(self, channels):
+    def _sparse(self, mixture):
         analytic = self.thresholds == "analytic"
-        return SparseSources(channels.lmax, self.n_scales, n_sigma=self.n_sigma, analytic=analytic)
+        return SparseSources(mixture.lmax, self.n_scales, n_sigma=self.n_sigma, analytic=analytic)
 
 
 def _start(modes, relative, n_sources):
@@ -248,6 +225,6 @@ def _uncorrelated(mixing, sources):
     return mixing @ np.linalg.eigh(sources @ sources.T)[1]
 
 
-def _least_squares(channels, mixing):
+def _least_squares(mixture, mixing):
     """Sources of A by least squares at every l, as real modes."""
-    return harmonic.project(harmonic.safe_inverse(channels.matrices(mixing)), channels.modes)
+    return harmonic.project(harmonic.safe_inverse(mixture.matrices(mixing)), mixture.modes)

@@ -4,12 +4,12 @@ import numpy as np
 
 from himap.removal.harmonic import blocks, cross_products, degrees
 
-__all__ = ["Channels"]
+__all__ = ["BlurredMixture"]
 
 _RANK = 1e-13  # directions below this share of the largest are rounding
 
 
-class Channels:
+class BlurredMixture:
     """Data modes of all channels, and their beams.
 
     Parameters
@@ -28,7 +28,7 @@ class Channels:
 
     def with_noise(self, noise):
         """The same data with another noise."""
-        return Channels(self.modes, self.beams, noise)
+        return BlurredMixture(self.modes, self.beams, noise)
 
     def matrices(self, mixing):
         """W_l = diag(H_l) A, (n_l, n_channels, n_sources)."""

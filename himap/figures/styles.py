@@ -1,0 +1,95 @@
+"""Colours, lines and axis labels: the same for the same thing throughout figures, reports and notebooks.
+
+Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in style too, so
+they stay apart in grey.
+"""
+
+import matplotlib
+import numpy as np
+
+__all__ = [
+    "AXES",
+    "BEAM_STYLES",
+    "BLUE",
+    "CHANNELS",
+    "COLOURS",
+    "GREEN",
+    "METHOD_STYLES",
+    "ORANGE",
+    "PURPLE",
+    "SKY_BLUE",
+    "VERMILION",
+    "beam_style",
+    "method_style",
+    "sequence",
+]
+
+BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS = (
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#D55E00",
+)
+
+CHANNELS = "frequency [MHz]"
+"""Label of an axis of channels."""
+
+AXES = {
+    "angular": {
+        "xlabel": r"multipole $\ell$",
+        "ylabel": r"$C_\ell$ [mK$^2$]",
+        "ratio_label": r"$C / C_0$",
+    },
+    "frequency": {
+        "xlabel": r"$k_\nu$ [MHz$^{-1}$]",
+        "ylabel": r"$P(k_\nu)$ [mK$^2$ MHz]",
+        "ratio_label": r"$P / P_0$",
+    },
+}
+"""Labels of the axes of both power spectra, and of their ratios to the truth."""
+
+METHOD_STYLES = {
+    "pca": {"label": "PCA", "color": BLUE, "linestyle": "--"},
+    "fastica": {"label": "FastICA", "color": ORANGE, "linestyle": (0, (1, 1.2))},
+    "gmca": {"label": "GMCA", "color": GREEN, "linestyle": "-."},
+    "sdecgmca": {"label": "SDecGMCA", "color": VERMILION, "linestyle": "-", "linewidth": 2},
+    "polynomial": {"label": "polynomial", "color": PURPLE, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+    "parametric": {"label": "parametric", "color": SKY_BLUE, "linestyle": (0, (8, 3))},
+}
+"""Line style of every method of the paper; the order is that of the legends."""
+
+BEAM_STYLES = {
+    "degraded": {"label": "degraded", "color": BLUE, "linestyle": "-"},
+    "evolving": {"label": "evolving", "color": ORANGE, "linestyle": "--"},
+    "oscillating": {"label": "oscillating", "color": GREEN, "linestyle": "-."},
+    "meerkat": {"label": "MeerKAT", "color": PURPLE, "linestyle": (0, (1, 1.2))},
+}
+"""Line style of every beam that comes with himap."""
+
+_OTHER = {"color": "0.35", "linestyle": (0, (8, 2, 1, 2))}
+_DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
+
+
+def method_style(method):
+    """Style of the curves of a `ForegroundRemover`, its label included."""
+    return METHOD_STYLES.get(method.name, _OTHER | {"label": method.name})
+
+
+def beam_style(beam):
+    """Style of the curves of a `Beam`, its label included."""
+    return BEAM_STYLES.get(beam.name, _OTHER | {"label": str(beam)})
+
+
+def sequence(labels):
+    """Styles of curves that have an order, such as one for each number of components: [style, ...].
+
+    Colours go from dark to light, evenly for the eye, colour-blind or not, and in grey; neighbours differ in
+    their dashes too.
+    """
+    colours = matplotlib.colormaps["plasma"](np.linspace(0.05, 0.9, len(labels)))
+    return [
+        {"label": label, "color": colour, "linestyle": _DASHES[n % len(_DASHES)], "linewidth": 1.6}
+        for n, (label, colour) in enumerate(zip(labels, colours, strict=True))
+    ]

@@ -1,0 +1,97 @@
+"""The one table: aligned text on a terminal, HTML in notebooks and reports, Markdown in the book's pages.
+
+`tabulate` writes all three. The rows of the HTML are written here: in its own, cells are as wide as their
+column, so that one number that moves within its tolerance would change the text of the others.
+"""
+
+import html
+from functools import partial
+from itertools import zip_longest
+
+from tabulate import TableFormat, tabulate
+
+__all__ = ["HTML", "Table"]
+
+_SIDES = {"l": "left", "r": "right"}
+
+
+class HTML(str):
+    """The text of a cell that is HTML already, such as a link, and is not escaped."""
+
+
+class Table:
+    """Texts in rows and columns, to print or to end a notebook cell with.
+
+    Parameters
+    ----------
+    header
+        A text for each column; an empty one for a table without header.
+    rows
+        Sequences of cells, shown as `str` has them; the first names its row. In HTML all that is not `HTML`
+        is escaped.
+    align
+        "l" (left) or "r" (right) for each column; "l" for those beyond. What stands at the right is a number,
+        and no line of HTML breaks in it.
+
+    >>> Table(["method", "n"], [["PCA", 4], ["SDecGMCA", 5]], align="lr")
+    method    n
+    PCA       4
+    SDecGMCA  5
+    """
+
+    def __init__(self, header, rows, *, align=""):
+        self.header, self.rows = list(header), [list(row) for row in rows]
+        self._align = [_SIDES[letter] for letter in align]
+
+    def __repr__(self):
+        return self._written("plain", str)
+
+    def html(self):
+        """The table within a box of class "himap-table", which scrolls where the page is narrow."""
+        return f'<div class="himap-table"><table>\n{self._written(_FORMAT, _escaped)}\n</table></div>'
+
+    _repr_html_ = html
+
+    def markdown(self):
+        """The lines of a table in a page, whose cells are Markdown; a bar in a cell stays one."""
+        return self._written("pipe", lambda cell: str(cell).replace("|", r"\|")).splitlines()
+
+    def _written(self, style, text):
+        head, *body = [[text(cell) for cell in row] for row in (self.header, *self.rows)]
+        if style == "plain" and head:  # as a header it would make its columns wider than they need be
+            head, body = [], [head, *body]
+        sides = self._align if body else None  # tabulate 0.9 has none to give to a table without rows
+        return tabulate(body, head, style, disable_numparse=True, colalign=sides)
+
+
+def _escaped(cell):
+    return cell if isinstance(cell, HTML) else html.escape(str(cell))
+
+
+def _row(cells, widths, sides, head=False):
+    """A row, as `tabulate` asks for it: the header with `head`, else one that its first cell names."""
+    written = [
+        _cell(cell.strip(), side, "col" if head else "row" if n == 0 else None)
+        for n, (cell, side) in enumerate(zip_longest(cells, sides, fillvalue="left"))
+    ]
+    row = f"<tr>{''.join(written)}</tr>"
+    return f"<thead>{row}</thead>" if head else row
+
+
+def _cell(text, side, heads):
+    """A cell that heads a column ("col"), a row ("row"), or none; its style stands above a notebook's own."""
+    tag, scope = ("th", f' scope="{heads}"') if heads else ("td", "")
+    whole = "" if heads or side == "left" else "; white-space:nowrap"
+    return f'<{tag}{scope} style="text-align:{side}; vertical-align:top{whole}">{text}</{tag}>'
+
+
+_FORMAT = TableFormat(
+    lineabove=None,
+    linebelowheader=None,
+    linebetweenrows=None,
+    linebelow=None,
+    headerrow=partial(_row, head=True),
+    datarow=_row,
+    padding=0,
+    with_header_hide=None,
+)

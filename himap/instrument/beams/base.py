@@ -1,0 +1,168 @@
+"""What every beam has in common: from its width, or itself, to b_l of every channel; and the register.
+
+A beam is a frozen dataclass of its parameters with one hook. To add one, write one file with one class in
+`himap/instrument/beams/`; it registers by its name, and the contract test runs on it by itself.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+from astropy import constants as const
+from astropy import units as u
+
+from himap.checks import checked_fields, checked_freqs, parameter
+from himap.errors import InputError
+from himap.maps import sphere
+
+__all__ = [
+    "DISH",
+    "REGISTRY",
+    "Beam",
+    "GaussianBeam",
+    "Windows",
+    "diffraction_fwhm",
+    "gaussian_widths",
+    "parameter",
+]
+
+REGISTRY = {}
+
+DISH = 13.5
+"""Diameter of a dish of MeerKAT, m, as in the paper."""
+
+_LARGEST_DISH = 1000.0  # m: beyond, it is in cm or mm
+_FELT = 0.1  # of b_l: where it is read for its width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windows:
+    """Window functions b_l of every channel: of the telescope, and of what the analyst does to the maps.
+
+    Attributes
+    ----------
+    telescope
+        b_l of the beam, (n_channels, lmax + 1).
+    resmoothing
+        b_l of a later smoothing of signal and noise, of the same shape; None for no smoothing.
+    """
+
+    telescope: np.ndarray
+    resmoothing: np.ndarray | None = None
+
+    @property
+    def total(self):
+        """b_l from the sky to the final maps, (n_channels, lmax + 1)."""
+        return self.telescope if self.resmoothing is None else self.telescope * self.resmoothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beam(ABC):
+    """A beam that is symmetric about its axis; its fields are its parameters.
+
+    Attributes
+    ----------
+    name
+        What it is called in `named`, on the command line and in figures.
+    follows_dish
+        Whether its width follows from the diameter of the dish.
+    by_line
+        Whether it is known channel by channel, in the order that the user has the channels in.
+    """
+
+    name: ClassVar[str]
+    follows_dish: ClassVar[bool] = False
+    by_line: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **kwargs):
+        super().__init_subclass__(**kwargs)
+        if "name" in vars(cls):
+            REGISTRY[cls.name] = cls
+
+    def __post_init__(self):
+        checked_fields(self)
+
+    def __str__(self):
+        """The text that `named` makes it of, parameters at their defaults left out."""
+        values = {item: getattr(self, item.name) for item in fields(self)}
+        changed = [f"{item.name}={value}" for item, value in values.items() if value != item.default]
+        return f"{self.name}:{','.join(changed)}" if changed else self.name
+
+    def windows(self, freqs, *, lmax, dish_diameter=DISH):
+        """The `Windows` of channels, to `lmax`, or as far as the beam is known.
+
+        Parameters
+        ----------
+        freqs
+            Channel centres, MHz, (n_channels,); ascending unless the beam goes by lines.
+        lmax
+            Largest multipole.
+        dish_diameter
+            m, for beams whose width follows from it.
+
+        Raises
+        ------
+        InputError
+            Frequencies at which the beam is not known, or a dish of an unlikely size.
+        """
+        freqs = np.asarray(freqs, dtype=float) if self.by_line else checked_freqs(freqs, len(freqs))
+        if not 0 < dish_diameter <= _LARGEST_DISH:
+            raise InputError(f"dish must be a diameter in m, at most {_LARGEST_DISH:g}, got {dish_diameter}.")
+        return self._windows(freqs, lmax, dish_diameter)
+
+    def of_survey(self, survey):
+        """The `Windows` of a `Survey`, to its lmax.
+
+        Raises
+        ------
+        InputError
+            As `windows`; or a beam that ends before lmax.
+        """
+        found = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
+        n_degrees = found.telescope.shape[1]
+        if n_degrees <= survey.lmax:
+            raise InputError(
+                f"the beam {self} must reach l = {survey.lmax} for nside {survey.nside}, got b_l to "
+                f"{n_degrees - 1}; give a longer b_l."
+            )
+        return found
+
+    @abstractmethod
+    def _windows(self, freqs, lmax, dish_diameter):
+        """The `Windows` at `freqs` (MHz), b_l to `lmax`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianBeam(Beam):
+    """A Gaussian beam, b_l = exp(-l (l + 1) sigma^2 / 2), sigma = FWHM / sqrt(8 ln 2) (paper, Eqs. 6, 7)."""
+
+    def fwhm(self, freqs, *, dish_diameter=DISH):
+        """Full width at half maximum, rad, (n_channels,); `freqs` in MHz, `dish_diameter` in m."""
+        return self._fwhm(np.asarray(freqs, dtype=float), dish_diameter)
+
+    def _windows(self, freqs, lmax, dish_diameter):
+        return Windows(telescope=sphere.gaussian_beam(self._fwhm(freqs, dish_diameter), lmax))
+
+    @abstractmethod
+    def _fwhm(self, freqs, dish_diameter):
+        """FWHM, rad, (n_channels,), at `freqs` in MHz with a dish of `dish_diameter` in m."""
+
+
+def diffraction_fwhm(freqs, dish_diameter):
+    """FWHM = lambda / D, rad (paper, Eq. 8); `freqs` in MHz, `dish_diameter` in m."""
+    wavelength = (const.c / (np.asarray(freqs, dtype=float) * u.MHz)).to_value(u.m)
+    return wavelength / dish_diameter
+
+
+def gaussian_widths(beams):
+    """FWHM, rad, (n_channels,), of the Gaussians that fall as `beams` do, b_l (n_channels, lmax + 1).
+
+    Read at the last l where b_l is above a tenth.
+    """
+    widths = []
+    for beam in beams:
+        last = max(np.flatnonzero(beam > _FELT)[-1], 1)
+        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
+        widths.append(np.sqrt(8 * np.log(2)) * sigma)
+    return np.array(widths)

@@ -1,0 +1,63 @@
+"""The methods and beams as the paper uses them (its Table 1 and Sects. 2.2.1 and 4)."""
+
+from himap.instrument.beams.degraded import Degraded
+from himap.instrument.beams.evolving import Evolving
+from himap.instrument.beams.oscillating import Oscillating
+from himap.removal.fastica import FastICA
+from himap.removal.gmca import GMCA
+from himap.removal.parametric import Parametric
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+from himap.removal.sdecgmca.method import SDecGMCA
+
+__all__ = ["BSS", "TABLE_1", "each_beam", "methods_for", "paper_beams", "sdecgmca_for", "table_1"]
+
+TABLE_1 = {
+    "degraded": {"n_sources": 3, "regularisation": 1e-3, "share": 0.3},
+    "evolving": {"n_sources": 4, "regularisation": 5e-3, "share": 0.8},
+    "oscillating": {"n_sources": 5, "regularisation": 1e-2, "share": 0.7},
+}
+"""Parameters of the paper by beam (Table 1): n_s, c and K_max."""
+
+BSS = ("pca", "fastica", "gmca", "sdecgmca")
+"""The methods of blind source separation; the others are fits along lines of sight."""
+
+
+def paper_beams(*, ripple="bracket"):
+    """The three beams of the paper, {name: `Beam`}; `ripple` is the reading of the oscillating one."""
+    beams = Degraded(), Evolving(), Oscillating(ripple=ripple)
+    return {beam.name: beam for beam in beams}
+
+
+def table_1(beam):
+    """The row of `TABLE_1` for a `Beam`; a beam that the paper does not have gets that of the oscillating."""
+    return TABLE_1.get(beam.name, TABLE_1["oscillating"])
+
+
+def sdecgmca_for(beam, **changed):
+    """SDecGMCA with the parameters of Table 1 for a beam (`table_1`), but for `changed`."""
+    return SDecGMCA(**table_1(beam) | changed)
+
+
+def methods_for(beam, n_sources=None, **sdecgmca):
+    """The six methods as the paper uses them for one beam; `sdecgmca` are parameters of SDecGMCA to change.
+
+    The number of sources is that of Table 1 unless given.
+    """
+    n = table_1(beam)["n_sources"] if n_sources is None else n_sources
+    return [
+        PCA(n_sources=n),
+        FastICA(n_sources=n),
+        GMCA(n_sources=n),
+        sdecgmca_for(beam, n_sources=n, **sdecgmca),
+        Polynomial(),
+        Parametric(),
+    ]
+
+
+def each_beam(make, beams):
+    """{beam: [make(n_sources)]} with the paper's number of sources for each of some beams.
+
+    >>> each_beam(lambda n: PCA(n_sources=n), paper_beams().values())  # doctest: +SKIP
+    """
+    return {beam: [make(table_1(beam)["n_sources"])] for beam in beams}

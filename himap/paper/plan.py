@@ -1,0 +1,81 @@
+"""What a piece of work needs of the chain, made in order, several at a time, and kept or not.
+
+The one place that knows which product comes before which; the products themselves only ask for what they
+need.
+"""
+
+from himap.paper import pipeline
+from himap.products.memory import check_memory
+from himap.products.parallel import make_all, n_jobs
+
+__all__ = ["make", "make_observations", "observing_steps"]
+
+
+def observing_steps(cases):
+    """[(product, [arguments of each call])] from nothing to peak-masked observations and their truth."""
+    skies = {case.survey.sky: None for case in cases}
+    galaxies = {(case.survey.sky, case.galaxy): None for case in cases}
+    bright = {(*sky, case.dimming): None for case in cases for sky in [(case.survey.sky, case.galaxy)]}
+    each = [(case,) for case in dict.fromkeys(cases)]
+    return [
+        (pipeline.components_of_sky, list(galaxies)),  # a bad template shows before the long work
+        (pipeline.hi_of_sky, [(sky,) for sky in skies]),
+        (pipeline.hi_alms_of_sky, [(sky,) for sky in skies]),
+        (pipeline.noise_alms, [(survey,) for survey in dict.fromkeys(case.survey for case in cases)]),
+        (pipeline.foreground_modes_of_sky, list(bright)),
+        (pipeline.observation, each),
+        (pipeline.peak_masked, each),
+        (pipeline.true_spectra, each),
+    ]
+
+
+def make_observations(cases):
+    """Make what is not there yet, several at a time; returns what was made, [(product, arguments)]."""
+    made = []
+    for product, calls in observing_steps(cases):
+        missing = [(product, call) for call in calls if not product.is_cached(*call)]
+        make_all(product, [call for _, call in missing], product.name.rpartition(".")[2])
+        made += missing
+    return made
+
+
+def make(assessments, *, keep_cubes=False, keep_observations=True):
+    """Make the assessments of some methods on some cases, and before them what they share.
+
+    Parameters
+    ----------
+    assessments
+        The arguments of each `pipeline.assessment`: (case, remover, mask_peaks, post_mask).
+    keep_cubes
+        Whether cleaned cubes are kept, or only what is measured on them.
+    keep_observations
+        Whether what is as large as a cube and was made now stays: that of many realisations fills a disk.
+        What was there before stays in any case.
+
+    Returns
+    -------
+    int
+        How many assessments were made now.
+
+    Raises
+    ------
+    InputError
+        It will not fit into memory, or what the products refuse.
+    """
+    cleanings = [call[:3] for call in assessments]
+    wanted = [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
+    if all(product.is_cached(*call) for product, calls in wanted for call in calls):
+        return 0
+    cases = list(dict.fromkeys(case for case, *_ in assessments))
+    check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
+    made = make_observations(cases)
+    analyses = {(case, peaks): None for case, remover, peaks in cleanings if remover.needs_modes}
+    missing = [(pipeline.analysis, call) for call in analyses if not pipeline.analysis.is_cached(*call)]
+    make_all(pipeline.analysis, [call for _, call in missing], "analysis")
+    for product, calls in wanted:
+        done = make_all(product, calls, product.name.rpartition(".")[2])
+    if not keep_observations:
+        for product, call in made + missing:
+            if product not in (pipeline.true_spectra, pipeline.components_of_sky):  # these are small
+                product.forget(*call)
+    return done

@@ -1,0 +1,44 @@
+"""The covariance between channels, and its principal axes."""
+
+import numpy as np
+from scipy import linalg
+
+from himap.maps.blocked import blocks
+from himap.progress import progress
+
+__all__ = ["bright_axes", "channel_covariance", "principal_axes"]
+
+_BRIGHT = 1e3  # variance over that of HI and noise
+
+
+def channel_covariance(maps):
+    """X X^T / n_pix of maps less their channel means, (n_channels, n_channels) float64.
+
+    Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
+    drown HI in rounding, so products are taken in float64, block by block.
+    """
+    n_channels, n_pix = maps.shape
+    mean = maps.mean(axis=1, dtype=np.float64)[:, None]
+    total = np.zeros((n_channels, n_channels))
+    for block in progress(blocks(n_pix), "channel covariance"):
+        lines = maps[:, block] - mean
+        total += lines @ lines.T
+    return total / n_pix
+
+
+def principal_axes(covariance, n_axes):
+    """Eigenvectors of the largest eigenvalues, descending, (n_channels, n_axes); signs made definite."""
+    n_channels = len(covariance)
+    _, vectors = linalg.eigh(covariance, subset_by_index=[n_channels - n_axes, n_channels - 1])
+    vectors = vectors[:, ::-1]
+    largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(n_axes)]
+    return vectors * np.sign(largest)
+
+
+def bright_axes(covariance, *, least=1):
+    """Principal axes of what float32 cannot hold together with HI, and `least` of them in any case.
+
+    What is left has no axis with more than 1000 times the typical variance, the median: six digits do.
+    """
+    values = np.linalg.eigvalsh(covariance)
+    return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))

@@ -1,0 +1,266 @@
+"""The contract that every beam fulfils; the beams of the paper against FACTS, katbeam and closed forms."""
+
+from dataclasses import FrozenInstanceError, fields, replace
+
+import healpy as hp
+import katbeam
+import numpy as np
+import pytest
+
+from himap.cubes import beams_of, read_cube
+from himap.errors import InputError
+from himap.instrument import beams
+from himap.instrument.beams import Degraded, Evolving, FromFile, MeerKAT, Oscillating, named
+from himap.instrument.beams.base import REGISTRY, Beam, GaussianBeam, diffraction_fwhm, gaussian_widths
+from himap.instrument.beams.oscillating import RIPPLES
+from himap.maps import sphere
+from himap.paper import pipeline
+from himap.survey import Survey
+
+NAMES = beams.available()
+SURVEY = Survey(nside=16, n_channels=30, box_cells=16)
+LMAX = SURVEY.lmax
+ROUND_FREQS = np.array([900.0, 1000, 1100, 1200, 1300, 1400])  # multiples of 10 MHz: no ripple there
+
+
+@pytest.fixture
+def beam(request, tmp_path):
+    """The beam called `name`, with parameters where it must have some."""
+    name = request.node.callspec.params["name"]
+    needed = [item.name for item in fields(REGISTRY[name]) if not isinstance(item.default, str | int | float)]
+    assert set(needed) <= {"path"}, "give the parameters of this beam here"
+    if needed:
+        np.savetxt(tmp_path / "widths.txt", np.linspace(1.6, 1.0, SURVEY.n_channels))
+    return beams.create(name, **{item: str(tmp_path / "widths.txt") for item in needed})
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestContract:
+    def test_windows(self, name, beam):
+        found = beam.of_survey(SURVEY)
+        assert found.total.shape == found.telescope.shape == (SURVEY.n_channels, LMAX + 1)
+        assert found.total.dtype == np.float64 and np.isfinite(found.total).all()
+        assert found.total[:, 0] == pytest.approx(1)
+        assert np.abs(found.total).max() <= 1.01
+        if found.resmoothing is not None:
+            assert found.total == pytest.approx(found.telescope * found.resmoothing)
+        assert np.array_equal(found.total, beam.of_survey(SURVEY).total)
+
+    def test_a_shorter_lmax_is_the_beginning(self, name, beam):
+        long, short = (beam.windows(SURVEY.freqs, lmax=lmax).total for lmax in (LMAX, 20))
+        assert short == pytest.approx(long[:, :21], abs=1e-12)
+
+    def test_text_there_and_back(self, name, beam):
+        assert named(str(beam)) == beam
+
+    def test_frozen_and_a_key(self, name, beam):
+        assert {beam: 1}[replace(beam)] == 1
+        with pytest.raises(FrozenInstanceError):
+            beam.anything = 1
+
+    def test_the_dish_matters_where_it_says_so(self, name, beam):
+        wide, narrow = (beam.windows(SURVEY.freqs, lmax=LMAX, dish_diameter=d).total for d in (6, 30))
+        assert np.array_equal(wide, narrow) != beam.follows_dish
+        for dish in (0, -1, 1350):
+            with pytest.raises(InputError, match="dish must be a diameter in m"):
+                beam.windows(SURVEY.freqs, lmax=LMAX, dish_diameter=dish)
+
+    def test_frequencies_out_of_order(self, name, beam):
+        if beam.by_line:
+            pytest.skip("goes by the lines of its file, in the user's order")
+        with pytest.raises(InputError, match="ascending"):
+            beam.windows(SURVEY.freqs[::-1], lmax=LMAX)
+
+    def test_width_read_back_from_the_windows(self, name, beam):
+        if not isinstance(beam, GaussianBeam):
+            pytest.skip("has no width of its own")
+        widths = beam.fwhm(SURVEY.freqs)
+        assert gaussian_widths(beam.windows(SURVEY.freqs, lmax=150).total) == pytest.approx(widths, rel=1e-6)
+
+    def test_in_a_simulation_and_for_a_cube(self, name, beam, tmp_path):
+        """The same numbers for both; and the observation is seen through them."""
+        small = replace(SURVEY, nside=8)
+        observation = pipeline.observation(pipeline.Case(survey=small, beam=beam))
+        assert observation.beams == pytest.approx(beam.of_survey(small).total)
+        order = np.random.default_rng(1).permutation(small.n_channels)
+        np.save(tmp_path / "cube.npy", observation.maps[order])
+        if beam.by_line:
+            np.savetxt(tmp_path / "widths.txt", np.linspace(1.6, 1.0, SURVEY.n_channels)[order])
+        cube = read_cube(tmp_path / "cube.npy", freqs=small.freqs[order], unit="mK", order="RING")
+        assert beams_of(cube, beam) == pytest.approx(observation.beams)
+
+
+def test_public_names():
+    classes = (Degraded, Evolving, FromFile, MeerKAT, Oscillating)
+    assert {kind.name: kind for kind in classes} == {name: REGISTRY[name] for name in NAMES}
+    with pytest.raises(AttributeError, match="has no attribute 'Square'"):
+        _ = beams.Square
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("square", "unknown beam 'square': it is neither one of degraded, evolving, .* nor a file"),
+        ("evolving:width=3", "evolving has no parameter 'width'; its parameters are none"),
+        ("oscillating:riple=additive", r"did you mean ripple\?"),
+        ("oscillating:ripple=wobble", "ripple must be bracket, additive or additive_strong, got 'wobble'"),
+        (3, "a beam is told by its name or the path of a file, got 3"),
+    ],
+)
+def test_text_that_means_no_beam(text, message):
+    with pytest.raises(InputError, match=message):
+        named(text)
+
+
+def test_text_with_parameters():
+    assert named("oscillating:ripple=additive") == Oscillating(ripple="additive")
+    assert str(Oscillating(ripple="additive")) == "oscillating:ripple=additive"
+    assert str(Oscillating()) == "oscillating"
+
+
+def test_a_beam_that_a_user_adds():
+    """A class with a hook: registered, with a text; taken out again."""
+
+    class Round(GaussianBeam):
+        name = "round"
+
+        def _fwhm(self, freqs, dish_diameter):
+            return np.full(len(freqs), 0.02)
+
+    try:
+        assert isinstance(named("round"), Beam) and "round" in beams.available()
+        assert named("round").of_survey(SURVEY).total[0] == pytest.approx(hp.gauss_beam(0.02, LMAX))
+    finally:
+        del REGISTRY["round"]
+
+
+class TestOscillating:
+    def test_polynomial(self):
+        fwhm = Oscillating().fwhm(ROUND_FREQS)
+        polynomial = fwhm / diffraction_fwhm(ROUND_FREQS, 13.5)
+        assert polynomial == pytest.approx([1.17756, 1.16300, 1.15097, 1.13336, 1.12579, 1.13206], abs=1e-5)
+        assert np.rad2deg(fwhm) == pytest.approx([1.6647, 1.4798, 1.3313, 1.2017, 1.1019, 1.0288], abs=1e-4)
+
+    def test_polynomial_against_its_chebyshev_form(self):
+        chebyshev = [1.14744, -0.0269958, 0.00670339, 0.00365301, 0.000960758]
+        chebyshev += [-0.000408714, -0.000699873, 0.00100132, 0.000405592]
+        freqs = np.arange(900.0, 1401, 10)
+        stable = np.polynomial.chebyshev.chebval((freqs - 1150) / 250, chebyshev)
+        assert Oscillating().fwhm(freqs) / diffraction_fwhm(freqs, 13.5) == pytest.approx(stable, abs=2e-5)
+
+    def test_against_holography(self):
+        """The MeerKAT L-band table: our FWHM is within 1.5 % of the mean of its four columns."""
+        beam = katbeam.JimBeam("MKAT-AA-L-JIM-2020")
+        expected = np.interp(ROUND_FREQS, beam.freqMHzlist, beam.fwhmlist.mean(axis=0))
+        assert expected == pytest.approx([1.6527, 1.4772, 1.3256, 1.1965, 1.0950, 1.0194], abs=1e-3)
+        assert np.rad2deg(Oscillating().fwhm(ROUND_FREQS)) == pytest.approx(expected, rel=0.015)
+        assert np.rad2deg(MeerKAT().fwhm(ROUND_FREQS)) == pytest.approx(expected, rel=0.015)
+
+    @pytest.mark.parametrize(("ripple", "relative"), [("bracket", 0.0014), ("additive_strong", 0.007)])
+    def test_ripple_amplitude(self, ripple, relative):
+        beam = Oscillating(ripple=ripple)
+        crest, trough = beam.fwhm([1145.0, 1155.0])  # sin = 1, -1
+        smooth = beam.fwhm([1140.0, 1150.0, 1160.0])
+        # Half the jump from crest to trough, less the smooth change of the beam over those 10 MHz.
+        amplitude = 0.5 * (crest - trough + (smooth[0] - smooth[2]) * -0.5)
+        assert amplitude / smooth[1] == pytest.approx(relative, rel=0.1)
+
+    def test_ripple_in_arcmin(self):
+        for ripple, arcmin in (("additive", 0.1), ("additive_strong", 0.5)):
+            extra = Oscillating(ripple=ripple).fwhm([905.0]) - diffraction_fwhm([905.0], 13.5)
+            assert np.rad2deg(extra) * 60 == pytest.approx([arcmin])
+
+    def test_windows_follow_the_dish_and_the_ripple(self):
+        """The width read back from b_l is that of the formula, for another dish and every reading."""
+        survey = replace(SURVEY, dish_diameter=15.0)
+        degree = 20
+        for ripple in RIPPLES:
+            beam = Oscillating(ripple=ripple)
+            transfer = beam.of_survey(survey).telescope[:, degree]
+            sigma = np.sqrt(-2 * np.log(transfer) / (degree * (degree + 1)))
+            expected = beam.fwhm(survey.freqs, dish_diameter=15.0)
+            assert sigma * np.sqrt(8 * np.log(2)) == pytest.approx(expected, rel=1e-9)
+
+    def test_beyond_the_polynomial(self):
+        with pytest.raises(InputError, match="850 to 1420 MHz"):
+            Oscillating().windows([1000.0, 1500.0], lmax=10)
+
+
+def test_gaussian_beam_against_healpy():
+    fwhm = np.deg2rad([1.0, 2.0])
+    ours = sphere.gaussian_beam(fwhm, 50)
+    assert ours == pytest.approx(np.stack([hp.gauss_beam(width, 50) for width in fwhm]), rel=1e-10)
+
+
+def test_degraded_beam_is_the_worst_everywhere():
+    found = Degraded().of_survey(SURVEY)
+    worst = sphere.gaussian_beam(diffraction_fwhm(SURVEY.freqs[0], 13.5), LMAX)
+    assert found.total == pytest.approx(np.broadcast_to(worst, found.total.shape), rel=1e-10)
+    assert found.resmoothing[0] == pytest.approx(1)
+
+
+@pytest.mark.parametrize("beam", [Evolving(), Oscillating()], ids=str)
+def test_other_beams_are_the_telescopes_alone(beam):
+    found = beam.of_survey(SURVEY)
+    assert found.resmoothing is None and found.total is found.telescope
+    assert found.telescope[-1, -1] > found.telescope[0, -1]  # higher frequency, sharper beam
+
+
+class TestMeerKAT:
+    def test_widths(self):
+        """Of the order of 1.16 lambda / D, and falling."""
+        widths = MeerKAT().fwhm([900.0, 1000.0, 1100.0])
+        assert (np.diff(widths) < 0).all()
+        assert widths == pytest.approx(1.16 * diffraction_fwhm([900.0, 1000.0, 1100.0], 13.5), rel=0.05)
+
+    def test_beyond_its_bands(self):
+        with pytest.raises(InputError, match="katbeam knows 544 to 1088 or 856 to 1712 MHz"):
+            MeerKAT().windows([500.0, 600.0], lmax=10)
+
+
+class TestFromFile:
+    def test_b_l(self, tmp_path):
+        transfer = Evolving().of_survey(SURVEY).total
+        np.save(tmp_path / "b.npy", np.hstack([transfer, np.zeros((SURVEY.n_channels, 5))]))
+        beam = FromFile(path=tmp_path / "b.npy")
+        assert np.array_equal(beam.of_survey(SURVEY).total, transfer)
+
+    def test_negative_side_lobes_are_a_beam(self, tmp_path):
+        transfer = Evolving().of_survey(SURVEY).total
+        transfer[:, 30:] = -0.01
+        np.save(tmp_path / "b.npy", transfer)
+        assert FromFile(path=tmp_path / "b.npy").of_survey(SURVEY).total.min() == -0.01
+
+    def test_results_depend_on_what_the_file_holds(self, tmp_path):
+        path = tmp_path / "w.txt"
+        np.savetxt(path, np.full(SURVEY.n_channels, 1.0))
+        before, digest = FromFile(path=path), FromFile(path=path).digest()
+        case = pipeline.Case(survey=replace(SURVEY, nside=8), beam=before)
+        first = pipeline.observation(case).beams
+        np.savetxt(path, np.full(SURVEY.n_channels, 2.0))
+        assert FromFile(path=path) == before and FromFile(path=path).digest() != digest
+        assert pipeline.observation(case).beams[0, 20] < first[0, 20]
+
+    @pytest.mark.parametrize(
+        ("numbers", "message"),
+        [
+            (np.ones(7), r"for each of the 30 channels, got \(7,\)"),
+            (np.ones((30, 10)), "must reach l = 47 for nside 16, got b_l to 9"),
+            (np.full((30, 48), np.nan), "must hold finite numbers, got nan in line 1 at l = 0"),
+            (np.full((30, 48), 50.0), "1 at l = 0 and nowhere more, got 50"),
+            (np.full(30, 0.02), "FWHM in degrees, between 0.04 and 10, got 0.02"),
+        ],
+    )
+    def test_what_cannot_be_the_beam_of_a_survey(self, numbers, message, tmp_path):
+        np.save(tmp_path / "b.npy", numbers)
+        with pytest.raises(InputError, match=message):
+            pipeline.Case(survey=SURVEY, beam=FromFile(path=tmp_path / "b.npy"))
+
+    def test_no_file(self):
+        with pytest.raises(InputError, match="there is no file nowhere.txt"):
+            FromFile(path="nowhere.txt")
+
+    def test_code_in_a_file_is_not_run(self, tmp_path):
+        np.save(tmp_path / "b.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+        with pytest.raises(InputError, match="no .npy file of plain numbers"):
+            FromFile(path=tmp_path / "b.npy").of_survey(SURVEY)

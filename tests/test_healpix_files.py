@@ -1,0 +1,176 @@
+"""HEALPix files in FITS: whatever way they are written, the same maps and words come in."""
+
+import gzip
+
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+
+from himap.errors import InputError
+from himap.maps import healpix_files
+from himap.maps.healpix_files import MILLIKELVIN, is_nested, read_maps, temperature_unit, write_maps
+
+NSIDE = 16
+N_PIX = 12 * NSIDE**2
+
+
+@pytest.fixture
+def maps(rng):
+    return rng.standard_normal((3, N_PIX)).astype(np.float32)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "maps.fits"
+
+
+def write(path, maps, **options):
+    """By healpy, so that nothing here reads only what himap wrote."""
+    hp.write_map(path, maps, **{"dtype": np.float32, "overwrite": True} | options)
+
+
+def write_table(path, arrays, *, null=None, **cards):
+    """A table of one map a column, with the cards of a header that healpy does not write."""
+    columns = [
+        fits.Column(f"C{n}", fits.column.NUMPY2FITS[array.dtype.str[1:]], null=null, array=array)
+        for n, array in enumerate(arrays)
+    ]
+    table = fits.BinTableHDU.from_columns(columns)
+    table.header.update({"PIXTYPE": "HEALPIX", "NSIDE": NSIDE, "ORDERING": "RING"} | cards)
+    table.writeto(path)
+
+
+class TestReading:
+    @pytest.mark.parametrize("nest", [False, True])
+    def test_many_columns(self, nest, maps, path):
+        units, names = ["mK", "K_RJ", None], ["one", "two", "three"]
+        write(path, maps, nest=nest, coord="G", column_names=names, column_units=units)
+        file = read_maps(path)
+        assert np.array_equal(file.maps, maps) and file.maps.dtype == np.float32
+        assert file.names == ("one", "two", "three") and file.units == ("mK", "K_RJ", None)
+        assert (file.nested, file.coordinates, file.partial) == (nest, "G", False)
+        assert file.header["NSIDE"] == NSIDE
+
+    def test_one_column_of_many(self, maps, path):
+        write(path, maps, column_units=["K", "mK", "mK"])
+        file = read_maps(path, n_maps=1)
+        assert np.array_equal(file.maps, maps[:1]) and file.units == ("K",)
+
+    def test_double_precision_and_compressed(self, rng, path):
+        pixels = rng.standard_normal(N_PIX)
+        write(path, pixels, dtype=np.float64)
+        (path.parent / "maps.fits.gz").write_bytes(gzip.compress(path.read_bytes()))
+        file = read_maps(path.parent / "maps.fits.gz")
+        assert np.array_equal(file.maps, [pixels]) and file.maps.dtype == np.float64
+
+    def test_what_is_not_told_is_none(self, maps, path):
+        write(path, maps)
+        with fits.open(path, mode="update") as file:
+            del file[1].header["ORDERING"]
+        file = read_maps(path)
+        assert file.nested is None and file.coordinates is None
+        assert file.units == (None, None, None)
+
+    @pytest.mark.parametrize("told", [("INDXSCHM", "OBJECT"), ("INDXSCHM",), ("OBJECT",)])
+    def test_a_part_of_the_sky(self, told, maps, path):
+        """The first column has the pixels: units and names are those of the next."""
+        maps[:, 1000:] = hp.UNSEEN
+        write(path, maps, partial=True, column_units="mK", column_names=["a", "b", "c"])
+        with fits.open(path, mode="update") as file:
+            for key in {"INDXSCHM", "OBJECT"} - set(told):
+                del file[1].header[key]
+        file = read_maps(path)
+        assert file.partial and file.units == ("mK",) * 3 and file.names == ("a", "b", "c")
+        assert np.array_equal(file.maps[:, :1000], maps[:, :1000]) and np.isnan(file.maps[:, 1000:]).all()
+
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_bad_data(self, dtype, maps, path):
+        """A number that float32 does not hold exactly, beside UNSEEN and infinity."""
+        pixels = maps.astype(dtype)
+        pixels[0, :3] = -999.9, hp.UNSEEN, np.inf
+        write_table(path, pixels, BAD_DATA=-999.9)
+        found = read_maps(path).maps
+        assert np.isnan(found).sum() == 2 and np.isnan(found[0, :2]).all() and np.isinf(found[0, 2])
+        assert np.array_equal(found[:, 3:], pixels[:, 3:])
+
+    @pytest.mark.parametrize("null", [None, -5])
+    def test_integers(self, null, path):
+        whole = np.arange(-10, N_PIX - 10, dtype=np.int32) + 2**25 * np.array([[0], [1]], dtype=np.int32)
+        write_table(path, whole, null=null)
+        expected = np.where(whole == -5, np.nan if null else -5, whole)
+        assert np.array_equal(read_maps(path).maps, expected, equal_nan=True)
+
+    @pytest.mark.parametrize("size", [0, 3000, 9000])
+    def test_a_damaged_file(self, size, maps, path):
+        write(path, maps)
+        path.write_bytes(path.read_bytes()[:size])
+        with pytest.raises(InputError, match=r"maps.fits cannot be read as HEALPix .* could not be read"):
+            read_maps(path)
+
+    def test_a_number_of_pixels_that_only_ring_order_allows(self, path):
+        write(path, np.ones(12 * 6**2))
+        with pytest.raises(InputError, match="nside a power of two; got 432 pixels"):
+            read_maps(path)
+
+    def test_an_order_that_is_none(self, maps, path):
+        write_table(path, maps, ORDERING="SPIRAL")
+        with pytest.raises(InputError, match=r"ORDERING in .*maps.fits must be RING or NESTED, got 'SPIRAL'"):
+            read_maps(path)
+
+
+class TestWriting:
+    @pytest.mark.parametrize("nested", [False, True])
+    def test_it_comes_back(self, nested, maps, path):
+        maps[1, 5:7] = np.nan, np.inf
+        names = ["residual 950 MHz", "residual 960.5 MHz", "c"]
+        write_maps(path, maps.copy(), names=names, unit="uK", nested=nested, cards=[("METHOD", "pca")])
+        file = read_maps(path)
+        maps[1, 6] = np.nan
+        assert np.array_equal(file.maps, maps, equal_nan=True)
+        assert file.names == tuple(names) and file.units == ("uK",) * 3
+        assert file.nested == nested and file.header["METHOD"] == "pca"
+        assert (hp.read_map(path, field=1, nest=None, dtype=None)[5:7] == np.float32(hp.UNSEEN)).all()
+
+
+class TestOrder:
+    @pytest.mark.parametrize(
+        ("text", "nested"),
+        [("RING", False), (" ring", False), ("NESTED", True), ("nest", True), (None, None)],
+    )
+    def test_words(self, text, nested):
+        assert is_nested(text) is nested
+
+    @pytest.mark.parametrize("text", ["", "SPIRAL", "NESTLE"])
+    def test_other_words(self, text):
+        with pytest.raises(InputError, match="the order of pixels must be RING or NESTED"):
+            is_nested(text)
+
+    def test_to_ring(self, rng):
+        ring = rng.standard_normal(N_PIX)
+        assert np.array_equal(healpix_files.to_ring(hp.reorder(ring, r2n=True)), ring)
+
+
+class TestUnits:
+    @pytest.mark.parametrize(
+        ("name", "factor", "spellings"),
+        [
+            ("K", 1e3, ["K", "k", "Kelvin", "K_RJ", "K_{RJ}", "K (RJ)", "KRJ"]),
+            ("mK", 1, ["mK", "MK", " mk ", "millikelvin", "mK_RJ", "mK RJ"]),
+            ("uK", 1e-3, ["uK", "\u00b5K", "\u03bcK", "microKelvin", "uK_RJ", "\u03bcK_RJ"]),
+        ],
+    )
+    def test_spellings(self, name, factor, spellings):
+        assert {temperature_unit(text) for text in spellings} == {name}
+        assert MILLIKELVIN[name] == factor
+
+    @pytest.mark.parametrize("text", ["K_CMB", "Jy", "MJy/sr", "nK", "RJ", "K K", "mK_RJ_RJ"])
+    def test_others_are_refused(self, text):
+        with pytest.raises(InputError, match="brightness temperatures") as caught:
+            temperature_unit(text, "TUNIT1")
+        assert f"got TUNIT1 '{text}'" in str(caught.value)
+
+    @pytest.mark.parametrize("text", [None, "", " "])
+    def test_none_is_refused(self, text):
+        with pytest.raises(InputError, match="got no TUNIT1"):
+            temperature_unit(text, "TUNIT1")

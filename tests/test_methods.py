@@ -1,0 +1,34 @@
+"""The methods and beams as the paper uses them."""
+
+from himap.instrument.beams import Evolving, MeerKAT, Oscillating
+from himap.paper.methods import BSS, TABLE_1, each_beam, methods_for, paper_beams, sdecgmca_for, table_1
+from himap.removal import PCA
+
+
+def test_table_1():
+    counts = {name: sdecgmca_for(beam).n_sources for name, beam in paper_beams().items()}
+    assert counts == {"degraded": 3, "evolving": 4, "oscillating": 5}
+    assert sdecgmca_for(Evolving(), share=0.5).share == 0.5
+    assert sdecgmca_for(Evolving()).regularisation == 5e-3
+
+
+def test_another_beam_gets_the_row_of_the_oscillating_one():
+    assert table_1(MeerKAT()) == TABLE_1["oscillating"]
+
+
+def test_the_reading_of_the_ripple():
+    assert paper_beams(ripple="additive")["oscillating"] == Oscillating(ripple="additive")
+
+
+def test_six_methods():
+    six = methods_for(Evolving(), 7, share=0.4)
+    assert [one.name for one in six] == [*BSS, "polynomial", "parametric"]
+    assert {one.n_sources for one in six if one.name in BSS} == {7}
+    assert six[3].share == 0.4
+
+
+def test_each_beam():
+    removers = each_beam(lambda n: PCA(n_sources=n), paper_beams().values())
+    assert {str(beam): methods[0].n_sources for beam, methods in removers.items()} == {
+        name: row["n_sources"] for name, row in TABLE_1.items()
+    }
