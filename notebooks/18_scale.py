@@ -38,7 +38,7 @@ from IPython.display import Markdown
 
 from himap.companion.stored import extrapolated, read_stored, times_of_all
 from himap.companion.stored_tables import growth_table, short, steps_table
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.paper.realisation import Realisation
@@ -117,7 +117,7 @@ Markdown(steps_table(laptop))
 panels = []
 for way, label in {"nside": "nside", "n_channels": "channels"}.items():
     found = scaling["found"][way]
-    styles = plotting.sequence(list(found))
+    styles = styles.sequence(list(found))
     curves = [
         (run["sizes"], run["seconds"], style | {"marker": "."})
         for run, style in zip(found.values(), styles, strict=True)
