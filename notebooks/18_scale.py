@@ -114,16 +114,16 @@ Markdown(steps_table(laptop))
 # quickest pace seen.
 
 # %% mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 64), at three sizes each."}}
+below = {"fontsize": 7.5, "ncols": 2, "loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
 panels = []
 for way, label in {"nside": "nside", "n_channels": "channels"}.items():
     found = scaling["found"][way]
-    styles = styles.sequence(list(found))
     curves = [
         (run["sizes"], run["seconds"], style | {"marker": "."})
-        for run, style in zip(found.values(), styles, strict=True)
+        for run, style in zip(found.values(), styles.sequence(list(found)), strict=True)
     ]
     panels.append({"curves": curves, "title": f"with {label}", "xlabel": label, "xscale": "log"})
-    panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": {"fontsize": 6.5}}
+    panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": below}
 plotting.stamp(plotting.lines(panels, size=(4.6, 4.6)), Provenance(**scaling["about"]))
 
 # %%
