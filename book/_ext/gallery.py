@@ -8,10 +8,10 @@ import re
 from pathlib import Path
 
 from docutils import nodes
-from executed import figures
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
 
+from himap.companion.figures import figures
 from himap.companion.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
