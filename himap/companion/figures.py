@@ -6,6 +6,7 @@ from ast import literal_eval
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from himap.companion.captions import paper_figure
 from himap.companion.notebook_files import read_notebook
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED
@@ -50,13 +51,12 @@ def figures(path):
         shown = [data for data in bundles if "image/png" in data]
         if about and shown:
             caption = re.sub(r"\{glue:text\}`(\w+)`", lambda role: said[role[1]], about["caption"])
-            number = re.search(r"\(the paper's Fig\. ([\w.]*\w)", caption)
             found.append(
                 Figure(
                     name=about["name"],
                     caption=caption,
                     notebook=Path(path).stem,
-                    paper=number[1] if number else "",
+                    paper=paper_figure(caption),
                     png=base64.b64decode(shown[0]["image/png"]),
                     data=_numbers(shown[0]),
                 )

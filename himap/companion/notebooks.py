@@ -5,12 +5,12 @@ which people open.
 """
 
 import hashlib
-import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
+from himap.companion.captions import named_figures
 from himap.companion.notebook_files import code_cells, number_cells
 from himap.companion.parameters import read_parameters
 from himap.errors import InputError
@@ -86,7 +86,7 @@ class Notebook:
         """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
         found = {}
         for name, caption in self.captions.items():
-            for number in re.findall(r"the paper's Fig\. ([\w.]*\w)", caption):
+            for number in named_figures(caption):
                 found.setdefault(number, name)
         return found
 

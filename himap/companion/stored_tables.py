@@ -1,8 +1,8 @@
 """How stored results are laid out on the pages: tables and pictures as Markdown."""
 
 import os
-import re
 
+from himap.companion.captions import figure_order, plain_caption
 from himap.companion.notebooks import notebooks, notebooks_folder
 from himap.companion.stored import RESULTS, read_stored
 from himap.figures.tables import Table
@@ -115,23 +115,16 @@ def pictures(folders, results=None):
     stored = {}
     for folder in folders:
         for row in read_stored(f"{folder}/figures", results)["figures"]:
-            stored.setdefault((_order(row["paper"]), row["name"]), []).append((folder, row))
+            stored.setdefault((figure_order(row["paper"]), row["name"]), []).append((folder, row))
     parts = []
     for (_, name), several in sorted(stored.items()):
         chapter, caption = chapters[name]
-        about = re.sub(r" \(the paper's Fig\.[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
         link = f"[{chapter.name}]({chapter.name}.ipynb)"
-        parts.append(f"**Fig. {several[0][1]['paper']}.** {about} ({link}).")
+        parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption)} ({link}).")
         for folder, row in several:
             path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
             parts += [f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"]
     return "\n\n".join(parts)
-
-
-def _order(paper):
-    """Figures 1 to 7, then those of the appendices."""
-    letter, _, number = paper.rpartition(".")
-    return letter, int(number)
 
 
 def _made(parameters, execution):
