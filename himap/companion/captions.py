@@ -1,4 +1,4 @@
-"""What a caption says of the figure of the paper that it is, ``(the paper's Fig. A.1)``, or has a share in."""
+"""What a caption says of the paper's figure that it is, ``(the paper's Fig. A.1)``, or has a share in."""
 
 import re
 
