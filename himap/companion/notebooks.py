@@ -5,7 +5,6 @@ which people open.
 """
 
 import hashlib
-import json
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -90,12 +89,13 @@ class Notebook:
                 found.setdefault(number, name)
         return found
 
-    def fingerprint(self, parameters=None):
-        """SHA-256 (hex) of the code, what it reaches in himap, the files it reads, and the parameters."""
-        code = CodeTree().source_fingerprint(*(cell.source for cell in code_cells(self.node)))
+    def fingerprint(self, tree=None):
+        """SHA-256 (hex) of the code, of what it reaches in himap, as on disk or in a `CodeTree`, and of the
+        files that it reads."""
+        cells = (cell.source for cell in code_cells(self.node))
+        code = (tree or CodeTree()).source_fingerprint(*cells)
         files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in self.reads]
-        text = " ".join([code, json.dumps(parameters or {}, sort_keys=True), *files])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hashlib.sha256(" ".join([code, *files]).encode()).hexdigest() if files else code
 
 
 def notebooks_folder():

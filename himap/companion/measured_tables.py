@@ -3,8 +3,8 @@
 import os
 import re
 
+from himap.companion.measured import RESULTS, read_stored
 from himap.companion.notebooks import notebooks, notebooks_folder
-from himap.companion.stored import RESULTS, read_stored
 from himap.figures.tables import Table
 from himap.paper.ledger_table import BADGES, plain_rows
 from himap.products.provenance import Provenance, duration
@@ -79,7 +79,7 @@ def ledgers_table(ledgers):
         A list of (entries, about), as `himap.paper.ledger.read_ledger` gives them.
     """
     rows = [plain_rows(entries) for entries, _ in ledgers]
-    made = [Provenance(**about) for _, about in ledgers]
+    made = [Provenance.of_stored(about) for _, about in ledgers]
     columns = [f"{one.preset}, {one.galaxy}" for one in made]
     table = _markdown(
         ["Claim", "Measured", "The paper says", *columns],
@@ -145,8 +145,7 @@ def _made(parameters, execution):
 
 
 def _footer(about):
-    known = {key: value for key, value in about.items() if key != "size"}
-    return f"*{Provenance(**known).footer()}*"
+    return f"*{Provenance.of_stored(about).footer()}*"
 
 
 def _markdown(head, rows):

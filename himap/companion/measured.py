@@ -1,0 +1,146 @@
+"""What was measured once, takes hours, and is stored with the book: reading it, and what follows from it.
+
+There are ledgers, the times of the steps at two sizes and how they grow, and folders of figures.
+"""
+
+import json
+import math
+import re
+from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+
+from himap.errors import InputError
+from himap.paper.ledger import RECORDED
+from himap.products.memory import estimate
+from himap.survey import PRESETS
+
+__all__ = [
+    "RESULTS",
+    "extrapolated",
+    "number_after",
+    "read_stored",
+    "times_of_all",
+]
+
+RESULTS = RECORDED.parent
+"""The folder of stored results, in a checkout."""
+
+_TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}
+"""How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
+
+_HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
+_CORES = 2  # of the machine that the steps were measured on
+_NUMBER = r"\s*([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
+
+
+def read_stored(name, folder=None):
+    """The content of a JSON file of stored results, such as ``steps_paper`` or ``paper_templates/figures``.
+
+    Parameters
+    ----------
+    name
+        Its path in the folder, without the ending.
+    folder
+        Default: `RESULTS`.
+
+    Raises
+    ------
+    InputError
+        No such file, or one that is no JSON.
+    """
+    path = Path(folder or RESULTS, f"{name}.json")
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise InputError(
+            f"there is no stored result {path}; the page on contributing says how to make it."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is not a stored result ({error}).") from None
+
+
+def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
+    """What every step would cost at another size, for the paper's Figs. 1 and 2.
+
+    The exponent with channels is that of the scaling, the one with nside what it leaves of the growth between
+    the two sizes: small maps, of which the scaling is made, grow more slowly than large ones.
+
+    Parameters
+    ----------
+    smaller, larger
+        The steps at two sizes, as ``python -m benchmarks`` wrote them.
+    scaling
+        What ``python -m benchmarks.scaling`` wrote.
+    n_realisations
+        How many of them.
+    size
+        Fields of the `Survey`: ``nside`` and ``n_channels``, and what else differs from the paper's preset.
+
+    Returns
+    -------
+    list of dict
+        Of each step its name ("step"), the time of one ("minutes"), how often a realisation does it
+        ("times"), all of it ("core_hours"), and the memory that himap asks for ("gigabytes").
+    """
+    memory = estimate(replace(PRESETS["paper"], **size))
+    rows = []
+    for before, row in zip(smaller["steps"], larger["steps"], strict=True):
+        name = row["step"]
+        with_channels = scaling["found"]["n_channels"][name]["exponent"]
+        sizes = smaller["about"]["size"], larger["about"]["size"], size
+        once = row["seconds"] * _growth(row["seconds"] / before["seconds"], with_channels, *sizes)
+        times = _TIMES.get(name, 3)
+        rows.append(
+            {
+                "step": name,
+                "minutes": once / 60,
+                "times": times,
+                "core_hours": _CORES * n_realisations * times * once / 3600,
+                "gigabytes": memory[_HELD.get(name, "cleaning")] / 1e9,
+            }
+        )
+    return rows
+
+
+def _growth(measured, with_channels, smaller, larger, asked):
+    """Factor in time from `larger` to `asked`, given the one from `smaller` to `larger`."""
+    first, second = _factors(smaller, larger), _factors(larger, asked)
+    with_nside = math.log(measured / first["n_channels"] ** with_channels) / math.log(first["nside"])
+    return second["nside"] ** with_nside * second["n_channels"] ** with_channels
+
+
+def _factors(before, after):
+    return {name: after[name] / before[name] for name in ("nside", "n_channels")}
+
+
+def times_of_all(steps, about, figures):
+    """How long light cone, ledger and the chapters with figures of the paper took: {part: seconds}.
+
+    Parameters
+    ----------
+    steps, about, figures
+        The steps, what made the ledger, and the figures, as they are stored.
+    """
+    light_cone = steps["steps"][0]
+    parts = {light_cone["step"]: light_cone["seconds"]}
+    parts["the ledger, with its observations"] = about["seconds"]
+    for execution, several in groupby(figures["figures"], key=itemgetter("execution")):
+        papers = list(dict.fromkeys(figure["paper"] for figure in several))
+        parts[f"the chapter of Fig{'s' * (len(papers) > 1)}. {', '.join(papers)}"] = execution["seconds"]
+    return parts
+
+
+def number_after(words, entry):
+    """The number that follows `words` in what a claim says of its first realisation.
+
+    Raises
+    ------
+    InputError
+        It does not say these words, or no number behind them.
+    """
+    found = re.search(re.escape(words) + _NUMBER, entry.sentence)
+    if not found:
+        raise InputError(f"{entry.claim['id']} has no number after {words!r}; it says: {entry.sentence}")
+    return float(found[1])
