@@ -45,8 +45,8 @@ from pathlib import Path
 import numpy as np
 from IPython.display import Markdown
 
-from himap.companion.measured import RESULTS, number_after
-from himap.companion.measured_tables import ledgers_table, pictures
+from himap.companion.stored import RESULTS, number_after
+from himap.companion.stored_tables import ledgers_table, pictures
 from himap.figures.numbers import quote
 from himap.paper.ledger import read_ledger
 from himap.paper.ledger_table import summary

@@ -36,8 +36,8 @@ from dataclasses import replace
 
 from IPython.display import Markdown
 
-from himap.companion.measured import extrapolated, read_stored, times_of_all
-from himap.companion.measured_tables import growth_table, short, steps_table
+from himap.companion.stored import extrapolated, read_stored, times_of_all
+from himap.companion.stored_tables import growth_table, short, steps_table
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

@@ -11,9 +11,9 @@ import nbformat
 import pytest
 from PIL import Image
 
-from himap.companion.measured import RESULTS, extrapolated, number_after, read_stored, times_of_all
-from himap.companion.measured_tables import ledgers_table, pictures, short, steps_table
 from himap.companion.notebooks import find
+from himap.companion.stored import RESULTS, extrapolated, number_after, read_stored, times_of_all
+from himap.companion.stored_tables import ledgers_table, pictures, short, steps_table
 from himap.errors import InputError
 from himap.paper.claims import CLAIMS
 from himap.paper.ledger import read_ledger

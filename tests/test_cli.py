@@ -16,7 +16,7 @@ from ledgers import entry
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks, reproduce
-from himap.companion.stored import ledger_code
+from himap.companion.staleness import ledger_code
 from himap.errors import InputError
 from himap.paper import ledger
 from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED

@@ -11,7 +11,7 @@ from sphinx.util.docutils import SphinxDirective
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
-from himap.companion.stored import stale_results, stored_results
+from himap.companion.staleness import stale_results, stored_results
 from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 

@@ -14,7 +14,6 @@ from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
-from himap.companion.stored import ledger_code
 from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
@@ -133,6 +132,7 @@ def claims(preset, pairs, output):
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
     # Imported here: other commands need not wait seconds for what does the work.
+    from himap.companion.staleness import ledger_code
     from himap.instrument.beams.oscillating import Oscillating
     from himap.paper import ledger, ledger_table
     from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED

@@ -15,6 +15,7 @@ from himap.companion.notebook_files import code_cells, number_cells
 from himap.companion.parameters import read_parameters
 from himap.errors import InputError
 from himap.products.fingerprint import CodeTree
+from himap.products.syntax import digest_of
 
 __all__ = ["Notebook", "find", "notebooks", "notebooks_folder"]
 
@@ -90,12 +91,10 @@ class Notebook:
         return found
 
     def fingerprint(self, tree=None):
-        """SHA-256 (hex) of the code, of what it reaches in himap, as on disk or in a `CodeTree`, and of the
-        files that it reads."""
-        cells = (cell.source for cell in code_cells(self.node))
-        code = (tree or CodeTree()).source_fingerprint(*cells)
+        """SHA-256 (hex) of the code, what it reaches in himap (on disk or in a `CodeTree`), and `reads`."""
+        code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
         files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in self.reads]
-        return hashlib.sha256(" ".join([code, *files]).encode()).hexdigest() if files else code
+        return digest_of([code, *files]) if files else code
 
 
 def notebooks_folder():

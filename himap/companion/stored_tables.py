@@ -3,8 +3,8 @@
 import os
 import re
 
-from himap.companion.measured import RESULTS, read_stored
 from himap.companion.notebooks import notebooks, notebooks_folder
+from himap.companion.stored import RESULTS, read_stored
 from himap.figures.tables import Table
 from himap.paper.ledger_table import BADGES, plain_rows
 from himap.products.provenance import Provenance, duration
