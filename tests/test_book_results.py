@@ -17,6 +17,7 @@ from himap.companion.stored_tables import ledgers_table, pictures, short, steps_
 from himap.errors import InputError
 from himap.paper.claims import CLAIMS
 from himap.paper.ledger import read_ledger
+from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
 from himap.survey import PRESETS
 
@@ -185,6 +186,10 @@ def test_numbers_are_found_in_what_a_claim_says():
     assert number_after("", entries["M1"]) == 8.15
     with pytest.raises(InputError, match="M1 has no number after 'POL'; it says: 8.15% of all"):
         number_after("POL", entries["M1"])
+
+
+def test_a_ledger_measures_as_many_cubes_as_the_chapter_says():
+    assert f"{len(Realisation().assessments)} cleaned cubes" in find("18_scale").path.read_text()
 
 
 def test_what_is_not_stored_is_told(tmp_path):
