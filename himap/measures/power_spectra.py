@@ -136,8 +136,8 @@ def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
             alm = _alms_of_most(truth[channels], weights, truth_alms[channels])
         pseudo[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
         pseudo[1, channels] = sphere.power_spectrum(alm)
-    both = _from_pseudo(np.concatenate(pseudo), weights, mask)
-    return tuple(AngularPower(degrees=both.degrees, cl=cl) for cl in np.split(both.cl, 2))
+    power = _from_pseudo(np.concatenate(pseudo), weights, mask)
+    return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
 
 
 def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
@@ -168,21 +168,21 @@ def _alms(maps, weights):
     return sphere.analyse(centred)
 
 
-def _alms_of_most(maps, weights, whole):
-    """As `_alms`, from the coefficients `whole` of the maps without weights, less those of what these take.
+def _alms_of_most(maps, weights, whole_alms):
+    """As `_alms`, from coefficients `whole_alms` of the maps without weights, less those of what these take.
 
     That is little, so plain quadrature does for it; the rest has no error of quadrature at all.
     """
-    alms, taken = whole.copy(), np.empty_like(maps)
+    alms, masked_out = whole_alms.copy(), np.empty_like(maps)
     if weights.min() == 1:
         alms[:, 0] = 0
         return alms
     kept = weights > 0
-    for pixels, alm, out in zip(maps, alms, taken, strict=True):
+    for pixels, alm, out in zip(maps, alms, masked_out, strict=True):
         mean = np.average(pixels[kept], weights=weights[kept])
         alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)
         out[:] = (1 - weights) * (pixels - mean)
-    return alms - sphere.analyse(taken, n_iter=0)
+    return alms - sphere.analyse(masked_out, n_iter=0)
 
 
 def _from_pseudo(pseudo, weights, mask):
@@ -200,8 +200,8 @@ def _alms_of_difference(recovered, truth, weights):
     lmax = 3 * sphere.nside_of(truth) - 1
     alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
     for pixels, rough, alm in zip(bright, minor, alms, strict=True):
-        seen = _centred(pixels, weights, kept).astype(np.float32)
-        alm[:] = sphere.analyse(seen, lmax, n_iter=0 if rough else sphere.N_ITER)
+        centred = _centred(pixels, weights, kept).astype(np.float32)
+        alm[:] = sphere.analyse(centred, lmax, n_iter=0 if rough else sphere.N_ITER)
     return spectra.astype(np.float32), alms
 
 
@@ -219,16 +219,16 @@ def _difference(recovered, truth, kept):
     n_channels, n_pix = truth.shape
     covariance, floor = np.zeros((n_channels, n_channels)), np.zeros(n_channels)
     for block in progress(blocks(n_pix), "difference to the truth"):
-        found = lines(block)
-        covariance += found @ found.T
+        difference = lines(block)
+        covariance += difference @ difference.T
         floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64), axis=1)
     values, axes = np.linalg.eigh(covariance)
-    felt = values > _FAINT * floor.sum()
-    spectra = axes[:, felt]
+    significant = values > _FAINT * floor.sum()
+    spectra = axes[:, significant]
     maps = np.empty((spectra.shape[1], n_pix))
     for block in blocks(n_pix):
         maps[:, block] = spectra.T @ lines(block)
-    return spectra, maps, (spectra**2 * values[felt] < _MINOR * floor[:, None]).all(axis=0)
+    return spectra, maps, (spectra**2 * values[significant] < _MINOR * floor[:, None]).all(axis=0)
 
 
 def _centred(pixels, weights, kept):
