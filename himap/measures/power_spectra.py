@@ -123,10 +123,16 @@ def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
     tuple
         Two `AngularPower`, of the recovered cube and of the truth, as `angular_power` gives them: the first,
         up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
+
+    Raises
+    ------
+    InputError
+        As `angular_power`; or coefficients of another shape than those of the truth.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
     if truth_alms is not None:
         _checked(truth, None)
+        _check_alms(truth_alms, truth)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
     pseudo = np.empty((2, len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
@@ -144,9 +150,10 @@ def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
     """The first of `angular_power_pair` where the coefficients of the truth are at hand.
 
     `truth_alms` (n_channels, n_alm) are those of `masked_alms`, or what the maps were made from. In place of
-    the truth any cube will do from which the recovered one differs by a few spectra.
+    the truth any cube will do from which the recovered one differs by a few spectra. Errors as in the pair.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
+    _check_alms(truth_alms, truth)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
     pseudo = np.empty((len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
@@ -242,6 +249,17 @@ def _checked(maps, mask):
     shape = np.shape(maps)
     weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
+
+
+def _check_alms(truth_alms, truth):
+    """Refuse coefficients that cannot be those of the channels of `truth`, to 3 nside - 1."""
+    lmax = 3 * sphere.nside_of(truth) - 1
+    expected = (len(truth), sphere.alm_size(lmax))
+    if np.shape(truth_alms) != expected:
+        raise InputError(
+            f"truth_alms must have shape (n_channels, n_alm) = {expected}, got {np.shape(truth_alms)}; "
+            f"analyse every channel of the truth to l = 3 nside - 1 = {lmax}."
+        )
 
 
 def frequency_power(maps, channel_width, *, mask=None):
