@@ -39,7 +39,8 @@ def main(copies, target):
                 with whole_file(Path(target, f"{figure.name}.png")) as temporary:
                     temporary.write_bytes(figure.png)
                 about = {"name": figure.name, "paper": figure.paper, "parameters": made}
-                rows.append(about | {"execution": stamp["execution"], "panels": curves(figure)})
+                about |= {"code": stamp["fingerprint"], "execution": stamp["execution"]}
+                rows.append(about | {"panels": curves(figure)})
     if not rows:
         raise click.ClickException("none of these notebooks has a figure of the paper.")
     with whole_file(Path(target, "figures.json")) as temporary:

@@ -18,6 +18,8 @@ from PIL import Image
 from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 from playwright.sync_api import sync_playwright
 
+from himap.companion.stored import stored_results
+
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 HEAVIEST = 3e6  # bytes of a page with all that it loads
@@ -122,6 +124,15 @@ def test_status_page_says_how_each_notebook_was_executed(html, book):
         assert row[1] == "fresh" and re.fullmatch(r"[\d.]+", row[2]) and row[-1] != "edits"
     for name in ("python", "numpy", "healpy", "ducc0", "jupyter-book"):
         assert [row for row in rows if row[0] == name and re.match(r"\d+\.\d+", row[-1])], name
+
+
+def test_status_page_says_what_made_each_stored_result(html, book):
+    page = book[html / "book" / "status.html"]
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in re.findall(r"<tr.*?</tr>", page, re.S)]
+    for one in stored_results():
+        (row,) = [row for row in rows if row[0] == one.name]
+        assert row[1] in ({"fresh", "stale:"} if one.codes else {"timing"})
+        assert {"Galaxy", *(commit for commit, _ in one.commits)} <= set(row)
 
 
 def test_no_link_leads_nowhere(html, book):

@@ -16,6 +16,7 @@ from ledgers import entry
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks, reproduce
+from himap.companion.stored import ledger_code
 from himap.errors import InputError
 from himap.paper import ledger
 from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED
@@ -312,7 +313,7 @@ class TestClaims:
         path = Path("results/claims_ci_n_realisations=2_seed=7.json")
         assert f"{path}  (" in out
         stored = json.loads(path.read_text())
-        assert stored["about"]["preset"] == "ci"
+        assert stored["about"]["preset"] == "ci" and stored["about"]["code"] == ledger_code()
         assert [row["id"] for row in stored["claims"]] == ["D1", "N1"]
 
     def test_five_seeds_unless_told_otherwise(self, command):

@@ -40,11 +40,13 @@ def rows_of(folder):
 
 def test_what_made_a_figure_stays_with_it_but_no_path(gathered):
     folder, copy = gathered
-    execution = read_notebook(copy).metadata[STAMP]["execution"]
+    stamp = read_notebook(copy).metadata[STAMP]
+    execution = stamp["execution"]
     assert [row["paper"] for row in rows_of(folder)] == ["1", "2"]
     for row in rows_of(folder):
         assert row["parameters"] == {"preset": "paper", "galaxy": "templates"}
         assert row["execution"] == execution and execution["commit"]
+        assert row["code"] == stamp["fingerprint"]
         with Image.open(folder / f"{row['name']}.png") as picture:
             assert picture.width > 500
     assert "somewhere" not in (folder / "figures.json").read_text()

@@ -2,6 +2,7 @@
 
 import os
 import textwrap
+from pathlib import Path
 
 import pytest
 
@@ -55,19 +56,30 @@ FILES = {
 
 
 @pytest.fixture
-def toy(tmp_path):
-    """Write a package, with one file edited; return the fingerprints of its products and a notebook."""
+def written(tmp_path):
+    """Write a package, with `old` made `new` in one file; return its tree."""
 
-    def fingerprints(file="errors.py", old="", new=""):
-        for name, text in FILES.items():
+    def write(files, file, old, new):
+        for name, text in files.items():
             text = textwrap.dedent(text).strip()
             assert name != file or old in text
             path = tmp_path / "toy" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text.replace(old, new) if name == file else text)
-            os.utime(path, ns=(fingerprints.clock, fingerprints.clock))
-            fingerprints.clock += 1
-        tree = CodeTree(toy=tmp_path / "toy")
+            os.utime(path, ns=(write.clock, write.clock))
+            write.clock += 1
+        return CodeTree(toy=tmp_path / "toy")
+
+    write.clock = 10**18
+    return write
+
+
+@pytest.fixture
+def toy(written):
+    """The fingerprints of the toy's products and of notebooks."""
+
+    def fingerprints(file="errors.py", old="", new=""):
+        tree = written(FILES, file, old, new)
         found = {name: tree.fingerprint("toy.pipeline", name) for name in ("maps", "cleaned", "power")}
         found["case"] = tree.source_fingerprint("from toy import pipeline", "case = pipeline.Case()")
         found["notebook"] = tree.source_fingerprint("from toy import pipeline as p", "p.cleaned(p.Case())")
@@ -75,7 +87,6 @@ def toy(tmp_path):
         found["plotting"] = tree.source_fingerprint("import toy.plotting as p\np.plot()")
         return found
 
-    fingerprints.clock = 10**18
     return fingerprints
 
 
@@ -95,7 +106,9 @@ CLEANED = {"cleaned", "notebook", "plotting"}
         ("errors.py", "...", "x = 1", ALL - {"tool"}),
         ("sky/hi.py", "hi()", "hi(x=1)", ALL - {"tool"}),
         ("sky/galaxy.py", "maps", "other", {"case", "notebook", "plotting"}),
-        ("sky/__init__.py", "", "x = 1", ALL - {"tool"}),
+        ("sky/__init__.py", "", "print()", ALL - {"tool"}),
+        ("sky/__init__.py", "", "for x in [1]: print(x)", ALL - {"tool"}),
+        ("sky/__init__.py", "", "x = 1", set()),
         ("removal/pca.py", "n = 1", "n = 2", CLEANED | {"tool"}),
         ("removal/base.py", "[]", "{}", CLEANED | {"tool"}),
         ("__init__.py", "1", "2", set()),
@@ -112,6 +125,92 @@ def test_an_edit_changes_what_depends_on_it_and_nothing_else(toy, file, old, new
     assert len(set(before.values())) == 7
 
 
+METHODS = {
+    "__init__.py": "",
+    "registry.py": "class Registry:\n    def named(self, name): return 1",
+    "methods/__init__.py": """
+        from numpy.fft import rfft
+        from toy.methods.base import Base, plain
+        from toy.registry import Registry
+        __all__ = ["Base", "available", "create"]
+        _METHODS = Registry(__name__, __path__)
+        def available(): return sorted(_METHODS)
+        def create(name): return _METHODS.named(name)
+        def __getattr__(name): return _METHODS.named(name)
+        def power(x): return plain(rfft(x))
+    """,
+    "methods/base.py": "class Base: ...\ndef plain(x): return x",
+    "methods/pca.py": "from toy.methods.base import Base\nclass PCA(Base): n = 1\ndef axes(): ...",
+    "methods/gmca.py": "from toy.methods.pca import PCA, axes\nclass GMCA: k = axes()",
+    "methods/deep/__init__.py": "from toy.methods.deep.method import Deep\n__all__ = ['Deep']",
+    "methods/deep/method.py": "class Deep: d = 1",
+    "methods/deep/tools.py": "TOOL = 1",
+    "methods/lazy/__init__.py": "def __getattr__(name): raise AttributeError(name)",
+    "methods/lazy/method.py": "class Lazy: z = 1",
+    "folder.py": "import pkgutil\nfrom toy import methods\ndef names(): return list(methods.__path__)",
+}
+READERS = {
+    "create": "from toy.methods import create\ncreate('pca')",
+    "available": "from toy import methods\nmethods.available()",
+    "folder": "from toy.folder import names",
+    "whole": "from toy import methods\nprint(methods)",
+    "unknown": "from toy.methods import Unknown",
+    "PCA": "from toy.methods import PCA",
+    "methods.PCA": "from toy import methods as m\nm.PCA()",
+    "GMCA": "from toy.methods.gmca import GMCA",
+    "Deep": "from toy.methods import Deep",
+    "Lazy": "from toy.methods import Lazy",
+    "Base": "from toy.methods import Base",
+    "power": "from toy.methods import power",
+}
+BY_NAME = {"create", "available", "folder", "whole", "unknown"}
+BY_REGISTRY = BY_NAME - {"folder"}
+
+
+@pytest.mark.parametrize(
+    "file, old, new, changed",
+    [
+        ("methods/pca.py", "n = 1", "n = 2", BY_NAME | {"PCA", "methods.PCA"}),
+        ("methods/pca.py", "axes(): ...", "axes(): return 1", BY_NAME | {"GMCA"}),
+        ("methods/pca.py", "n = 1", "n = 1\nprint()", BY_NAME | {"PCA", "methods.PCA", "GMCA"}),
+        ("methods/gmca.py", "k = axes()", "k = 1", BY_NAME | {"GMCA"}),
+        ("methods/gmca.py", "class GMCA", "print()\nclass GMCA", BY_NAME | {"GMCA"}),  # imports PCA, no more
+        ("methods/base.py", "class Base: ...", "class Base: b = 1", BY_NAME | {"PCA", "methods.PCA", "Base"}),
+        ("methods/base.py", "return x", "return 2 * x", BY_NAME | {"power"}),
+        ("methods/deep/method.py", "d = 1", "d = 2", BY_NAME | {"Deep"}),
+        ("methods/deep/tools.py", "1", "2", BY_NAME),
+        ("methods/lazy/method.py", "z = 1", "z = 2", BY_NAME | {"Lazy"}),
+        ("methods/deep/__init__.py", "__all__", "print()\n__all__", BY_NAME | {"Deep"}),
+        ("methods/__init__.py", "create(name)", "create(name, n=1)", {"create", "whole"}),
+        ("methods/__init__.py", "__path__)", "__path__, 1)", BY_REGISTRY),
+        ("methods/__init__.py", "numpy.fft", "scipy.fft", {"power", "whole"}),
+        ("methods/__init__.py", '"Base", ', "", {"GMCA", "Deep", "Lazy", "power"}),  # there to register
+        ("methods/__init__.py", "__all__", "print()\n__all__", set(READERS)),
+        ("registry.py", "return 1", "return 2", BY_REGISTRY),
+    ],
+)
+def test_what_a_package_loads_and_offers_by_name(written, file, old, new, changed):
+    """And nothing but the definition of a name that its ``__getattr__`` offers."""
+    before, after = (
+        {name: tree.source_fingerprint(cell) for name, cell in READERS.items()}
+        for tree in (written(METHODS, file, old, one) for one in (old, new))
+    )
+    assert {name for name in READERS if before[name] != after[name]} == changed
+
+
+LOOKS = "from pkgutil import iter_modules\ndef names(): return list(iter_modules(__path__))\ndef other(): ..."
+
+
+@pytest.mark.parametrize("cell, depends", [("methods.names()", True), ("methods.other()", False)])
+def test_a_function_that_looks_into_the_folder_of_its_package(written, cell, depends):
+    files = METHODS | {"methods/__init__.py": LOOKS}
+    before, after = (
+        written(files, "methods/pca.py", "n = 1", new).source_fingerprint("from toy import methods", cell)
+        for new in ("n = 1", "n = 2")
+    )
+    assert (before != after) == depends
+
+
 def test_the_cells_of_a_notebook():
     tree = CodeTree()
     one = tree.source_fingerprint("x = 1\ny = 2", "z = x")
@@ -121,10 +220,19 @@ def test_the_cells_of_a_notebook():
     assert tree.source_fingerprint("import himap.survey") != tree.source_fingerprint("import himap.errors")
 
 
-def test_the_store_itself_does_not_count(monkeypatch):
-    before = CodeTree().source_fingerprint("from himap.products.store import product")
-    monkeypatch.setattr(fingerprint, "IGNORED", set())
-    assert CodeTree().source_fingerprint("from himap.products.store import product") != before
+def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
+    """With all that is in them, but not what only begins alike."""
+    products = Path(fingerprint.__file__).parent
+    modules = [
+        "himap.progress",
+        "himap.products",
+        *(f"himap.products.{f.stem}" for f in products.glob("*.py")),
+    ]
+    nothing = {CodeTree().fingerprint(module) for module in modules}
+    assert len(modules) > 7 and len(nothing) == 1
+    assert nothing != {CodeTree().fingerprint("himap.survey")}
+    monkeypatch.setattr(fingerprint, "IGNORED", {"himap.prod", "himap.progress.bar"})
+    assert nothing.isdisjoint(CodeTree().fingerprint(module) for module in modules)
 
 
 def test_live_objects():

@@ -1,11 +1,12 @@
 """The provenance line under a figure."""
 
+import json
 import os
 import re
 import subprocess
 import time
 import tomllib
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,12 @@ def test_provenance_takes_the_nearest_preset_unless_told():
     survey = Survey.preset("quick", n_dishes=64)
     assert Provenance.of(survey, galaxy="none").preset == "quick"
     assert "nside" in dict(Provenance.of(survey, galaxy="none", preset="ci").overrides)
+
+
+def test_provenance_is_read_from_what_is_stored():
+    made = Provenance.of(Survey.preset("ci", seed=3), galaxy="synthetic", parameters={"n_sources": 4})
+    stored = json.loads(json.dumps(asdict(made) | {"code": "abc", "size": 3}))
+    assert Provenance.of_stored(stored).footer() == made.footer()
 
 
 def test_the_volatile_part_is_the_commit_and_the_time():

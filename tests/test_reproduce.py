@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import shutil
 
 import jupytext
 import nbformat
@@ -140,7 +141,15 @@ def test_a_run_with_other_parameters(folder):
     assert all(re.fullmatch(r"[0-9a-f]{8}-1", cell["id"]) for cell in json.loads(text)["cells"])
     stamp = json.loads(text)["metadata"]["himap_run"]
     assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
-    assert stamp["fingerprint"] != notebooks.find("01", folder).fingerprint()
+    assert stamp["fingerprint"] == notebooks.find("01", folder).fingerprint()
+    book = notebooks.find("01", folder).executed
+    shutil.copy(path, book)
+    assert reproduce.stale(folder) == {"01_toy": "it was executed with other parameters"}
+    book.unlink()
+    other = passed | {"parameters": {"scale": 3, "nside": 16}, "output": path}
+    assert reproduce.run("01", **other, again=False)[1]  # those of the file, not of its name
+    assert reproduce.run("01", **passed)[1]
+    text = path.read_text()
     execution = stamp["execution"]
     assert 0 < execution["seconds"] < 600 and execution["himap"] == __version__
     assert execution["packages"]["numpy"] == np.__version__

@@ -36,7 +36,7 @@ class Ledgers(SphinxDirective):
             path = Path(self.env.srcdir, "book", "results", f"{name}.json")
             self.env.note_dependency(str(path))
             entries, about = read_ledger(path)
-            read.append((plain_rows(entries), Provenance(**about)))
+            read.append((plain_rows(entries), Provenance.of_stored(about)))
         rows = [_claim(of_one) for of_one in zip(*(rows for rows, _ in read), strict=True)]
         columns = [f"{about.preset}, {about.galaxy}" for _, about in read]
         lines = table(

@@ -172,8 +172,7 @@ def _read(directive, name):
 
 
 def _footer(about):
-    known = {key: value for key, value in about.items() if key != "size"}
-    return f"*{Provenance(**known).footer()}*"
+    return f"*{Provenance.of_stored(about).footer()}*"
 
 
 def setup(app):

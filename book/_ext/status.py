@@ -1,4 +1,5 @@
-"""Sphinx extension: ``{status}``, how each notebook was last executed, and with which versions."""
+"""Sphinx extension: ``{status}``, how each notebook was last executed, with which versions, and what made the
+results that are stored."""
 
 from importlib.metadata import version
 from pathlib import Path
@@ -9,6 +10,7 @@ from tables import parsed
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
+from himap.companion.stored import stale_results, stored_results
 from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 
@@ -16,7 +18,7 @@ RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
 
 
 class Status(SphinxDirective):
-    """The directive: two tables."""
+    """The directive: three tables."""
 
     def run(self):
         folder = Path(self.env.srcdir, "notebooks")
@@ -24,21 +26,29 @@ class Status(SphinxDirective):
         for one in notebooks(folder):
             self.env.note_dependency(str(one.executed))
             executions[one.name] = read_notebook(one.executed).metadata[STAMP].get("execution", {})
-        text = [*_runs(executions, stale(folder)), "", *_versions(executions)]
-        return parsed(self, text)
+        results = Path(self.env.srcdir, "book", "results")
+        stored = stored_results(results)
+        for one in stored:
+            self.env.note_dependency(str(one.path))
+        text = [*_runs(executions, stale(folder)), "", *_versions(executions), ""]
+        return parsed(self, [*text, *_stored(stored, stale_results(results, folder))])
 
 
 def _runs(executions, old):
     """Lines of the table of notebooks."""
     rows = []
     for name, one in executions.items():
-        commit = f"`{one['commit']}`{' with edits' if one['dirty'] else ''}" if one else ""
+        commit = _commit(one["commit"], one["dirty"]) if one else ""
         time = duration(one["seconds"]) if one else ""
         state = f"stale: {old[name]}" if name in old else "fresh"
         rows.append([f"[{name}](../notebooks/{name}.ipynb)", state, time, one.get("himap", ""), commit])
     total = sum(one.get("seconds", 0) for one in executions.values())
     rows.append(["all", "", duration(total), "", ""])
     return Table(["Notebook", "State", "Time", "himap", "Commit"], rows).markdown()
+
+
+def _commit(short, dirty):
+    return f"`{short}`{' with edits' if dirty else ''}"
 
 
 def _versions(executions):
@@ -51,6 +61,16 @@ def _versions(executions):
     rows |= {f"{name} (rendering)": version(name) for name in RENDERERS}
     rows["commit (rendering)"] = f"`{environment()['commit']}`"
     return Table(["Package", "Version"], rows.items()).markdown()
+
+
+def _stored(results, old):
+    """Lines of the table of stored results."""
+    rows = []
+    for one in results:
+        state = f"stale: {old[one.name]}" if one.name in old else "fresh" if one.codes else "timing"
+        commits = ", ".join(_commit(*commit) for commit in sorted(one.commits))
+        rows.append([one.name, state, f"{one.preset}, {one.galaxy} Galaxy", duration(one.seconds), commits])
+    return Table(["Stored result", "State", "Made with", "Time", "Commit"], rows).markdown()
 
 
 def setup(app):

@@ -14,8 +14,10 @@ from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
+from himap.companion.stored import ledger_code
 from himap.errors import InputError
 from himap.figures.tables import Table
+from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
 
 __all__ = ["main"]
@@ -153,7 +155,8 @@ def claims(preset, pairs, output):
         parameters={"n_realisations": len(skies)},
         started=started,
     )
-    ledger.write_ledger(entries, path, asdict(about))
+    code = ledger_code(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since
+    ledger.write_ledger(entries, path, asdict(about) | {"code": code})
     header = ["claim", "beam", "verdict", "in", "measured", "paper", "what is measured"]
     colours = {REPRODUCED: "green", DIFFERENT: "yellow", FAILED: "red", UNDECIDED: "bright_black"}
     rows = [

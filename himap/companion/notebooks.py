@@ -4,8 +4,6 @@ A notebook is a pair: ``NN_name.py`` (py:percent), which people edit, and ``NN_n
 which people open.
 """
 
-import hashlib
-import json
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -79,10 +77,10 @@ class Notebook:
                 found.setdefault(number, cell["name"])
         return found
 
-    def fingerprint(self, parameters=None):
-        """SHA-256 (hex) of the code, of what it reaches in himap, and of the parameters passed."""
-        code = CodeTree().source_fingerprint(*(cell.source for cell in code_cells(self.node)))
-        return hashlib.sha256(f"{code} {json.dumps(parameters or {}, sort_keys=True)}".encode()).hexdigest()
+    def fingerprint(self, tree=None):
+        """SHA-256 (hex) of the code and of what it reaches in himap, as on disk or in a `CodeTree`."""
+        cells = (cell.source for cell in code_cells(self.node))
+        return (tree or CodeTree()).source_fingerprint(*cells)
 
 
 def notebooks_folder():

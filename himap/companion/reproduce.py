@@ -1,10 +1,11 @@
 """Running the notebooks: with other parameters, or again because something they depend on changed.
 
-An executed notebook carries a stamp: the fingerprint of its code and of all that this reaches in himap. A
-notebook whose stamp is that of today's code is fresh.
+An executed notebook carries a stamp: the fingerprint of its code and of all that this reaches in himap, and
+the parameters that were passed. A notebook whose stamp is that of today's code is fresh.
 """
 
 import copy
+import json
 import time
 from pathlib import Path
 
@@ -89,7 +90,8 @@ def _is_done(notebook, parameters, path):
         stamp = read_notebook(path).metadata.get(STAMP, {})
     except (OSError, ValueError):
         return False
-    return stamp.get("fingerprint") == notebook.fingerprint(parameters)
+    same = stamp.get("parameters") == json.loads(json.dumps(parameters))  # as a file holds them
+    return same and stamp.get("fingerprint") == notebook.fingerprint()
 
 
 def stale(folder=None):
@@ -156,6 +158,8 @@ def _state(notebook):
         return "it was never executed"
     if stamp.get("fingerprint") != notebook.fingerprint():
         return "its code, or code that it uses, changed"
+    if stamp.get("parameters"):
+        return "it was executed with other parameters"
     return "" if text == source == stamp.get("text") else _TEXT_CHANGED
 
 
@@ -166,7 +170,7 @@ def _execute(notebook, parameters, folder):
 
     from himap.companion.kernel_manager import AsyncLocalKernelManager
 
-    fingerprint = notebook.fingerprint(parameters)  # of the code that runs, whatever is edited meanwhile
+    fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
     started = time.monotonic()

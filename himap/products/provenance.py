@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as package_version
@@ -86,6 +86,11 @@ class Provenance:
             version=__version__,
             packages=_packages(),
         )
+
+    @classmethod
+    def of_stored(cls, about):
+        """The provenance that `asdict` had written with a result, whatever stands beside it."""
+        return cls(**{item.name: about[item.name] for item in fields(cls)})
 
     def footer(self):
         """One line for under a figure."""

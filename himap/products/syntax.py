@@ -7,16 +7,30 @@ from collections import Counter
 from functools import lru_cache
 from typing import NamedTuple
 
-__all__ = ["IMPORTS", "Code", "Part", "bound_name", "digest_of", "dump", "parse_cell", "parse_module"]
+__all__ = ["IMPORTS", "RUN", "Code", "Part", "bound_name", "digest_of", "dump", "parse_cell", "parse_module"]
 
 IMPORTS = (ast.Import, ast.ImportFrom)
 
+RUN = "<run>"
+"""Name of the part of a module that acts whenever the module is imported, whatever is taken from it."""
+
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+_BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
 _SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
 
 
 class Part(NamedTuple):
-    """One definition, or a whole module: its digest, the names it uses, the imports inside functions."""
+    """One definition, what a module does when it runs, or all of it.
+
+    Attributes
+    ----------
+    digest
+        Of the code, the imports at the top level aside, for they count with what they lead to.
+    uses
+        {name: the attributes taken of it}, None where the name is used in another way.
+    local_imports
+        The imports inside functions.
+    """
 
     digest: str
     uses: dict[str, set[str] | None]
@@ -30,41 +44,60 @@ class Code:
     ----------
     package
         Name of the package that relative imports start from.
+    is_package
+        Whether this is the ``__init__`` of that package.
     index
         {name: the top-level statements that define it or change it in place}.
     """
 
-    def __init__(self, statements, package):
-        self.package = package
+    def __init__(self, statements, package="", is_package=False):
+        self.package, self.is_package = package, is_package
+        self._offered = {name for node in statements if _is_public_list(node) for name in _texts(node)}
         self._statements = [node for node in statements if not _is_text(node)]
         self._loose, self._parts, self.index = [], {}, {}
         for node in self._statements:
             names = _names_bound(node)
             for name in names:
                 self.index.setdefault(name, []).append(node)
-            if not names:
+            if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
                 self._loose.append(node)
 
+    def defines(self, name):
+        """Whether `name` is made here, not only imported."""
+        return any(not isinstance(node, IMPORTS) for node in self.index.get(name, ()))
+
     def part(self, name=None):
-        """The `Part` called `name`, or all of the module."""
+        """The `Part` called `name`, what runs on import (`RUN`), or all of the module (None)."""
         if name not in self._parts:
-            nodes = self._statements if name is None else self.index[name] + self._loose
-            uses = {used: attributes for used, attributes in _uses(nodes).items() if used in self.index}
-            if name is None:  # what is imported and not used is there for others, or for what it does
-                bound = [
-                    bound_name(alias) for node in nodes if isinstance(node, IMPORTS) for alias in node.names
-                ]
-                uses = dict.fromkeys(bound) | uses
-            inside = [child for node in nodes for child in ast.walk(node) if child is not node]
-            local = [child for child in inside if isinstance(child, IMPORTS)]
-            self._parts[name] = Part(digest_of([dump(nodes)]), uses, local)
+            self._parts[name] = self._part(name)
         return self._parts[name]
+
+    def _part(self, name):
+        imported = [bound_name(alias) for node in self._imports() for alias in node.names]
+        if name is None:  # what is imported and not used is there for others, or for what it does
+            nodes, extra = self._statements, imported
+        elif name == RUN:  # a package imports what it neither uses nor offers for what that does
+            nodes = self._loose
+            extra = set(imported) - self._offered - set(self._used()) if self.is_package else ()
+        else:  # a name that is imported may be there for others
+            nodes, extra = self.index[name], {name} & set(imported)
+        inside = [child for node in nodes for child in ast.walk(node) if child is not node]
+        local = [child for child in inside if isinstance(child, IMPORTS)]
+        own = [node for node in nodes if not isinstance(node, IMPORTS)]
+        return Part(digest_of([dump(own)]), dict.fromkeys(extra) | _uses(nodes), local)
+
+    def _imports(self):
+        return [node for node in self._statements if isinstance(node, IMPORTS)]
+
+    def _used(self):
+        """The names that anything here uses, imports aside."""
+        return _uses([node for node in self._statements if not isinstance(node, IMPORTS)])
 
 
 @lru_cache(maxsize=512)
-def parse_module(text, package):
-    """The `Code` of a module's text; `package` is what its relative imports start from."""
-    return Code(ast.parse(text).body, package)
+def parse_module(text, package, is_package):
+    """The `Code` of the text of a module in `package`, or of that package's ``__init__``."""
+    return Code(ast.parse(text).body, package, is_package)
 
 
 def bound_name(alias):
@@ -112,7 +145,19 @@ def _is_text(node):
     """A docstring, a bare string, or the list of public names: they change nothing."""
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-    return isinstance(node, ast.Assign) and any(getattr(t, "id", "") == "__all__" for t in node.targets)
+    return _is_public_list(node)
+
+
+def _is_public_list(node):
+    """``__all__ = [...]``, or what is added to it."""
+    targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
+    return any(getattr(target, "id", "") == "__all__" for target in targets)
+
+
+def _texts(node):
+    """The strings in a statement."""
+    constants = [child.value for child in ast.walk(node) if isinstance(child, ast.Constant)]
+    return [value for value in constants if isinstance(value, str)]
 
 
 def dump(node):

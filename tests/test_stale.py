@@ -1,0 +1,139 @@
+"""On the real tree: an edit makes stale what uses the edited code, and nothing else.
+
+Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
+stale stands in the tables below: chapters by their number, and "ledger" for what `himap claims` stores.
+Stored figures are stale with their chapter (test_stored.py).
+"""
+
+import ast
+import shutil
+from pathlib import Path
+
+import pytest
+
+import himap
+from himap.companion.notebooks import notebooks
+from himap.companion.stored import ledger_code
+from himap.products.fingerprint import CodeTree
+
+HIMAP = Path(himap.__file__).parent
+
+CHAPTERS = {f"{n:02}" for n in range(1, 17)}
+JUDGED = {"15", "ledger"}
+ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
+ANY_METHOD = {"11", "16"}  # take any method by its name
+ANY_BEAM = CHAPTERS - {"01", "02", "10", "15"}  # those name the paper's three, or none
+OBSERVED = CHAPTERS - {"01"} | {"ledger"}
+CLEANED = OBSERVED - {"02"}
+
+# (file, definition): what an added statement there makes stale.
+METHODS = {
+    ("removal/pca.py", "PCA._separate"): {"03", "04", "05", "06"} | ALL_SIX | ANY_METHOD,
+    ("removal/fastica.py", "FastICA._separate"): {"05"} | ALL_SIX | ANY_METHOD,
+    ("removal/gmca.py", "GMCA._separate"): {"06"} | ALL_SIX | ANY_METHOD,
+    ("removal/polynomial.py", "Polynomial._separate"): {"07"} | ALL_SIX | ANY_METHOD,
+    ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY_METHOD,
+    ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"09"} | ALL_SIX | ANY_METHOD,
+}
+BEAMS = {
+    ("instrument/beams/degraded.py", "Degraded._fwhm"): OBSERVED,
+    ("instrument/beams/evolving.py", "Evolving._fwhm"): OBSERVED,
+    ("instrument/beams/oscillating.py", "Oscillating._fwhm"): OBSERVED,
+    ("instrument/beams/meerkat.py", "MeerKAT._fwhm"): ANY_BEAM,
+    ("instrument/beams/from_file.py", "FromFile._windows"): ANY_BEAM,
+}
+CLAIMS = {
+    ("paper/claims/methods_and_beams.py", None): JUDGED,
+    ("paper/claims/scan.py", None): JUDGED,
+    ("paper/claims/masking.py", None): JUDGED,
+    ("paper/claims/appendix.py", None): JUDGED,
+}
+OTHERS = {
+    ("paper/claims/base.py", "bump"): {"11"} | JUDGED,
+    ("paper/claims/base.py", "total"): JUDGED,
+    ("paper/ledger.py", "read_ledger"): {"15"},
+    ("removal/__init__.py", "create"): ANY_METHOD,
+    ("instrument/beams/__init__.py", "named"): ANY_BEAM,
+    ("removal/base.py", "ForegroundRemover.clean"): CLEANED,
+    ("figures/plotting.py", None): CHAPTERS - {"15"},
+    ("survey.py", None): CHAPTERS | {"ledger"},
+    ("products/store.py", None): set(),
+    ("progress.py", None): set(),
+    ("cli/main.py", None): set(),
+}
+EDITS = METHODS | BEAMS | CLAIMS | OTHERS
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    """A copy of the library, to edit."""
+    folder = tmp_path_factory.mktemp("tree") / "himap"
+    return shutil.copytree(HIMAP, folder, ignore=shutil.ignore_patterns("__pycache__"))
+
+
+@pytest.fixture(scope="module")
+def fingerprints(library):
+    """Function to {chapter or "ledger": fingerprint} of the copy as it is now."""
+    chapters = notebooks()
+
+    def compute():
+        tree = CodeTree(himap=library)
+        codes = {one.name.partition("_")[0]: one.fingerprint(tree) for one in chapters}
+        return codes | {"ledger": ledger_code(tree)}
+
+    return compute
+
+
+@pytest.fixture(scope="module")
+def before(fingerprints):
+    return fingerprints()
+
+
+def with_statement(source, definition):
+    """The source with one more statement in a function, "Class.method" or at the top level."""
+    tree = node = ast.parse(source)
+    for name in definition.split(".") if definition else []:
+        (node,) = [child for child in node.body if getattr(child, "name", None) == name]
+    node.body.insert(-1, ast.parse("assert True").body[0])
+    return ast.unparse(tree)
+
+
+@pytest.mark.parametrize(
+    "file, definition", EDITS, ids=[f"{file}-{definition or 'run'}" for file, definition in EDITS]
+)
+def test_an_edit_makes_stale_what_uses_it(library, fingerprints, before, file, definition):
+    path = library / file
+    source = path.read_text()
+    path.write_text(with_statement(source, definition))
+    after = fingerprints()
+    path.write_text(source)
+    assert {name for name in after if after[name] != before[name]} == EDITS[file, definition]
+
+
+@pytest.mark.parametrize(
+    "room, base, stale",
+    [("removal", "ForegroundRemover", ANY_METHOD), ("instrument.beams", "Beam", ANY_BEAM)],
+)
+def test_a_new_one_makes_stale_what_takes_any(library, fingerprints, before, room, base, stale):
+    path = library / room.replace(".", "/") / "newest.py"
+    path.write_text(f"from himap.{room}.base import {base}\nclass Newest({base}): ...\n")
+    after = fingerprints()
+    path.unlink()
+    assert {name for name in after if after[name] != before[name]} == stale
+
+
+def test_comments_make_nothing_stale(library, fingerprints, before):
+    for path in library.rglob("*.py"):
+        path.write_text(path.read_text() + "\n# One more comment.\n")
+    assert fingerprints() == before
+    for path in library.rglob("*.py"):
+        path.write_text(path.read_text().removesuffix("\n# One more comment.\n"))
+
+
+def test_every_method_beam_and_file_of_claims_is_tried():
+    removal, beams, claims = (HIMAP / room for room in ("removal", "instrument/beams", "paper/claims"))
+    methods = [path for path in removal.rglob("*.py") if "(ForegroundRemover)" in path.read_text()]
+    assert {HIMAP / file for file, _ in METHODS} == set(methods)
+    assert {HIMAP / file for file, _ in BEAMS} == set(beams.glob("[a-z]*.py")) - {beams / "base.py"}
+    assert {HIMAP / file for file, _ in CLAIMS} == set(claims.glob("[a-z]*.py")) - {claims / "base.py"}
+    assert {notebook.name[:2] for notebook in notebooks()} == CHAPTERS

@@ -1,0 +1,86 @@
+"""Stored results: what made them, and which are stale."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from himap.companion.notebooks import find
+from himap.companion.stored import ledger_code, stale_results, stored_results
+
+RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
+NOTEBOOK = """\
+# %% mystnb={"figure": {"name": "fig-a", "caption": "One."}}
+1 + 1
+
+# %% mystnb={"figure": {"name": "fig-b", "caption": "Other."}}
+2 + 2
+"""
+RUN = {"commit": "abc1234", "dirty": False, "seconds": 90.0}
+ABOUT = RUN | {"preset": "paper", "galaxy": "templates"}
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Results and notebooks; `folders(code=..., figures={name: code})` writes the results."""
+    (tmp_path / "notebooks").mkdir()
+    (tmp_path / "notebooks" / "01_toy.py").write_text(NOTEBOOK)
+    (tmp_path / "results" / "paper_a").mkdir(parents=True)
+    today = find("01", tmp_path / "notebooks").fingerprint()
+
+    def write(*, about=None, figures=("fig-a", "fig-b"), **changed):
+        rows = [
+            {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": today} | changed
+            for name in figures
+        ]
+        about = about or ABOUT | {"code": ledger_code()}
+        files = {
+            "claims_a": {"about": about, "claims": []},
+            "paper_a/figures": {"figures": rows},
+            "steps_a": {"about": ABOUT, "steps": []},
+        }
+        for name, content in files.items():
+            (tmp_path / "results" / f"{name}.json").write_text(json.dumps(content))
+        return tmp_path / "results", tmp_path / "notebooks"
+
+    return write
+
+
+def test_what_made_a_result(folders):
+    ledger, figures, steps = stored_results(folders()[0])
+    assert [one.name for one in (ledger, figures, steps)] == ["claims_a", "paper_a", "steps_a"]
+    assert (ledger.preset, ledger.galaxy, ledger.seconds) == ("paper", "templates", 90)
+    assert ledger.commits == {("abc1234", False)}
+    assert (figures.preset, figures.galaxy, figures.seconds) == ("paper", "synthetic", 90)  # one execution
+    assert set(figures.codes) == {"fig-a", "fig-b"} and not steps.codes
+
+
+def test_results_of_todays_code_are_fresh_and_timings_have_no_state(folders):
+    assert stale_results(*folders()) == {}
+
+
+def test_results_of_other_code_are_stale(folders):
+    results, notebooks = folders(about=ABOUT | {"code": "other"}, figures=["fig-a", "fig-b"])
+    assert stale_results(results, notebooks) == {"claims_a": "the code behind claims changed"}
+    (notebooks / "01_toy.py").write_text(NOTEBOOK.replace("2 + 2", "2 + 3"))
+    changed = {"paper_a": "the code behind fig-a, fig-b changed"}
+    assert stale_results(results, notebooks).items() > changed.items()
+
+
+def test_a_figure_that_is_no_more(folders):
+    assert stale_results(*folders(figures=["fig-a", "fig-c"])) == {
+        "paper_a": "no notebook has fig-c any more"
+    }
+
+
+def test_results_from_before_fingerprints_are_stale(folders):
+    old = "made before fingerprints were kept"
+    assert stale_results(*folders(about=ABOUT, code=None)) == {"claims_a": old, "paper_a": old}
+
+
+def test_those_in_the_book_can_be_told():
+    names = {path.stem for path in RESULTS.glob("*.json")} | {
+        path.parent.name for path in RESULTS.glob("*/figures.json")
+    }
+    assert {one.name for one in stored_results()} == names
+    assert stale_results().keys() <= names
