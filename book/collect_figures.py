@@ -10,15 +10,11 @@ import csv
 import io
 import json
 import math
-import sys
 from pathlib import Path
 
 import click
 
-sys.path.insert(0, str(Path(__file__).resolve().parent / "_ext"))
-
-from executed import figures
-
+from himap.companion.figures import figures
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.outputs import whole_file
 

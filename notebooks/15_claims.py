@@ -2,6 +2,8 @@
 # jupyter:
 #   himap:
 #     figures: []
+#     reads:
+#     - book/results/claims_laptop.json
 #     section: all
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -17,7 +19,7 @@
 # %% [markdown]
 # # What is reproduced
 #
-# {cite:t}`gkogkou2025` make 27 claims that a number can settle. This page has one row for each: what was measured, what the paper says, and a
+# {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a number can settle. This page has one row for each: what was measured, what the paper says, and a
 # verdict. A claim is broken into parts, for instance one for each method that it speaks of.
 #
 # - **Reproduced**: all parts hold.
@@ -46,7 +48,7 @@ n_realisations: int = 1  # seeds; 5 or more for verdicts that are worth somethin
 import warnings
 
 from himap.companion.notebooks import notebooks
-from himap.figures.numbers import show, show_table
+from himap.figures.numbers import quote, show, show_table
 from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations
 from himap.paper.ledger_table import LedgerTable, summary
 from himap.paper.methods import paper_beams
@@ -81,6 +83,16 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # %%
 recorded, about = read_ledger(RECORDED)
 show(summary(recorded))
+
+# %% tags=["hide-input"]
+reproduced, different, failed, _ = summary(recorded).values()
+quote(
+    claims_total=len(recorded),
+    claims_reproduced=reproduced,
+    claims_different=different,
+    claims_failed=failed,
+    claims_realisations=len(recorded[0].findings),
+)
 
 # %%
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}

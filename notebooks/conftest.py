@@ -3,7 +3,7 @@
 nbval compares every text exactly. Here a number shown as ``value ± tolerance`` may move by its
 tolerance, the commit and the time in the line under a figure may differ, and a cell that was never
 executed fails. The numbers that a figure carries must be there and are not compared, as pictures are
-not. All the rest is exact, as in nbval.
+not. All the rest is exact, as in nbval. A number for the prose carries its tolerance beside its text, and is compared likewise.
 """
 
 import re
@@ -14,7 +14,7 @@ from nbval.plugin import IPyNbCell
 from himap.companion.kernel_manager import LocalKernelManager
 from himap.companion.notebook_files import has_code
 from himap.figures.data import DATA_TYPES
-from himap.figures.numbers import agree
+from himap.figures.numbers import QUOTED, agree
 from himap.products.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
@@ -36,9 +36,12 @@ def runtest(self):
 
 def _settled(test, reference):
     """`test`, an output or the data in one, with the texts of `reference` wherever the two agree."""
+    text, whole = QUOTED
+    near = whole in test and whole in reference and agree(test[whole], reference[whole])
+    same = {text: reference[text]} if near else {}
     return type(test)(
         (key, _settled_value(key, value, reference[key]) if key in reference else value)
-        for key, value in test.items()
+        for key, value in {**test, **same}.items()
         if key not in DATA_TYPES or key in reference  # too large to be kept
     )
 

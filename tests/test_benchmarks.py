@@ -134,12 +134,6 @@ def test_times_of_a_machine_that_slows_down_are_brought_to_one_pace():
     assert scaling.at_one_pace([(2.0, 1.0), (24.0, 3.0)]) == pytest.approx([2, 8])
 
 
-def test_exponents_and_their_figure(tmp_path):
+def test_exponents():
     sizes = np.array([32, 64, 128])
     assert scaling.exponents(sizes, 0.1 * sizes**2.5) == pytest.approx(2.5)
-    run = {"sizes": [32, 64, 128], "seconds": [1, 4, 16], "memory_gb": [1, 1, 2], "exponent": 2.0}
-    recorded = tmp_path / "scaling.json"
-    recorded.write_text(json.dumps({"found": {name: {"PCA": run} for name in scaling.SIZES}}))
-    figure = tmp_path / "scaling.png"
-    outcome = CliRunner().invoke(scaling.main, ["--draw", str(recorded), "--figure", str(figure)])
-    assert outcome.exit_code == 0 and figure.stat().st_size > 10_000

@@ -1,77 +1,67 @@
-"""The pages of what was measured once say what the files in book/results say."""
+"""The chapters of what was measured once say what the files in book/results say."""
 
-import json
 import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import nbformat
 import pytest
 from PIL import Image
 
+from himap.companion.notebooks import find
+from himap.companion.stored import RESULTS, extrapolated, number_after, read_stored, times_of_all
+from himap.companion.stored_tables import ledgers_table, pictures, short, steps_table
+from himap.errors import InputError
 from himap.paper.claims import CLAIMS
 from himap.paper.ledger import read_ledger
+from himap.products.memory import estimate
+from himap.survey import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "book" / "results"
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures
 SIGNS = {"reproduced": "✓", "reproduced with a difference": "≈", "not reproduced": "✗"}
+LARGER = {"nside": 512, "n_channels": 2000, "box_cells": 2048}
 
 
-def stored(name):
-    return json.loads((RESULTS / f"{name}.json").read_text())
-
-
-def tables(page):
-    """[[[text of a cell]]] of a rendered page."""
-    return [
-        [
-            [re.sub(r"<[^>]+>", "", cell).strip() for cell in re.findall(r"<t[dh].*?</t[dh]>", row, re.S)]
-            for row in re.findall(r"<tr.*?</tr>", text, re.S)
-        ]
-        for text in re.findall(r"<table.*?</table>", page, re.S)
-    ]
+def tables(text):
+    """[[[text of a cell]]] of the tables in Markdown."""
+    found = []
+    for block in re.findall(r"(?:^\|.*\|$\n?)+", text, re.M):
+        head, _, *rows = [re.split(r"(?<!\\)\|", line)[1:-1] for line in block.splitlines()]
+        found.append([[cell.strip() for cell in line] for line in (head, *rows)])
+    return found
 
 
 def number(cell):
     """The number that a cell begins with; no number is written with an exponent."""
-    return float(re.match(r"[\d.,]+(?=\s|$)", cell)[0].replace(",", ""))
+    return float(re.match(r"[\d.,]+(?=\s|$)", cell.strip("*"))[0].replace(",", ""))
 
 
-@pytest.fixture(scope="module")
-def html(tmp_path_factory):
-    """A book of these two pages only; test_book.py renders them all, and knows warnings and broken links."""
-    folder = tmp_path_factory.mktemp("book")
-    shutil.copy(ROOT / "_config.yml", folder)
-    for name in ("book", "notebooks"):
-        shutil.copytree(ROOT / name, folder / name)
-    toc = "format: jb-book\nroot: book/scale\nchapters:\n  - file: book/paper_size\n"
-    (folder / "_toc.yml").write_text(toc)
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    outcome = subprocess.run([*jupyter_book, "build", str(folder)], capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return folder / "_build" / "html"
+def markdown(name):
+    """What the executed notebook shows as Markdown."""
+    cells = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", as_version=4).cells
+    bundles = [output.get("data", {}) for cell in cells for output in cell.get("outputs", [])]
+    return "\n\n".join(data["text/markdown"] for data in bundles if "text/markdown" in data)
 
 
-@pytest.fixture(scope="module")
-def scale(html):
-    """The tables of the page on scale."""
-    return tables((html / "book" / "scale.html").read_text())
+def test_the_chapters_show_what_is_stored_today():
+    ledgers = [read_ledger(path) for path in (RESULTS / f"{name}.json" for name in stored_ledgers())]
+    shown = markdown("17_paper_size")
+    assert shown == "\n\n".join([ledgers_table(ledgers), pictures(stored_folders())])
+    shown = markdown("18_scale")
+    assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
 
 
-@pytest.fixture(scope="module")
-def paper_size(html):
-    return (html / "book" / "paper_size.html").read_text()
-
-
-@pytest.mark.parametrize(("n", "name"), [(0, "steps_paper"), (2, "steps_laptop")])
-def test_every_step_has_a_row(scale, n, name):
-    head, *rows = scale[n]
-    steps = stored(name)["steps"]
-    assert len(rows) == len(steps) == 10
+@pytest.mark.parametrize("name", ["steps_paper", "steps_laptop"])
+def test_every_step_has_a_row(name):
+    found = read_stored(name)
+    ((head, *rows),) = tables(steps_table(found))
+    assert len(rows) == len(found["steps"]) == 10
     assert ("Goal" in head) == (name == "steps_paper")
-    for row, step in zip(rows, steps, strict=True):
+    for row, step in zip(rows, found["steps"], strict=True):
         # Of two goals, the first, that of time, is kept.
         cells = dict(zip(reversed(head), reversed(row), strict=True))
         assert row[0] == step["step"]
@@ -87,75 +77,87 @@ def test_every_step_has_a_row(scale, n, name):
             assert number(cells["Goal"]) == step["goal_seconds"]
 
 
-def test_the_whole_is_the_sum_of_its_parts(scale):
-    head, *rows, total = scale[1]
-    assert head == ["Part", "Time", "Goal"] and len(rows) == 8
-    once = {row["execution"]["seconds"] for row in stored("paper_synthetic/figures")["figures"]}
-    seconds = stored("steps_paper")["steps"][0]["seconds"] + sum(once)
-    seconds += stored("claims_paper_synthetic")["about"]["seconds"]
-    assert number(total[1]) == pytest.approx(seconds / 60, abs=0.5)
-    assert sum(number(row[1]) for row in rows) == pytest.approx(seconds / 60, rel=0.02)
-    assert number(total[2]) == 90
-    figures = [word for row in rows for word in re.findall(r"[AB]\.\d|\b\d(?=,|$)", row[0])]
-    assert set(figures) == PAPER and len(figures) == len(PAPER)
-
-
-def test_what_misses_its_goal_is_bold(html):
-    (page,) = re.findall(r"<table.*?</table>", (html / "book" / "scale.html").read_text(), re.S)[:1]
+def test_what_misses_its_goal_is_bold():
+    found = read_stored("steps_paper")
     missed = [
         round(step[have])
-        for step in stored("steps_paper")["steps"]
+        for step in found["steps"]
         for have, goal in (("seconds", "goal_seconds"), ("memory_gb", "goal_gb"))
         if step[have] > step[goal]
     ]
-    bold = [round(number(text)) for text in re.findall(r"<strong>(.*?)</strong>", page)]
-    assert bold == missed
+    assert [round(number(text)) for text in re.findall(r"\*\*(.*?)\*\*", steps_table(found))] == missed
 
 
-def test_exponents_are_those_of_the_figure(scale):
-    _, *rows = scale[3]
-    found = stored("scaling")["found"]
+def test_the_whole_is_the_sum_of_its_parts():
+    ledger, figures = read_stored("claims_paper_synthetic")["about"], read_stored("paper_synthetic/figures")
+    parts = times_of_all(read_stored("steps_paper"), ledger, figures)
+    once = {row["execution"]["seconds"] for row in figures["figures"]}
+    seconds = read_stored("steps_paper")["steps"][0]["seconds"] + sum(once) + ledger["seconds"]
+    assert len(parts) == 8 and sum(parts.values()) == pytest.approx(seconds)
+    papers = [word for part in parts for word in re.findall(r"[AB]\.\d|\b\d(?=,|$)", part)]
+    assert set(papers) == PAPER and len(papers) == len(PAPER)
+    head, *rows, total = tables(markdown("18_scale"))[1]
+    assert head == ["Part", "Time", "Goal"] and [row[0] for row in rows] == list(parts)
+    assert number(total[1]) == pytest.approx(seconds / 60, abs=0.5) and number(total[2]) == 90
+    assert sum(number(row[1]) for row in rows) == pytest.approx(seconds / 60, rel=0.02)
+
+
+def test_exponents_are_those_of_the_figure():
+    _, *rows = tables(markdown("18_scale"))[3]
+    found = read_stored("scaling")["found"]
     assert len(rows) == 10
     for name, *exponents in rows:
         assert exponents == [f"{found[way][name]['exponent']:.2f}" for way in ("nside", "n_channels")]
 
 
-def test_a_larger_survey_costs_what_the_exponents_say(scale):
+def test_a_larger_survey_costs_what_the_exponents_say():
     """nside 512, 2000 channels: once more what lay between laptop and paper, then twice the channels."""
-    _, *rows, (_, _, _, total, _) = scale[4]
-    found, hours = stored("scaling")["found"], 0
-    both = zip(rows, *(stored(f"steps_{name}")["steps"] for name in ("laptop", "paper")), strict=True)
-    for row, laptop, paper in both:
-        once = paper["seconds"] ** 2 / laptop["seconds"] * 2 ** found["n_channels"][row[0]]["exponent"]
-        hours += 2 * 100 * int(row[2]) * once / 3600
-        assert number(row[1]) == pytest.approx(once / 60, rel=0.06)
-        assert number(row[4]) > 50  # GB: a cube has 25
-    times = {row[0]: int(row[2]) for row in rows}
+    laptop, paper, scaling = map(read_stored, ("steps_laptop", "steps_paper", "scaling"))
+    rows = extrapolated(laptop, paper, scaling, n_realisations=100, **LARGER)
+    memory = estimate(replace(PRESETS["paper"], **LARGER))
+    hours = 0
+    for row, before, after in zip(rows, laptop["steps"], paper["steps"], strict=True):
+        doubled = 2 ** scaling["found"]["n_channels"][row["step"]]["exponent"]
+        once = after["seconds"] ** 2 / before["seconds"] * doubled
+        hours += 2 * 100 * row["times"] * once / 3600
+        assert row["minutes"] == pytest.approx(once / 60)
+        assert row["gigabytes"] * 1e9 in memory.values() and row["gigabytes"] > 50  # a cube has 25
+    times = {row["step"]: row["times"] for row in rows}
     assert times.pop("HI light cone") == times.pop("observations, three beams") == 1
     assert times.pop("both spectra") == 18 and set(times.values()) == {3}
+    assert sum(row["core_hours"] for row in rows) == pytest.approx(hours)
+    _, *shown, (*_, total, _) = tables(markdown("18_scale"))[4]
     assert number(total) == pytest.approx(hours, abs=1)
+    for cells, row in zip(shown, rows, strict=True):
+        assert cells[0] == row["step"] and int(cells[2]) == row["times"]
+        assert number(cells[1]) == pytest.approx(row["minutes"], rel=0.06)
 
 
-def arguments(directive):
-    """What the page at the paper's size shows with `directive`, in its order."""
-    page = (ROOT / "book" / "paper_size.md").read_text()
-    return re.search(rf"^```\{{{directive}\}} (.+)$", page, re.M)[1].split()
+def defaults():
+    """{parameter: its default} of the chapter at the paper's size."""
+    return {parameter.name: parameter.default for parameter in find("17_paper_size").parameters}
 
 
-def ledgers():
-    return arguments("ledgers")
+def stored_ledgers():
+    chosen = defaults()
+    return [chosen["smaller"], f"claims_{chosen['real']}", f"claims_{chosen['synthetic']}"]
+
+
+def stored_folders():
+    chosen = defaults()
+    return [chosen["real"], chosen["synthetic"]]
 
 
 def test_all_that_is_stored_is_shown():
-    assert set(ledgers()) == {path.stem for path in RESULTS.glob("claims_*.json")}
-    assert set(folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
+    assert set(stored_ledgers()) == {path.stem for path in RESULTS.glob("claims_*.json")}
+    assert set(stored_folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 
-def test_ledgers_stand_side_by_side(paper_size):
-    (head, *rows, last) = tables(paper_size)[0]
-    columns = [read_ledger(RESULTS / f"{name}.json") for name in ledgers()]
+def test_ledgers_stand_side_by_side():
+    columns = [read_ledger(RESULTS / f"{name}.json") for name in stored_ledgers()]
+    ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == [f"{about['preset']}, {about['galaxy']}" for _, about in columns]
-    assert [row[0] for row in rows] == list(CLAIMS)
+    assert [row[0].strip("*") for row in rows] == list(CLAIMS)
     for n, (entries, _) in enumerate(columns):
         for row, entry in zip(rows, entries, strict=True):
             assert row[3 + n].startswith(f"{SIGNS[entry.verdict]} {entry.values[0]:.3g}")
@@ -163,21 +165,55 @@ def test_ledgers_stand_side_by_side(paper_size):
         assert last[3 + n] == " · ".join(f"{SIGNS[one]} {verdicts.count(one)}" for one in SIGNS)
 
 
-def folders():
-    return arguments("beside")
-
-
-def test_figures_stand_beside_those_of_the_book(html, paper_size):
-    shown = re.findall(r'<a href="([^"]+)"><img src="([^"]+)"', paper_size)
-    for full, small in shown:
-        with Image.open(html / "book" / full) as large, Image.open(html / "book" / small) as picture:
-            assert picture.width <= large.width and picture.width >= 600, full
-    for folder in folders():
-        rows = stored(f"{folder}/figures")["figures"]
-        assert {row["paper"] for row in rows} == PAPER
-        for row in rows:
+def test_every_figure_is_shown_with_what_made_it():
+    text, folder = pictures(stored_folders()), ROOT / "notebooks"
+    shown = re.findall(r"^\[!\[(.+)\]\((.+)\)\]\(\2\)\n\n\*(.+)\*$", text, re.M)
+    paths = [(folder / path).resolve() for _, path, _ in shown]
+    assert len(paths) == len(set(paths)) and set(paths) == {*RESULTS.glob("*/*.png")}
+    for alternative, path, made in shown:
+        assert made in alternative and ("templates" in made) == ("paper_templates" in path)
+    assert list(dict.fromkeys(re.findall(r"\*\*Fig\. ([\w.]+)\.\*\* ", text))) == sorted(PAPER)
+    for name in stored_folders():
+        for row in read_stored(f"{name}/figures")["figures"]:
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
-            picture = f"_static/sizes/{folder}/{row['name']}.png"
-            original = html / "_static" / "sizes" / folder / f"{row['name']}.png"
-            assert f"../{picture}" in dict(shown)
-            assert original.read_bytes() == (RESULTS / folder / f"{row['name']}.png").read_bytes()
+
+
+def test_numbers_are_found_in_what_a_claim_says():
+    entries = {entry.claim["id"]: entry for entry in read_ledger(RESULTS / "claims_laptop.json")[0]}
+    assert number_after("SD", entries["A1"]) == 0.9785  # "SD is highest" stands before it
+    assert number_after("PAR in C", entries["O1"]) == 8.99e3
+    assert number_after("", entries["M1"]) == 8.15
+    with pytest.raises(InputError, match="M1 has no number after 'POL'; it says: 8.15% of all"):
+        number_after("POL", entries["M1"])
+
+
+def test_what_is_not_stored_is_told(tmp_path):
+    with pytest.raises(InputError, match="there is no .*steps_quick.json; the page on contributing says how"):
+        read_stored("steps_quick", tmp_path)
+    (tmp_path / "steps_quick.json").write_text("{")
+    with pytest.raises(InputError, match="steps_quick.json is not a stored result"):
+        read_stored("steps_quick", tmp_path)
+
+
+def test_short_numbers():
+    assert [short(567.68, 3), short(0.0312), short(12345.0)] == ["568", "0.031", "12,000"]
+
+
+def test_pictures_lead_to_themselves_in_full_size(tmp_path):
+    """A book of the chapter only; test_book.py renders them all, and knows warnings and broken links."""
+    shutil.copy(ROOT / "_config.yml", tmp_path)
+    shutil.copytree(ROOT / "book", tmp_path / "book")
+    shutil.copytree(ROOT / "notebooks", tmp_path / "notebooks")
+    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: notebooks/17_paper_size\n")
+    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
+    outcome = subprocess.run([*jupyter_book, "build", str(tmp_path)], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
+    pages = tmp_path / "_build" / "html" / "notebooks"
+    page = (pages / "17_paper_size.html").read_text()
+    shown = re.findall(r'<a [^>]*href="([^"]+)"[^>]*><img alt="([^"]+)"[^>]*src="([^"]+)"', page)
+    assert len(shown) == len([*RESULTS.glob("*/*.png")])
+    for full, alternative, small in shown:
+        assert full == small and alternative.startswith("Fig. ")
+        with Image.open(pages / full) as picture:
+            assert picture.width >= 600
+    assert "pasted-text" in page

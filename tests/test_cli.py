@@ -16,7 +16,7 @@ from ledgers import entry
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks, reproduce
-from himap.companion.stored import ledger_code
+from himap.companion.staleness import ledger_code
 from himap.errors import InputError
 from himap.paper import ledger
 from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED
@@ -137,6 +137,15 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     ]
     assert code == 0
     assert out.splitlines() == ["results/01_toy.ipynb  (done before)", "results/02_other.ipynb  (0 s)"]
+
+
+def test_run_all_gives_the_preset_to_notebooks_that_have_one(himap_command, runs, tmp_path):
+    stored = "".join(line for line in TOY.splitlines(True) if not line.startswith(("preset:", "survey:")))
+    (tmp_path / "notebooks" / "02_other.py").write_text(stored)
+    assert himap_command("run", "--all", "--preset", "ci")[0] == 0
+    assert [(name, options["preset"]) for name, options in runs] == [("01_toy", "ci"), ("02_other", None)]
+    code, _, error = himap_command("run", "02_other", "--preset", "ci")
+    assert code == 2 and "unknown parameter preset" in error
 
 
 def test_who_does_the_work(himap_command, monkeypatch):

@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+import nbformat
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -14,9 +15,10 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not installed
 
 import collect_figures
-from executed import Figure, figures  # collect_figures knows where it is
 
+from himap.companion.figures import Figure, figures
 from himap.companion.notebook_files import STAMP, read_notebook, write_notebook
+from himap.figures.numbers import QUOTED
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -67,6 +69,17 @@ def test_numbers_are_those_of_the_notebook(gathered):
         assert found.keys() == expected.keys() and len(found) > 10
         for key, points in expected.items():
             assert np.allclose(found[key], np.asarray(points, dtype=float).T, rtol=1e-3), key
+
+
+def test_captions_say_the_numbers_that_they_quote(gathered, tmp_path):
+    node = read_notebook(gathered[1])
+    named = {"scrapbook": {"name": "results_loss", "mime_prefix": "application/papermill.record/"}}
+    quoted = nbformat.v4.new_output("display_data", {QUOTED[0]: "'95\\xa0%'"}, metadata=named)
+    node.cells.append(nbformat.v4.new_code_cell("", outputs=[quoted]))
+    (first, *_) = [cell for cell in node.cells if "figure" in cell.metadata.get("mystnb", {})]
+    first.metadata["mystnb"]["figure"]["caption"] = "Of it {glue:text}`results_loss` is left."
+    write_notebook(node, tmp_path / "copy.ipynb")
+    assert figures(tmp_path / "copy.ipynb")[0].caption == "Of it 95\N{NO-BREAK SPACE}% is left."
 
 
 def test_curves_on_other_points_keep_their_own():

@@ -9,8 +9,10 @@ import pytest
 from ledgers import entry
 from pages import cells
 
+from himap.companion.notebook_files import read_notebook
 from himap.companion.notebooks import notebooks
 from himap.errors import InputError
+from himap.figures.numbers import QUOTED
 from himap.paper import pipeline
 from himap.paper.claims import CLAIMS, DIFFERENT, FAILED, REPRODUCED, UNDECIDED
 from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations, write_ledger
@@ -141,13 +143,23 @@ def test_recorded_ledger_is_complete():
 
 
 def test_intro_says_what_the_ledger_says():
+    """Its counts are those that the chapter of the ledger quotes."""
     entries, _ = read_ledger(RECORDED)
     count = summary(entries)
-    text = " ".join((ROOT / "book" / "intro.md").read_text().split())
-    assert f"Of the {len(entries)} claims of the paper that a number can settle" in text
-    assert f"**{count[REPRODUCED]} are reproduced, {count[DIFFERENT]} with a difference, and" in text
-    assert f"and {count[FAILED]} are not**" in text
-    assert f"in most of {len(entries[0].findings)} realisations" in text
+    path = ROOT / "notebooks" / "15_claims.ipynb"
+    outputs = [output for cell in read_notebook(path).cells for output in cell.get("outputs", [])]
+    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
+    wanted = {
+        "claims_total": len(entries),
+        "claims_reproduced": count[REPRODUCED],
+        "claims_different": count[DIFFERENT],
+        "claims_failed": count[FAILED],
+        "claims_realisations": len(entries[0].findings),
+    }
+    text = (ROOT / "book" / "intro.md").read_text()
+    for name, number in wanted.items():
+        assert named[name]["data"][QUOTED[0]] == repr(str(number))
+        assert f"{{glue:text}}`../notebooks/15_claims.ipynb::{name}:s`" in text
 
 
 def test_every_claim_has_a_figure_in_the_book():

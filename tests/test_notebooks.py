@@ -13,6 +13,7 @@ import pytest
 import himap
 from himap.companion import reproduce
 from himap.companion.notebooks import notebooks
+from himap.figures.numbers import QUOTED
 
 ROOT = Path(himap.__file__).parents[1]
 CONFTEST = ROOT / "notebooks" / "conftest.py"
@@ -63,6 +64,13 @@ def shown(text, html):
     return nbformat.v4.new_output("execute_result", data, execution_count=1)
 
 
+def quoted(text, whole=None):
+    kinds = dict(zip(QUOTED, filter(None, (repr(text), whole)), strict=False))
+    kept = {"scrapbook": {"name": "some_ratio", "mime_prefix": "application/papermill.record/"}}
+    return nbformat.v4.new_output("display_data", kinds, metadata=kept)
+
+
+QUOTE = "from himap.figures.numbers import quote\nquote(some_ratio={})"
 SHOW = "from himap.figures.numbers import show\nshow({'ratio': (1.002, 0.01)})"
 TABLE = (
     '<div class="himap-table"><table>\n<tr>'
@@ -80,6 +88,11 @@ NOTEBOOKS = {
     "more": notebook("print(1)\n2", printed("1")),
     "table_within": notebook(SHOW, shown("ratio: 0.999 ± 0.010", TABLE.format("ratio", "0.999"))),
     "table_beyond": notebook(SHOW, shown("ratio: 0.999 ± 0.010", TABLE.format("ratio", "0.991"))),
+    "quoted_within": notebook(QUOTE.format("(95.8, 1, '%')"), quoted("95 %", "95.1 ± 1.0 %")),
+    "quoted_beyond": notebook(QUOTE.format("(95.8, 1, '%')"), quoted("94 %", "94.1 ± 1.0 %")),
+    "quoted_count": notebook(QUOTE.format("27"), quoted("27")),
+    "quoted_another": notebook(QUOTE.format("27"), quoted("26")),
+    "quoted_nothing": notebook(QUOTE.format("27")),
     "footer": notebook(
         f"print({FOOTER.format('abc1234', '2.1 s')!r})",
         printed(FOOTER.format("unknown with edits", "11 min")),
@@ -91,7 +104,7 @@ NOTEBOOKS = {
     "unexecuted": notebook("x = 1", executed=False),
     "comment": notebook("# only a comment", executed=False),
 }
-PASSING = {"same", "within", "table_within", "footer", "comment"}
+PASSING = {"same", "within", "table_within", "quoted_within", "quoted_count", "footer", "comment"}
 
 
 @pytest.fixture(scope="module")

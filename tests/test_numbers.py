@@ -6,7 +6,7 @@ import pytest
 from pages import cells
 
 from himap.errors import InputError
-from himap.figures.numbers import agree, show, show_table
+from himap.figures.numbers import QUOTED, agree, quote, quoted, show, show_table
 
 
 @pytest.mark.parametrize(
@@ -84,3 +84,53 @@ def test_a_table_has_a_column_for_each_quantity():
     assert rows == [["PCA", "0.987 ± 0.010", "3", ""], ["&lt;b&gt;", "1.000 ± 0.010", "", "1.50 ± 0.10 mK"]]
     with pytest.raises(InputError, match="PCA, C: the tolerance"):
         show_table({"PCA": {"C": (1, 0)}})
+
+
+@pytest.mark.parametrize(
+    "entry, text",
+    [
+        ((0.9573, 0.005), "0.957"),
+        ((0.95, 0.001), "0.950"),
+        ((95.2, 1, "%"), "95 %"),
+        ((-0.0004, 0.01), "0.00"),
+        ((-3.14159, 0.02, "mK"), "-3.14 mK"),
+        ((142.3, 14), "140"),
+        ((12345.6, 1), "12,346"),
+        ((9999.6, 1), "10,000"),
+        ((1.814e8, 2e7), "1.8 × 10⁸"),
+        ((9.97e-7, 1e-9), "9.97 × 10⁻⁷"),
+        ((9.996e-7, 1e-8), "1.00 × 10⁻⁶"),
+        ((0, 1e-9), "0.00000"),
+        ((math.inf, 1), "inf"),
+        (27, "27"),
+        ("PCA", "PCA"),
+    ],
+)
+def test_prose_reads_the_digits_that_the_tolerance_is_sure_of(entry, text):
+    assert quoted(entry).replace("\N{NO-BREAK SPACE}", " ") == text
+
+
+def test_what_is_quoted_is_glued_and_not_seen(monkeypatch):
+    published = []
+
+    class Publisher:
+        def publish(self, data, metadata):
+            published.append((data, metadata["scrapbook"]))
+
+    class Shell:
+        display_pub = Publisher()
+
+    monkeypatch.setattr("IPython.get_ipython", Shell)
+    assert quote(pca_loss=(0.95, 0.001), pca_sky="synthetic") is None
+    (number, about), (word, _) = published
+    text, whole = QUOTED
+    assert number == {text: "'0.950'", whole: "0.9500 ± 0.0010"} and word == {text: "'synthetic'"}
+    assert about["name"] == "pca_loss" and all(kind.startswith(about["mime_prefix"]) for kind in QUOTED)
+    with pytest.raises(InputError, match="pca_peak: the tolerance"):
+        quote(pca_loss=(1, 0.1), pca_peak=(1, 0))
+    assert len(published) == 2
+
+
+def test_numbers_for_prose_need_no_notebook(capsys):
+    quote(pca_loss=(0.95, 0.001))
+    assert capsys.readouterr() == ("", "")

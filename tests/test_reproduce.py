@@ -17,6 +17,7 @@ from PIL import Image
 from himap import __version__
 from himap.companion import notebook_files, notebooks, reproduce
 from himap.errors import InputError
+from himap.figures.numbers import QUOTED
 
 TOY = """\
 # ---
@@ -232,10 +233,40 @@ def test_text_is_copied_without_executing(folder):
     assert reproduce.stale(folder) == {}
 
 
+def test_numbers_for_prose_are_kept(folder):
+    """When a notebook is executed, and when only its text is copied."""
+    code = "from himap.figures.numbers import quote\nquote(toy_scale=(scale, 0.1))\n"
+    edit(folder / "01_toy.py", "print(made", f"{code}print(made")
+
+    def kept():
+        cells = nbformat.read(folder / "01_toy.ipynb", as_version=4).cells
+        return [
+            out for cell in cells for out in cell.get("outputs", []) if "scrapbook" in out.get("metadata", {})
+        ]
+
+    reproduce.refresh(folder=folder)
+    (number,) = kept()
+    assert number.data == dict(zip(QUOTED, ("'1.0'", "1.00 ± 0.10"), strict=True))
+    assert number.metadata.scrapbook.name == "toy_scale"
+    edit(folder / "01_toy.py", "Some text", "Other text")
+    assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"} and kept() == [number]
+
+
 def test_code_of_the_library_that_changes(folder, monkeypatch):
     pretend_executed(folder)
     real = notebooks.CodeTree.source_fingerprint
     monkeypatch.setattr(notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) + "changed")
+    assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
+
+
+def test_a_file_that_a_notebook_reads_changes(folder):
+    """The header names such files by patterns, from the folder above."""
+    stored = folder.parent / "stored.json"
+    stored.write_text("1")
+    edit(folder / "01_toy.py", "#     section:", '#     reads: ["*.json"]\n#     section:')
+    pretend_executed(folder)
+    assert notebooks.find("01_toy", folder).reads == [stored] and reproduce.stale(folder) == {}
+    stored.write_text("2")
     assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
 
 

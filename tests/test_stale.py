@@ -13,7 +13,7 @@ import pytest
 
 import himap
 from himap.companion.notebooks import notebooks
-from himap.companion.stored import ledger_code
+from himap.companion.staleness import ledger_code
 from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent

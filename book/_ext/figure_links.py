@@ -1,5 +1,5 @@
 """Sphinx extension: under each caption of a notebook the numbers of the figure and the notebook, to download,
-and the command that makes it again.
+and the command that makes it again. Stored pictures that a notebook shows lead to themselves in full size.
 
 The numbers become the file ``_static/data/NAME.csv`` or ``.npz`` beside the pages, NAME being that of the
 figure.
@@ -8,7 +8,9 @@ figure.
 from pathlib import Path
 
 from docutils import nodes
-from executed import figures
+from sphinx import addnodes
+
+from himap.companion.figures import figures
 
 
 def add_links(app, doctree):
@@ -23,6 +25,10 @@ def add_links(app, doctree):
             _write(there[name], Path(app.outdir, "_static", "data"))
             line = _line(there[name], up, app.env.docname)
             next(node.findall(nodes.caption)).append(nodes.raw("", line, format="html"))
+    for node in list(doctree.findall(addnodes.download_reference)):
+        for picture in node.findall(nodes.image):
+            picture["width"] = "100%"  # Sphinx links what it scales
+            node.replace_self(picture)
 
 
 def _write(figure, folder):

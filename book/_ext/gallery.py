@@ -4,14 +4,14 @@
 
 import html
 import io
-import re
 from pathlib import Path
 
 from docutils import nodes
-from executed import figures
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
 
+from himap.companion.captions import figure_order, plain_caption
+from himap.companion.figures import figures
 from himap.companion.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
@@ -28,7 +28,7 @@ class Gallery(SphinxDirective):
         for chapter in there:
             self.env.note_dependency(str(chapter.executed))
         if self.arguments[0] == "paper":
-            whole = sorted((one for many in there.values() for one in many if one.paper), key=in_order)
+            whole = sorted((one for many in there.values() for one in many if one.paper), key=_in_order)
             return [self._grid(whole)]
         if self.arguments[0] == "chapters":
             return [node for one, many in there.items() if many for node in self._chapter(one.title, many)]
@@ -48,23 +48,12 @@ class Gallery(SphinxDirective):
         path = Path(self.env.app.outdir, "_static", "thumbnails", f"{figure.name}.webp")
         width, height = small_picture(figure.png, path, WIDTH)
         number = f"<b>Fig. {figure.paper}</b> " if figure.paper else ""
-        caption = html.escape(plain(figure.caption))
+        caption = html.escape(plain_caption(figure.caption))
         return (
             f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}" title="{caption}">'
             f'<img src="{up}_static/thumbnails/{figure.name}.webp" alt="{caption}" width="{width}" '
             f'height="{height}" loading="lazy"><span>{number}{caption}</span></a></li>'
         )
-
-
-def in_order(figure):
-    """Figures 1 to 7, then those of the appendices."""
-    letter, _, number = figure.paper.rpartition(".")
-    return letter, int(number)
-
-
-def plain(caption):
-    """A caption without the remark which figure of the paper it is, and without what begins after it."""
-    return re.sub(r" \(the paper's Fig\.[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
 
 
 def small_picture(png, path, width):
@@ -75,6 +64,10 @@ def small_picture(png, path, width):
     small.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
     small.save(path, quality=70)
     return small.size
+
+
+def _in_order(figure):
+    return figure_order(figure.paper)
 
 
 def _raw(text):

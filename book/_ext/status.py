@@ -4,13 +4,14 @@ results that are stored."""
 from importlib.metadata import version
 from pathlib import Path
 
+from docutils import nodes
+from docutils.statemachine import StringList
 from sphinx.util.docutils import SphinxDirective
-from tables import parsed
 
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.notebooks import notebooks
 from himap.companion.reproduce import stale
-from himap.companion.stored import stale_results, stored_results
+from himap.companion.staleness import stale_results, stored_results
 from himap.figures.tables import Table
 from himap.products.provenance import duration, environment
 
@@ -30,8 +31,11 @@ class Status(SphinxDirective):
         stored = stored_results(results)
         for one in stored:
             self.env.note_dependency(str(one.path))
-        text = [*_runs(executions, stale(folder)), "", *_versions(executions), ""]
-        return parsed(self, [*text, *_stored(stored, stale_results(results, folder))])
+        lines = [*_runs(executions, stale(folder)), "", *_versions(executions), ""]
+        lines += _stored(stored, stale_results(results, folder))
+        node = nodes.container()
+        self.state.nested_parse(StringList(lines, self.name), self.content_offset, node)
+        return node.children
 
 
 def _runs(executions, old):

@@ -14,7 +14,6 @@ from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
-from himap.companion.stored import ledger_code
 from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
@@ -97,9 +96,8 @@ def run(names, preset, pairs, output, stale, every):
     values = _values(names, preset, named_values(pairs), some_accept=every)
     for name in names:
         started = time.monotonic()
-        path, done = reproduce.run(
-            name, preset=preset, parameters=values[name], output=output, again=not every
-        )
+        own = preset if not every or accepts(find(name).parameters, "preset") else None
+        path, done = reproduce.run(name, preset=own, parameters=values[name], output=output, again=not every)
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 
@@ -113,7 +111,8 @@ def _values(names, preset, texts, *, some_accept):
     for name, parameters in declared.items():
         accepted = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
         values[name] = parse_texts(parameters, accepted)
-        check_parameters(parameters, values[name], preset)
+        asked = preset if not some_accept or accepts(parameters, "preset") else None
+        check_parameters(parameters, values[name], asked)
     return values
 
 
@@ -133,6 +132,7 @@ def claims(preset, pairs, output):
     himap claims --preset laptop -p galaxy=templates -p template_dir=maps -p n_realisations=7
     """
     # Imported here: other commands need not wait seconds for what does the work.
+    from himap.companion.staleness import ledger_code
     from himap.instrument.beams.oscillating import Oscillating
     from himap.paper import ledger, ledger_table
     from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED

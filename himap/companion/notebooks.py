@@ -4,16 +4,18 @@ A notebook is a pair: ``NN_name.py`` (py:percent), which people edit, and ``NN_n
 which people open.
 """
 
-import re
+import hashlib
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
+from himap.companion.captions import named_figures
 from himap.companion.notebook_files import code_cells, number_cells
 from himap.companion.parameters import read_parameters
 from himap.errors import InputError
 from himap.products.fingerprint import CodeTree
+from himap.products.syntax import digest_of
 
 __all__ = ["Notebook", "find", "notebooks", "notebooks_folder"]
 
@@ -68,19 +70,31 @@ class Notebook:
         return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
 
     @property
+    def captions(self):
+        """{name of a figure: its caption, as it is written}."""
+        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
+        return {cell["name"]: cell["caption"] for cell in cells if "caption" in cell}
+
+    @property
+    def reads(self):
+        """The files of the checkout that it reads, from the patterns in the header's ``himap: reads``."""
+        root, patterns = self.path.parent.parent, self.node.metadata.get("himap", {}).get("reads", [])
+        return sorted(path for pattern in patterns for path in root.glob(pattern))
+
+    @property
     def paper_figures(self):
         """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
-        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
         found = {}
-        for cell in cells:
-            for number in re.findall(r"the paper's Fig\. ([\w.]*\w)", cell.get("caption", "")):
-                found.setdefault(number, cell["name"])
+        for name, caption in self.captions.items():
+            for number in named_figures(caption):
+                found.setdefault(number, name)
         return found
 
     def fingerprint(self, tree=None):
-        """SHA-256 (hex) of the code and of what it reaches in himap, as on disk or in a `CodeTree`."""
-        cells = (cell.source for cell in code_cells(self.node))
-        return (tree or CodeTree()).source_fingerprint(*cells)
+        """SHA-256 (hex) of the code, what it reaches in himap (on disk or in a `CodeTree`), and `reads`."""
+        code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
+        files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in self.reads]
+        return digest_of([code, *files]) if files else code
 
 
 def notebooks_folder():

@@ -1,112 +1,146 @@
-"""Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
+"""What was measured once, takes hours, and is stored with the book: reading it, and what follows from it.
 
-Ledgers and figures carry the fingerprint of the code that made them, without parameters, which stand beside
-it. Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
+There are ledgers, the times of the steps at two sizes and how they grow, and folders of figures.
 """
 
 import json
-from dataclasses import dataclass
+import math
+import re
+from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
-from himap.companion.notebooks import notebooks
-from himap.products.fingerprint import CodeTree
+from himap.errors import InputError
+from himap.paper.ledger import RECORDED
+from himap.products.memory import estimate
+from himap.survey import PRESETS
 
-__all__ = ["StoredResult", "ledger_code", "stale_results", "stored_results"]
+__all__ = [
+    "RESULTS",
+    "extrapolated",
+    "number_after",
+    "read_stored",
+    "times_of_all",
+]
 
-_FOLDER = Path(__file__).resolve().parents[2] / "book" / "results"
-_LEDGER = "from himap.paper.ledger import evaluate, realisations"
+RESULTS = RECORDED.parent
+"""The folder of stored results, in a checkout."""
 
+_TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}
+"""How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
 
-@dataclass(frozen=True, kw_only=True)
-class StoredResult:
-    """One file of results.
-
-    Attributes
-    ----------
-    path
-        Of the JSON.
-    preset, galaxy
-        What it was made with.
-    commits
-        {(short commit, whether there were edits)} that it was made at.
-    seconds
-        What it took.
-    codes
-        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of a folder of figures their names, of timings nothing.
-    """
-
-    path: Path
-    preset: str
-    galaxy: str
-    commits: set[tuple[str, bool]]
-    seconds: float
-    codes: dict[str, str | None]
-
-    @property
-    def name(self):
-        """The name of the file, or of the folder of figures."""
-        return self.path.parent.name if self.path.stem == "figures" else self.path.stem
+_HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
+_CORES = 2  # of the machine that the steps were measured on
+_NUMBER = r"\s*([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 
 
-def stored_results(folder=None):
-    """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
-    folder = folder or _FOLDER
-    files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
-    return sorted(map(_read, files), key=lambda result: result.name)
-
-
-def stale_results(folder=None, notebooks_folder=None):
-    """The stored results that today's code may not give: {name: why}.
+def read_stored(name, folder=None):
+    """The content of a JSON file of stored results, such as ``steps_paper`` or ``paper_templates/figures``.
 
     Parameters
     ----------
-    folder, notebooks_folder
-        Where the results and the notebooks are, if not in this checkout.
+    name
+        Its path in the folder, without the ending.
+    folder
+        Default: `RESULTS`.
+
+    Raises
+    ------
+    InputError
+        No such file, or one that is no JSON.
     """
-    tree = CodeTree()
-    today = {"claims": ledger_code(tree)}
-    for notebook in notebooks(notebooks_folder):
-        code = notebook.fingerprint(tree)
-        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
-        today |= {figure["name"]: code for figure in cells if "name" in figure}
-    states = {result.name: _state(result, today) for result in stored_results(folder)}
-    return {name: state for name, state in states.items() if state}
+    path = Path(folder or RESULTS, f"{name}.json")
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise InputError(
+            f"there is no stored result {path}; the page on contributing says how to make it."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} is not a stored result ({error}).") from None
 
 
-def ledger_code(tree=None):
-    """SHA-256 (hex) of the code that evaluates the claims, as on disk or in a `CodeTree`."""
-    return (tree or CodeTree()).source_fingerprint(_LEDGER)
+def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
+    """What every step would cost at another size, for the paper's Figs. 1 and 2.
+
+    The exponent with channels is that of the scaling, the one with nside what it leaves of the growth between
+    the two sizes: small maps, of which the scaling is made, grow more slowly than large ones.
+
+    Parameters
+    ----------
+    smaller, larger
+        The steps at two sizes, as ``python -m benchmarks`` wrote them.
+    scaling
+        What ``python -m benchmarks.scaling`` wrote.
+    n_realisations
+        How many of them.
+    size
+        Fields of the `Survey`: ``nside`` and ``n_channels``, and what else differs from the paper's preset.
+
+    Returns
+    -------
+    list of dict
+        Of each step its name ("step"), the time of one ("minutes"), how often a realisation does it
+        ("times"), all of it ("core_hours"), and the memory that himap asks for ("gigabytes").
+    """
+    memory = estimate(replace(PRESETS["paper"], **size))
+    rows = []
+    for before, row in zip(smaller["steps"], larger["steps"], strict=True):
+        name = row["step"]
+        with_channels = scaling["found"]["n_channels"][name]["exponent"]
+        sizes = smaller["about"]["size"], larger["about"]["size"], size
+        once = row["seconds"] * _growth(row["seconds"] / before["seconds"], with_channels, *sizes)
+        times = _TIMES.get(name, 3)
+        rows.append(
+            {
+                "step": name,
+                "minutes": once / 60,
+                "times": times,
+                "core_hours": _CORES * n_realisations * times * once / 3600,
+                "gigabytes": memory[_HELD.get(name, "cleaning")] / 1e9,
+            }
+        )
+    return rows
 
 
-def _state(result, today):
-    """Why a result is stale; empty if it is fresh, or a timing."""
-    if None in result.codes.values():
-        return "made before fingerprints were kept"
-    gone = [name for name in result.codes if name not in today]
-    if gone:
-        return f"no notebook has {', '.join(gone)} any more"
-    changed = [name for name, code in result.codes.items() if code != today[name]]
-    return f"the code behind {', '.join(changed)} changed" if changed else ""
+def _growth(measured, with_channels, smaller, larger, asked):
+    """Factor in time from `larger` to `asked`, given the one from `smaller` to `larger`."""
+    first, second = _factors(smaller, larger), _factors(larger, asked)
+    with_nside = math.log(measured / first["n_channels"] ** with_channels) / math.log(first["nside"])
+    return second["nside"] ** with_nside * second["n_channels"] ** with_channels
 
 
-def _read(path):
-    content = json.loads(path.read_text(encoding="utf-8"))
-    if "figures" not in content:
-        codes = {"claims": content["about"].get("code")} if "claims" in content else {}
-        return _result(path, content["about"], [content["about"]], codes)
-    rows = content["figures"]
-    made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
-    runs = {json.dumps(row["execution"]): row["execution"] for row in rows}  # figures of a notebook share one
-    return _result(path, made, runs.values(), {row["name"]: row.get("code") for row in rows})
+def _factors(before, after):
+    return {name: after[name] / before[name] for name in ("nside", "n_channels")}
 
 
-def _result(path, made, runs, codes):
-    return StoredResult(
-        path=path,
-        preset=made["preset"],
-        galaxy=made["galaxy"],
-        commits={(run["commit"], run["dirty"]) for run in runs},
-        seconds=sum(run["seconds"] for run in runs),
-        codes=codes,
-    )
+def times_of_all(steps, about, figures):
+    """How long light cone, ledger and the chapters with figures of the paper took: {part: seconds}.
+
+    Parameters
+    ----------
+    steps, about, figures
+        The steps, what made the ledger, and the figures, as they are stored.
+    """
+    light_cone = steps["steps"][0]
+    parts = {light_cone["step"]: light_cone["seconds"]}
+    parts["the ledger, with its observations"] = about["seconds"]
+    for execution, several in groupby(figures["figures"], key=itemgetter("execution")):
+        papers = list(dict.fromkeys(figure["paper"] for figure in several))
+        parts[f"the chapter of Fig{'s' * (len(papers) > 1)}. {', '.join(papers)}"] = execution["seconds"]
+    return parts
+
+
+def number_after(words, entry):
+    """The number that follows `words` in what a claim says of its first realisation.
+
+    Raises
+    ------
+    InputError
+        It does not say these words, or no number behind them.
+    """
+    found = re.search(re.escape(words) + _NUMBER, entry.sentence)
+    if not found:
+        raise InputError(f"{entry.claim['id']} has no number after {words!r}; it says: {entry.sentence}")
+    return float(found[1])

@@ -1,7 +1,8 @@
 """Numbers with a stated tolerance: how notebooks show them and how tests compare them.
 
 A notebook shows each of its numbers as ``value ± tolerance``. The tolerance says how far the number
-may move on another machine before somebody should look; it is not an error bar.
+may move on another machine before somebody should look; it is not an error bar. In prose a number stands
+without it, and comes from the notebook all the same: see `quote`.
 """
 
 import math
@@ -10,9 +11,15 @@ import re
 from himap.errors import InputError
 from himap.figures.tables import Table
 
-__all__ = ["agree", "show", "show_table"]
+__all__ = ["QUOTED", "agree", "quote", "quoted", "show", "show_table"]
+
+_RECORD = "application/papermill.record/"  # what MyST-NB's glue puts before a kind that is not to be seen
+
+QUOTED = (_RECORD + "text/plain", _RECORD + "text/x-tolerance")
+"""Kinds of output of a number for prose: the text, and where it has a tolerance the number with it."""
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WITH_TOLERANCE = re.compile(rf"({_NUMBER}) ± ({_NUMBER})")
 
 
@@ -59,6 +66,46 @@ def show_table(rows):
     return Table(["", *columns], cells, align="l" + "r" * len(columns))
 
 
+def quote(**numbers):
+    """Keep numbers for the prose of the notebook and of other pages; the cell shows nothing of them.
+
+    Prose says ``{glue:text}`name``` in the same notebook, and on other pages, with a path relative to them,
+    ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It reads the value alone, to the digits that the
+    tolerance is sure of, with its unit. Names begin with the topic of the notebook: each is the only one of
+    its name in the whole book.
+
+    Parameters
+    ----------
+    numbers
+        Entries as in `show`: ``name=(value, tolerance)``, ``name=(value, tolerance, unit)``, or a value that
+        must come out the same everywhere, such as a count or a text.
+
+    Raises
+    ------
+    InputError
+        As `show`.
+    """
+    from IPython import get_ipython  # slow, and most callers of this module do without
+
+    bundles = {name: _bundle(name, entry) for name, entry in numbers.items()}
+    if (shell := get_ipython()) is not None:  # elsewhere there is nobody to keep them
+        for name, bundle in bundles.items():
+            kept = {"scrapbook": {"name": name, "mime_prefix": _RECORD}}
+            shell.display_pub.publish(bundle, metadata=kept)
+
+
+def quoted(entry):
+    """The text that prose reads of one entry of `quote`.
+
+    >>> quoted((0.9573, 0.005)), quoted((12345, 100, "K")), quoted((1.814e8, 2e7)), quoted(27)
+    ('0.957', '12,300\N{NO-BREAK SPACE}K', '1.8 × 10⁸', '27')
+    """
+    if not isinstance(entry, tuple):
+        return str(entry)
+    value, tolerance, unit = _checked("quoted", entry)
+    return f"{_rounded(value, tolerance)}\N{NO-BREAK SPACE}{unit}".rstrip()
+
+
 class _Numbers(Table):
     """What `show` returns: a table in a notebook, one line for each number elsewhere."""
 
@@ -86,9 +133,42 @@ def _near(text, reference, most):
     return abs(float(text) - float(reference)) <= most * (1 + 1e-9)
 
 
+def _bundle(name, entry):
+    """{kind: text} of a number; the text is that of a string, as MyST-NB evaluates what it pastes."""
+    _, number, unit = _row(name, entry)
+    text, whole = QUOTED
+    bundle = {text: repr(quoted(entry))}
+    return bundle | {whole: f"{number} {unit}".rstrip()} if isinstance(entry, tuple) else bundle
+
+
+def _rounded(value, tolerance):
+    """`value` to the first digit of the tolerance; powers of ten where it would have many zeros."""
+    if not math.isfinite(value):
+        return str(value)
+    last = _exponent(tolerance)
+    value = round(value, -last) or 0.0  # no minus before a zero
+    if not value or (last >= -5 and abs(value) < 1e7):
+        decimals = min(max(-last, 0), 5)
+        return f"{value:,.{decimals}f}" if abs(value) >= 1e4 else f"{value:.{decimals}f}"
+    size = _exponent(value, 12)
+    return f"{value / 10.0**size:.{size - last}f} × 10{str(size).translate(_SUPERSCRIPTS)}"
+
+
+def _exponent(value, decimals=1):
+    """Of ten, in `value` rounded to that many decimals of its mantissa."""
+    return int(f"{value:.{decimals}e}".partition("e")[2])
+
+
 def _row(name, entry):
+    """Name, number with its tolerance, and unit of an entry."""
     if not isinstance(entry, tuple):
         return name, str(entry), ""
+    value, tolerance, unit = _checked(name, entry)
+    return name, _format(value, tolerance), unit
+
+
+def _checked(name, entry):
+    """(value, tolerance, unit) of an entry."""
     if len(entry) not in (2, 3):
         raise InputError(f"{name}: expected (value, tolerance) or (value, tolerance, unit), got {entry!r}.")
     value, tolerance, unit = (*entry, "")[:3]
@@ -98,14 +178,14 @@ def _row(name, entry):
         raise InputError(f"{name}: value and tolerance must be numbers, got {entry!r}.") from None
     if not 0 < tolerance < math.inf:
         raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
-    return name, _format(value, tolerance), unit
+    return value, tolerance, unit
 
 
 def _format(value, tolerance):
     """`value` to the second digit of the tolerance, which shows the tolerance itself to two digits."""
     if not math.isfinite(value):
         return f"{value} ± {tolerance:.1e}"
-    exponent = math.floor(math.log10(float(f"{tolerance:.1e}")))
+    exponent = _exponent(tolerance)
     if exponent < -5 or exponent > 5:
         size = math.floor(math.log10(abs(value))) if value else exponent
         return f"{value:.{max(size - exponent + 1, 1)}e} ± {tolerance:.1e}"

@@ -1,13 +1,17 @@
-"""What the pages take from the executed notebooks: their figures, with picture, numbers and caption."""
+"""What pages and stored results take from executed notebooks: figures, with picture, numbers and caption."""
 
 import base64
 import re
+from ast import literal_eval
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import nbformat
-
+from himap.companion.captions import paper_figure
+from himap.companion.notebook_files import read_notebook
 from himap.figures.data import DATA_TYPES
+from himap.figures.numbers import QUOTED
+
+__all__ = ["Figure", "figures"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,7 @@ class Figure:
     Attributes
     ----------
     name, caption
-        Its label and its caption.
+        Its label and its caption, quoted numbers filled in.
     notebook
         Name of the notebook.
     paper
@@ -37,25 +41,33 @@ class Figure:
 
 
 def figures(path):
-    """The figures of one notebook, in order."""
+    """The figures of the executed notebook at `path`, a list of `Figure` in order."""
+    cells = read_notebook(path).cells
+    said = _quoted([output for cell in cells for output in cell.get("outputs", [])])
     found = []
-    for cell in nbformat.read(path, as_version=4).cells:
+    for cell in cells:
         about = cell.metadata.get("mystnb", {}).get("figure")
         bundles = [output.get("data", {}) for output in cell.get("outputs", [])]
         shown = [data for data in bundles if "image/png" in data]
         if about and shown:
-            number = re.search(r"\(the paper's Fig\. ([\w.]*\w)", about["caption"])
+            caption = re.sub(r"\{glue:text\}`(\w+)`", lambda role: said[role[1]], about["caption"])
             found.append(
                 Figure(
                     name=about["name"],
-                    caption=about["caption"],
+                    caption=caption,
                     notebook=Path(path).stem,
-                    paper=number[1] if number else "",
+                    paper=paper_figure(caption),
                     png=base64.b64decode(shown[0]["image/png"]),
                     data=_numbers(shown[0]),
                 )
             )
     return found
+
+
+def _quoted(outputs):
+    """{name: text} of what a notebook quotes."""
+    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
+    return {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
 
 
 def _numbers(data):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from himap.companion.notebooks import find
-from himap.companion.stored import ledger_code, stale_results, stored_results
+from himap.companion.staleness import ledger_code, stale_results, stored_results
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\

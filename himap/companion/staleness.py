@@ -1,0 +1,112 @@
+"""Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
+
+Ledgers and figures carry the fingerprint of the code that made them, without parameters, which stand beside
+it. Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from himap.companion.notebooks import notebooks
+from himap.companion.stored import RESULTS
+from himap.products.fingerprint import CodeTree
+
+__all__ = ["StoredResult", "ledger_code", "stale_results", "stored_results"]
+
+_LEDGER = "from himap.paper.ledger import evaluate, realisations"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredResult:
+    """One file of results.
+
+    Attributes
+    ----------
+    path
+        Of the JSON.
+    preset, galaxy
+        What it was made with.
+    commits
+        {(short commit, whether there were edits)} that it was made at.
+    seconds
+        What it took.
+    codes
+        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
+        "claims", of a folder of figures their names, of timings nothing.
+    """
+
+    path: Path
+    preset: str
+    galaxy: str
+    commits: set[tuple[str, bool]]
+    seconds: float
+    codes: dict[str, str | None]
+
+    @property
+    def name(self):
+        """The name of the file, or of the folder of figures."""
+        return self.path.parent.name if self.path.stem == "figures" else self.path.stem
+
+
+def stored_results(folder=None):
+    """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
+    folder = folder or RESULTS
+    files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
+    return sorted(map(_read, files), key=lambda result: result.name)
+
+
+def stale_results(folder=None, notebooks_folder=None):
+    """The stored results that today's code may not give: {name: why}.
+
+    Parameters
+    ----------
+    folder, notebooks_folder
+        Where the results and the notebooks are, if not in this checkout.
+    """
+    tree = CodeTree()
+    today = {"claims": ledger_code(tree)}
+    for notebook in notebooks(notebooks_folder):
+        code = notebook.fingerprint(tree)
+        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
+        today |= {figure["name"]: code for figure in cells if "name" in figure}
+    states = {result.name: _state(result, today) for result in stored_results(folder)}
+    return {name: state for name, state in states.items() if state}
+
+
+def ledger_code(tree=None):
+    """SHA-256 (hex) of the code that evaluates the claims, as on disk or in a `CodeTree`."""
+    return (tree or CodeTree()).source_fingerprint(_LEDGER)
+
+
+def _state(result, today):
+    """Why a result is stale; empty if it is fresh, or a timing."""
+    if None in result.codes.values():
+        return "made before fingerprints were kept"
+    gone = [name for name in result.codes if name not in today]
+    if gone:
+        return f"no notebook has {', '.join(gone)} any more"
+    changed = [name for name, code in result.codes.items() if code != today[name]]
+    return f"the code behind {', '.join(changed)} changed" if changed else ""
+
+
+def _read(path):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if "figures" not in content:
+        codes = {"claims": content["about"].get("code")} if "claims" in content else {}
+        return _result(path, content["about"], [content["about"]], codes)
+    rows = content["figures"]
+    made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
+    runs = {json.dumps(row["execution"]): row["execution"] for row in rows}  # figures of a notebook share one
+    return _result(path, made, runs.values(), {row["name"]: row.get("code") for row in rows})
+
+
+def _result(path, made, runs, codes):
+    return StoredResult(
+        path=path,
+        preset=made["preset"],
+        galaxy=made["galaxy"],
+        commits={(run["commit"], run["dirty"]) for run in runs},
+        seconds=sum(run["seconds"] for run in runs),
+        codes=codes,
+    )

@@ -1,0 +1,145 @@
+"""How stored results are laid out on the pages: tables and pictures as Markdown."""
+
+import os
+
+from himap.companion.captions import figure_order, plain_caption
+from himap.companion.notebooks import notebooks, notebooks_folder
+from himap.companion.stored import RESULTS, read_stored
+from himap.figures.tables import Table
+from himap.paper.ledger_table import BADGES, plain_rows
+from himap.products.provenance import Provenance, duration
+
+__all__ = ["growth_table", "ledgers_table", "pictures", "short", "steps_table"]
+
+_NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def short(value, digits=2):
+    """A number with that many digits, without an exponent.
+
+    >>> short(567.68, 3), short(0.0312), short(12345.0)
+    ('568', '0.031', '12,000')
+    """
+    return f"{float(f'{value:.{digits}g}'):,g}"
+
+
+def steps_table(found):
+    """Time, memory, floor and alternative of every step, the machine, and what was measured, as Markdown.
+
+    Parameters
+    ----------
+    found
+        What ``python -m benchmarks`` wrote. The goals are shown at the preset ``paper``, for which they were
+        set; what misses its goal is bold.
+    """
+    head = ["Step", "Time", "Goal", "Memory", "Goal", "Floor", "Over it", "Beside it"]
+    goals = found["about"]["preset"] == "paper"
+    rows = [_step(row, goals) for row in found["steps"]]
+    head = head if goals else [word for word in head if word != "Goal"]
+    return "\n\n".join([_markdown(head, rows), _machine(found["machine"]), _footer(found["about"])])
+
+
+def _step(row, goals):
+    beside = row.get("alternative")
+    cells = [f"{short(row['seconds'], 3)} s", f"{row['goal_seconds']} s"]
+    cells += [f"{row['memory_gb']:.1f} GB", f"{row['goal_gb']} GB", f"{short(row['floor_seconds'])} s"]
+    cells.append(f"{short(row['seconds'] / row['floor_seconds'])} ×")
+    cells = [cell.replace(" ", _NO_BREAK) for cell in cells]
+    if goals:
+        cells[0] = f"**{cells[0]}**" if row["seconds"] > row["goal_seconds"] else cells[0]
+        cells[2] = f"**{cells[2]}**" if row["memory_gb"] > row["goal_gb"] else cells[2]
+    cells.append(f"{short(beside['seconds'] / row['seconds'])} × {beside['name']}" if beside else "")
+    return [row["step"], *(cells if goals else [cell for n, cell in enumerate(cells) if n not in (1, 3)])]
+
+
+def _machine(machine):
+    return (
+        f"This machine moved {machine['bandwidth'] / 1e9:.3g} GB/s, did {machine['operations'] / 1e9:.3g} "
+        f"GFlop/s in float64 ({machine['operations_single'] / 1e9:.3g} in float32), and took "
+        f"{1e3 * machine['transform']:.3g} ms for a spherical harmonic transform "
+        f"({1e3 * machine['transform_single']:.3g} in float32)."
+    )
+
+
+def growth_table(found):
+    """The exponents of every step, of what ``python -m benchmarks.scaling`` wrote, as Markdown."""
+    ways = found["found"]
+    names = list(next(iter(ways.values())))
+    rows = [[name, *(f"{way[name]['exponent']:.2f}" for way in ways.values())] for name in names]
+    head = ["Step", "with nside", "with channels"]
+    return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
+
+
+def ledgers_table(ledgers):
+    """Verdicts and numbers of several ledgers side by side, as Markdown.
+
+    Parameters
+    ----------
+    ledgers
+        A list of (entries, about), as `himap.paper.ledger.read_ledger` gives them.
+    """
+    rows = [plain_rows(entries) for entries, _ in ledgers]
+    made = [Provenance.of_stored(about) for _, about in ledgers]
+    columns = [f"{one.preset}, {one.galaxy}" for one in made]
+    table = _markdown(
+        ["Claim", "Measured", "The paper says", *columns],
+        [*map(_claim, zip(*rows, strict=True)), ["all", "", "", *map(_count, rows)]],
+    )
+    notes = [f"*{column}: {one.footer()}*" for column, one in zip(columns, made, strict=True)]
+    return "\n\n".join([table, *notes])
+
+
+def _claim(rows):
+    """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
+    id, beam, _, _, _, paper, number = rows[0]
+    return [f"**{id}**", f"{number} ({beam})", paper, *(f"{BADGES[row[2]][0]} {row[4]}" for row in rows)]
+
+
+def _count(rows):
+    verdicts = [row[2] for row in rows]
+    return " · ".join(f"{sign} {verdicts.count(one)}" for one, (sign, _) in BADGES.items() if one in verdicts)
+
+
+def pictures(folders, results=None):
+    """The stored figures of the paper, each from all folders, as Markdown: pictures by their relative path.
+
+    Parameters
+    ----------
+    folders
+        Names in the folder of results, each with a ``figures.json``.
+    results
+        Default: `RESULTS`.
+    """
+    chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
+    place = os.path.relpath(results or RESULTS, notebooks_folder())
+    stored = {}
+    for folder in folders:
+        for row in read_stored(f"{folder}/figures", results)["figures"]:
+            stored.setdefault((figure_order(row["paper"]), row["name"]), []).append((folder, row))
+    parts = []
+    for (_, name), several in sorted(stored.items()):
+        chapter, caption = chapters[name]
+        link = f"[{chapter.name}]({chapter.name}.ipynb)"
+        parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption)} ({link}).")
+        for folder, row in several:
+            path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
+            parts += [f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"]
+    return "\n\n".join(parts)
+
+
+def _made(parameters, execution):
+    """One line: preset, Galaxy, other parameters that are not the notebook's, version, commit and time."""
+    chosen = {"preset": "quick", "galaxy": "synthetic"} | parameters
+    size = f"{chosen.pop('preset')}, {chosen.pop('galaxy')} Galaxy"
+    changed = [f"{name} = {value}" for name, value in chosen.items()]
+    edits = " with edits" if execution["dirty"] else ""
+    himap = f"himap {execution['himap']}, commit {execution['commit']}{edits}"
+    return " · ".join([size, *changed, himap, duration(execution["seconds"])])
+
+
+def _footer(about):
+    return f"*{Provenance.of_stored(about).footer()}*"
+
+
+def _markdown(head, rows):
+    return "\n".join(Table(head, rows).markdown())

@@ -1,0 +1,247 @@
+# ---
+# jupyter:
+#   himap:
+#     figures: []
+#     reads:
+#     - book/results/*.json
+#     - book/results/*/figures.json
+#     section: ''
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # Scale
+#
+# What the chain costs at the paper's own size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³ cells) on two cores, how that grows,
+# how a long run is kept safe, and how to go to a cluster. The times were measured once, by the commands of {doc}`../book/contributing`, and are stored with the
+# book, in `book/results`.
+
+# %% tags=["parameters"]
+results: str | None = None  # folder of stored results; None: that of the book
+nside: int = 512  # of the survey to extrapolate to
+n_channels: int = 2000  # its channels
+box_cells: int = 2048  # cells along one side of its HI box
+n_realisations: int = 100  # how many of it
+
+# %%
+from dataclasses import replace
+
+from IPython.display import Markdown
+
+from himap.companion.stored import extrapolated, read_stored, times_of_all
+from himap.companion.stored_tables import growth_table, short, steps_table
+from himap.figures import plotting, styles
+from himap.figures.numbers import quote
+from himap.figures.tables import Table
+from himap.paper.realisation import Realisation
+from himap.products.provenance import Provenance
+from himap.survey import PRESETS
+
+paper, laptop, scaling = (read_stored(name, results) for name in ("steps_paper", "steps_laptop", "scaling"))
+larger = {"nside": nside, "n_channels": n_channels, "box_cells": box_cells}
+extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisations, **larger)
+
+# %% [markdown]
+# (steps-paper)=
+# ## Every step at the paper's size
+#
+# Each step runs in a process of its own and starts from what the cache holds of the steps before it. *Memory* is the peak of the process and its
+# children, mapped files included. The *floor* is what the transforms, the bytes and the operations that the step cannot do without would take on this
+# machine, as it was measured before the first step, if nothing were lost and nothing overlapped. *Beside it* is the usual tool on the same data in the same run; above 1 it
+# takes longer, and where it is too slow to run whole, a part of it is timed and scaled up. The *goals* are what himap was designed to reach on a machine
+# that has nothing else to do; what misses its goal is in bold.
+
+# %%
+Markdown(steps_table(paper))
+
+# %% [markdown]
+# What the floors count, and why some steps are far from theirs:
+#
+# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations for each step of each ray. The floor counts these as
+#   arithmetic; really each step collects sixteen numbers from all over the box, and that is what takes the time.
+# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 of what is faint and one in float64 of the foregrounds.
+#   The foregrounds are a dozen spectral modes, not 500 maps, and the three beams share all analyses.
+# - **Peak masking, polynomial**: the cube read twice and written once, and one projection of each line of sight on the polynomials. The step takes float64
+#   copies of blocks of lines, looks for what stands out, and fits lines with peaks again without them.
+# - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the few whitened maps only.
+# - **Parametric**: two products of each line of sight with the curves of one index. The search compares 65 indices and bisects between them, on an interpolation of the curves.
+# - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back. It has no usual alternative to be timed against.
+# - **SDecGMCA**: every channel analysed once, the common spectra and the sources a few times. Nor has it.
+# - **Both spectra**: a recovered cube differs from the truth by a few spectra times maps; only these are transformed.
+
+# %% [markdown]
+# (whole)=
+# ### All of it, one after another
+#
+# What the light cone, the claims on one realisation of the synthetic Galaxy and the chapters with the figures of the paper take, with `--jobs 2`, each with
+# what the ones before it have kept. The coefficients of HI and noise, a part of the observations above, were there before. The goal includes
+# the chapters without figures of the paper as well.
+
+# %%
+about = read_stored("claims_paper_synthetic", results)["about"]
+parts = times_of_all(paper, about, read_stored("paper_synthetic/figures", results))
+goal = 90  # minutes
+total = sum(parts.values()) / 60
+rows = [[part, f"{short(seconds / 60)} min", ""] for part, seconds in parts.items()]
+whole = f"{total:.0f} min"
+rows.append(["all", f"**{whole}**" if total > goal else whole, f"{goal} min"])
+Markdown("\n".join(Table(["Part", "Time", "Goal"], rows).markdown()))
+
+# %% [markdown]
+# The claims take most: they measure {glue:text}`scale_cubes` cleaned cubes, where Figs. 1 and 2 have 18. The chapters on post-masking and on the dimmed Galaxy clean some of them again, as
+# assessments do not keep the cubes.
+
+# %% [markdown]
+# ## The same at half that size
+
+# %%
+Markdown(steps_table(laptop))
+
+# %% [markdown]
+# (growth)=
+# ## How the cost grows
+#
+# The exponent $p$ of time $\propto x^p$ between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`.
+# A machine that others share changes its pace within minutes, so a fixed piece of work is timed before and after every measurement, and all times are those at the
+# quickest pace seen.
+
+# %% mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 64), at three sizes each."}}
+below = {"fontsize": 7.5, "ncols": 2, "loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
+panels = []
+for way, label in {"nside": "nside", "n_channels": "channels"}.items():
+    found = scaling["found"][way]
+    curves = [
+        (run["sizes"], run["seconds"], style | {"marker": "."})
+        for run, style in zip(found.values(), styles.sequence(list(found)), strict=True)
+    ]
+    panels.append({"curves": curves, "title": f"with {label}", "xlabel": label, "xscale": "log"})
+    panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": below}
+plotting.stamp(plotting.lines(panels, size=(4.6, 4.6)), Provenance(**scaling["about"]))
+
+# %%
+Markdown(growth_table(scaling))
+
+# %% [markdown]
+# `python -m benchmarks --preset laptop`, or any other preset, and `python -m benchmarks.scaling` make these tables on your machine;
+# {doc}`../book/contributing` has the whole commands.
+#
+# ## Long runs
+#
+# ```sh
+# himap run --all --preset paper --jobs 2 --max-memory 20GB
+# himap cache info
+# ```
+#
+# - **Stopped?** Run the same command again. Every product (a light cone, an observation, a cleaned cube, a spectrum) is written whole or not at all,
+#   with a checksum; what is there is used, what was cut short or altered is reported and made again. The result equals that of an undisturbed run bit for bit.
+# - **Memory** is estimated before anything is computed, and what does not fit is refused, for the light cone with a box that would. `--max-memory`
+#   (the variable `HIMAP_MAX_MEMORY`) says what may be used; the default is what is free. `--jobs 2` cleans two cubes at once and needs twice as much for it.
+# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; one realisation of the ledger keeps many of them while it works. Cubes can be deleted at any time, with
+#   `himap cache clear pipeline.cleaned` for instance; `himap claims` deletes those that it made itself once they are measured, but not
+#   those that an interrupted run left.
+#
+# ## On a cluster
+#
+# With `--dask`, `himap claims` and `himap run` share independent products among the workers of a [Dask](https://distributed.dask.org) scheduler that is already there.
+# Cubes do not travel: each worker keeps what it makes in the cache folder and reads from there. So that folder, and that of the templates, must be ones that all
+# machines see, and all need the same himap. What a worker that dies was making goes to another one, and the result is the same as without Dask.
+#
+# On a cluster with SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers (`pip install dask-jobqueue`):
+#
+# ```python
+# from dask_jobqueue import SLURMCluster
+#
+# cluster = SLURMCluster(
+#     account="me",
+#     queue="normal",
+#     walltime="12:00:00",
+#     cores=1,  # threads of Dask: one product at a time...
+#     job_cpu=2,  # ...on two cores
+#     memory="24GB",
+#     job_script_prologue=["export OMP_NUM_THREADS=2 DUCC0_NUM_THREADS=2 NUMBA_NUM_THREADS=2"],
+# )
+# cluster.adapt(maximum_jobs=20)  # jobs that end are replaced
+# print(cluster.scheduler_address)  # keep this process alive while you work
+# ```
+#
+# In another terminal, with the address that was printed:
+#
+# ```sh
+# export HIMAP_CACHE=/scratch/me/himap HIMAP_MAX_MEMORY=24GB
+# himap claims --preset paper -p n_realisations=20 --dask tcp://10.0.0.7:35791
+# ```
+#
+# - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once.
+# - Dask tells workers to use one core for matrix products unless the job says otherwise, hence the variables in its prologue.
+# - `HIMAP_MAX_MEMORY` is what *one worker* may use, and travels to it; without it each takes what is free on its node, whatever SLURM has granted.
+# - The cubes of all realisations of one command are on disk until their claims are measured. In portions, `-p seed=2045 -p n_realisations=20` and so on, they need less.
+
+# %% [markdown]
+# (cluster)=
+# ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
+#
+# What Figs. 1 and 2 need: six methods, three beams, both spectra. *Times* is how often a step is done in each realisation. *Memory* is what himap asks for before it begins.
+# The ledger measures {glue:text}`scale_cubes` cleaned cubes of each realisation where these two figures have 18.
+
+# %%
+rows = [
+    [
+        one["step"],
+        f"{short(one['minutes'])} min",
+        one["times"],
+        f"{one['core_hours']:,.0f}",
+        f"{one['gigabytes']:.0f} GB",
+    ]
+    for one in extrapolation
+]
+rows.append(["all", "", "", f"{sum(one['core_hours'] for one in extrapolation):,.0f}", ""])
+head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} realisations", "Memory"]
+Markdown("\n".join(Table(head, rows).markdown()))
+
+# %% [markdown]
+# The exponent with channels is the one above. The exponent with `nside` comes from the two tables of steps: what is left of the ratio of their times when the doubled
+# channels are taken out. These are extrapolations, {glue:text}`scale_further` times in `nside` and {glue:text}`scale_more` times in channels, and no better than a factor of two:
+#
+# - The exponents with channels are those of small maps, where GMCA, SDecGMCA, FastICA and the spectra spend most of their time on a few maps of sources and not on channels.
+# - The two tables were measured within an hour on a machine whose pace varies by tens of percent.
+# - The methods were timed on the oscillating beam. More than two cores for one product have not been measured.
+#
+# The cubes of one realisation take {glue:text}`scale_disk` times the disk that they do at the paper's size.
+
+# %% tags=["hide-input"]
+size = PRESETS["paper"]
+bytes_of_a_cube = 4 * size.n_channels * size.n_pix
+asked = replace(size, **larger)
+quote(
+    scale_nside=nside,
+    scale_n_channels=n_channels,
+    scale_n_realisations=n_realisations,
+    scale_cubes=len(Realisation(survey=size).assessments),
+    scale_cube=(bytes_of_a_cube / 1e9, 0.1, "GB"),
+    scale_further=f"{nside / size.nside:g}",
+    scale_more=f"{n_channels / size.n_channels:g}",
+    scale_disk=f"{asked.n_channels * asked.n_pix / (size.n_channels * size.n_pix):g}",
+)
+
+# %% [markdown]
+# ## What to take away
+#
+# - At the paper's size every step of the chain fits a machine with two cores; the light cone and the observations are made once and shared by all methods.
+# - Most steps stay near the usual tools or ahead of them, and above their floor by what reading and writing cubes costs.
+# - What can be kept is kept, so that a run that was stopped, or that shares products with an earlier one, does only what is missing.
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 18_scale -p nside=1024 -p n_channels=1000            # another survey, another number of core hours
+# python -m benchmarks --preset quick                            # every step on your machine, in minutes
+# himap run --all --preset laptop --jobs 2                       # the whole book at half the paper's resolution
+# ```
