@@ -45,8 +45,8 @@ def main(preset, case, only, alone, output):
     for step in STEPS:
         if only and step.name not in only:
             continue
-        found = measured(step, case, beside=not alone)
-        rows.append(_row(step, found, machine, survey))
+        measurement = measured(step, case, beside=not alone)
+        rows.append(_row(step, measurement, machine, survey))
         click.echo(_line(_texts(rows[-1], preset)))
         if output:  # after each, for the next may run out of memory
             about = _about(preset, case, started)
@@ -57,28 +57,28 @@ def main(preset, case, only, alone, output):
 
 def _about(preset, case, started):
     size = {name: getattr(case.survey, name) for name in ("nside", "n_channels", "box_cells")}
-    made = Provenance.of(
+    provenance = Provenance.of(
         case.survey,
         galaxy=case.galaxy.source,
         preset=preset,
         parameters={"beam": str(case.beam)},
         started=started,
     )
-    return {"size": size} | asdict(made)
+    return {"size": size} | asdict(provenance)
 
 
-def _row(step, found, machine, survey):
+def _row(step, measurement, machine, survey):
     row = {
         "step": step.name,
-        "seconds": found.seconds,
-        "memory_gb": found.memory / 1e9,
+        "seconds": measurement.seconds,
+        "memory_gb": measurement.memory / 1e9,
         "goal_seconds": step.target[0],
         "goal_gb": step.target[1],
-        "floor_seconds": found.needs.floor(machine),
-        "channels_per_second": survey.n_channels / found.seconds,
+        "floor_seconds": measurement.needs.floor(machine),
+        "channels_per_second": survey.n_channels / measurement.seconds,
     }
-    if found.alternative:
-        name, seconds, share = found.alternative
+    if measurement.alternative:
+        name, seconds, share = measurement.alternative
         row["alternative"] = {"name": name, "seconds": seconds, "measured_share": share}
     return row
 

@@ -64,7 +64,7 @@ def timed(function, *args, **kwargs):
 def alternatives(run):
     """Lines on the alternatives to a method that has run; none for a method that this file does not know."""
     beside = _ALTERNATIVES.get(run.remover.name if run.remover else run.label)
-    return [str(one) for one in beside(run)] if beside else []
+    return [str(alternative) for alternative in beside(run)] if beside else []
 
 
 def evenly(n_all, n_sample):
@@ -77,11 +77,11 @@ def quickest(function):
     return min(timed(function)[1] for _ in range(3))
 
 
-def one_by_one(name, function, things, n_all, what, **fields):
+def one_by_one(name, function, items, n_all, kind, **fields):
     """The alternative that calls `function` on each of `n_all` things, from a sample of them."""
-    _, seconds = timed(lambda: [function(thing) for thing in things])
-    sample = f"{len(things)} of {n_all} {what}"
-    return Alternative(name=name, seconds=seconds * n_all / len(things), sample=sample, **fields)
+    _, seconds = timed(lambda: [function(item) for item in items])
+    sample = f"{len(items)} of {n_all} {kind}"
+    return Alternative(name=name, seconds=seconds * n_all / len(items), sample=sample, **fields)
 
 
 def plain_residual(model, maps, masked):
@@ -97,8 +97,8 @@ def plain_polynomials(lines, order=6, n_sigma=5.0):
     lines = np.array(lines, dtype=float).reshape(len(lines), -1)
     u = np.linspace(-1, 1, len(lines))
     fit = legendre.legval(u, legendre.legfit(u, lines, order)).T
-    left = lines - fit
-    kept = np.abs(left) <= n_sigma * left.std(axis=0)
+    residual = lines - fit
+    kept = np.abs(residual) <= n_sigma * residual.std(axis=0)
     for n in np.flatnonzero(~kept.all(axis=0)):
         fit[:, n] = legendre.legval(u, legendre.legfit(u, lines[:, n], order, w=kept[:, n]))
     return fit
@@ -129,10 +129,10 @@ def beside_pca(run):
 
 def beside_fastica(run):
     """scikit-learn, by both of its ways to whiten; svd is the default."""
-    one = run.remover
-    options = {"fun": one.contrast, "max_iter": one.max_iterations, "tol": one.tolerance, "random_state": 0}
+    remover = run.remover
+    options = {"fun": remover.contrast, "max_iter": remover.max_iterations, "tol": remover.tolerance}
     for solver in ("svd", "eigh"):
-        model = FastICA(one.n_sources, whiten_solver=solver, **options)
+        model = FastICA(remover.n_sources, whiten_solver=solver, random_state=0, **options)
         _, seconds = timed(plain_residual, model, run.maps, run.masked)
         name = f"scikit-learn FastICA in float64, whitened by {solver}, {model.n_iter_} iterations"
         yield Alternative(name=name, seconds=seconds, ours=run.seconds)
@@ -152,9 +152,11 @@ def beside_polynomial(run):
 
 def beside_parametric(run):
     """scipy, line by line."""
-    one, n_pix = run.remover, run.masked.shape[1]
+    remover, n_pix = run.remover, run.masked.shape[1]
     lines = run.masked[:, evenly(n_pix, N_LINES)].T.astype(float)
-    fit = partial(plain_power_laws, x=run.freqs / one.nu0, beta_min=one.beta_min, beta_max=one.beta_max)
+    fit = partial(
+        plain_power_laws, x=run.freqs / remover.nu0, beta_min=remover.beta_min, beta_max=remover.beta_max
+    )
     yield one_by_one("scipy least_squares, line by line", fit, lines, n_pix, "lines", ours=run.seconds)
 
 
@@ -164,19 +166,19 @@ def beside_gmca(run):
     channels = evenly(n_channels, N_CHANNELS)
     factor = n_channels / len(channels)
     inverse = np.linalg.pinv(run.mixing)[:, channels]
-    scales, once = timed(details, run.masked[channels].astype(float), run.remover.n_scales)
-    _, each = timed(lambda: [scale @ (inverse @ scale).T for scale in scales])
+    scales, seconds_once = timed(details, run.masked[channels].astype(float), run.remover.n_scales)
+    _, seconds_each = timed(lambda: [scale @ (inverse @ scale).T for scale in scales])
     sample = f"{len(channels)} of {n_channels} channels"
     yield Alternative(
         name="starlets of the whole cube, without the iteration itself",
-        seconds=once * factor,
+        seconds=seconds_once * factor,
         ours=run.seconds / run.n_iterations,
         part="an iteration",
         sample=sample,
     )
     yield Alternative(
         name="starlets of the whole cube once, A^+ X and X S^T on them in each iteration, no thresholds",
-        seconds=(once + run.n_iterations * each) * factor,
+        seconds=(seconds_once + run.n_iterations * seconds_each) * factor,
         ours=run.seconds,
         sample=sample,
     )

@@ -54,11 +54,11 @@ def pca(survey, _):
     return Needs(n_bytes=8 * _cube(survey), operations=survey.n_channels * n + 4 * 5 * n)
 
 
-def fastica(survey, found):
+def fastica(survey, residual):
     """PCA, and in each iteration products of whitened maps, float64."""
-    shared = pca(survey, found)
-    each = found.mixing.shape[1] * survey.n_pix * 8
-    return replace(shared, n_bytes=shared.n_bytes + 3 * each * found.n_iterations)
+    shared = pca(survey, residual)
+    source_bytes = residual.mixing.shape[1] * survey.n_pix * 8
+    return replace(shared, n_bytes=shared.n_bytes + 3 * source_bytes * residual.n_iterations)
 
 
 def parametric(survey, _):
@@ -67,18 +67,18 @@ def parametric(survey, _):
     return Needs(n_bytes=4 * _cube(survey), operations=2 * 2 * 2 * n)
 
 
-def gmca(survey, found):
+def gmca(survey, residual):
     """In each iteration two products with the cube, float32, and the starlets of the sources and back."""
-    n, n_sources = survey.n_channels * survey.n_pix, found.mixing.shape[1]
+    n, n_sources = survey.n_channels * survey.n_pix, residual.mixing.shape[1]
     work = Needs(n_bytes=2 * _cube(survey), operations_single=4 * n_sources * n, transforms=1.4 * n_sources)
-    return Needs(**{name: found.n_iterations * value for name, value in vars(work).items()})
+    return Needs(**{name: residual.n_iterations * value for name, value in vars(work).items()})
 
 
-def sdecgmca(survey, found):
+def sdecgmca(survey, residual):
     """Every channel analysed once, a few bright maps closely; a transform for each common spectrum."""
     share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
-    n_sources = found.mixing.shape[1]
-    sparse = 2 * n_sources * found.n_iterations * share
+    n_sources = residual.mixing.shape[1]
+    sparse = 2 * n_sources * residual.n_iterations * share
     return Needs(
         transforms=sparse + 6 * n_sources + 6 * (2 * sphere.N_ITER + 1),
         transforms_single=survey.n_channels,

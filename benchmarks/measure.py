@@ -32,17 +32,17 @@ class Measured:
 
 def measured(step, case, *, beside=True):
     """Run `step` on `case`, and its alternative unless told otherwise; a `Measured`."""
-    here, there = get_context("spawn").Pipe()
-    process = get_context("spawn").Process(target=_child, args=(step.name, case, beside, there))
+    parent_end, child_end = get_context("spawn").Pipe()
+    process = get_context("spawn").Process(target=_child, args=(step.name, case, beside, child_end))
     process.start()
-    there.close()
+    child_end.close()
     try:
-        here.recv()  # it has imported and compiled what it needs
+        parent_end.recv()  # it has imported and compiled what it needs
         with _Peak(process.pid) as peak:
-            here.send("go")
-            seconds, needs = here.recv()
-        here.send("on")
-        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternative=here.recv())
+            parent_end.send("go")
+            seconds, needs = parent_end.recv()
+        parent_end.send("on")
+        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternative=parent_end.recv())
     except EOFError:
         raise RuntimeError(f"the process of {step.name} ended before its work was done.") from None
     finally:
@@ -57,10 +57,10 @@ def _child(name, case, beside, pipe):
     pipe.send("ready")
     pipe.recv()
     started = time.perf_counter()
-    found = step.work(case)
+    result = step.work(case)
     seconds = time.perf_counter() - started
-    pipe.send((seconds, step.needs(case.survey, found)))
-    del found
+    pipe.send((seconds, step.needs(case.survey, result)))
+    del result
     pipe.recv()
     pipe.send(_beside(step, case) if beside and step.beside else None)
 
@@ -92,7 +92,7 @@ class _Peak:
             try:
                 root = psutil.Process(self._pid)
                 tree = [root, *root.children(recursive=True)]
-                self.memory = max(self.memory, sum(one.memory_info().rss for one in tree))
+                self.memory = max(self.memory, sum(process.memory_info().rss for process in tree))
             except psutil.NoSuchProcess:
                 pass  # one of them has just ended
             if self._done.wait(_INTERVAL):

@@ -67,24 +67,25 @@ def alone(function, *args):
 
 def prepare(case, folder):
     """The `Data` of a case, from the cache where it is there."""
-    seen = pipeline.observation(case)
-    np.save(folder / "maps.npy", seen.maps)
+    observation = pipeline.observation(case)
+    np.save(folder / "maps.npy", observation.maps)
     np.save(folder / "masked.npy", pipeline.peak_masked(case).maps)
-    return Data(folder=folder, freqs=np.array(seen.freqs), beams=np.array(seen.beams), survey=case.survey)
+    freqs, beams = np.array(observation.freqs), np.array(observation.beams)
+    return Data(folder=folder, freqs=freqs, beams=beams, survey=case.survey)
 
 
 def methods(beam):
     """Every method with the paper's number of components, by its label; None for peak masking."""
-    found = {"peak masking": None}
+    removers = {"peak masking": None}
     for name in removal.available():
         method = removal.create(name)
         if hasattr(method, "n_sources"):
             method = replace(method, n_sources=table_1(beam)["n_sources"])
-        found[name] = method
-    del found[SDecGMCA.name]
+        removers[name] = method
+    del removers[SDecGMCA.name]
     for iteration in ("stable", "published"):
-        found[f"{SDecGMCA.name}, {iteration}"] = sdecgmca_for(beam, iteration=iteration)
-    return found
+        removers[f"{SDecGMCA.name}, {iteration}"] = sdecgmca_for(beam, iteration=iteration)
+    return removers
 
 
 def measure(label, remover, data):
@@ -95,12 +96,12 @@ def measure(label, remover, data):
     else:
         given = {"freqs": data.freqs, "beams": data.beams, "rng": data.survey.rng(f"removal {remover.name}")}
         work = partial(remover.clean, maps, **given, separate_on=masked)
-    before, cpu = peak_memory(), time.process_time()
+    memory_before, cpu = peak_memory(), time.process_time()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SeparationWarning)
         result, seconds = timed(work)
-    memory, cpu = peak_memory() - before, time.process_time() - cpu
-    found = getattr(result, "separation", None)
+    memory, cpu = peak_memory() - memory_before, time.process_time() - cpu
+    separation = getattr(result, "separation", None)
     run = Run(
         label=label,
         remover=remover,
@@ -108,11 +109,11 @@ def measure(label, remover, data):
         masked=masked,
         freqs=data.freqs,
         beams=data.beams,
-        mixing=getattr(found, "mixing", None),
-        n_iterations=getattr(found, "n_iterations", 0),
+        mixing=getattr(separation, "mixing", None),
+        n_iterations=getattr(separation, "n_iterations", 0),
         seconds=seconds,
     )
-    del result, found  # two cubes that the alternatives do not need
+    del result, separation  # two cubes that the alternatives do not need
     each = f"{run.n_iterations:10d} {seconds / run.n_iterations:10.3g} s" if run.n_iterations else ""
     n_sources = getattr(remover, "n_sources", "")
     lines = [f"{label:20s} {n_sources!s:>4} {seconds:9.3g} s {cpu:9.3g} s {memory:7.2f} GB {each}".rstrip()]

@@ -54,7 +54,7 @@ def probe():
 
 def measure(steps):
     """{what grows: {step: {"sizes", "seconds", "probe", "memory_gb", "exponent"}}}."""
-    found = {}
+    costs = {}
     for name, variants in SIZES.items():
         surveys = [replace(BASES[name], **changed) for changed in variants]
         sizes = [getattr(survey, name) for survey in surveys]
@@ -63,22 +63,22 @@ def measure(steps):
             case = pipeline.Case(survey=survey, beam=Oscillating())
             plan.make_observations([case])
             for step in steps:
-                before = probe()
-                one = measured(step, case, beside=False)
-                runs[step.name].append((one, (before + probe()) / 2))
-        found[name] = {}
-        for step, several in runs.items():
-            probes = [paced for _, paced in several]
-            seconds = at_one_pace([(one.seconds, paced) for one, paced in several])
-            found[name][step] = {
+                probe_before = probe()
+                measurement = measured(step, case, beside=False)
+                runs[step.name].append((measurement, (probe_before + probe()) / 2))
+        costs[name] = {}
+        for step, measurements in runs.items():
+            probes = [paced for _, paced in measurements]
+            seconds = at_one_pace([(measurement.seconds, paced) for measurement, paced in measurements])
+            costs[name][step] = {
                 "sizes": sizes,
                 "seconds": seconds,
                 "probe": probes,
-                "memory_gb": [one.memory / 1e9 for one, _ in several],
+                "memory_gb": [measurement.memory / 1e9 for measurement, _ in measurements],
                 "exponent": exponents(sizes, seconds),
             }
-            click.echo(f"{name:11s} {step:26s} {found[name][step]['exponent']:.2f}  {seconds}")
-    return found
+            click.echo(f"{name:11s} {step:26s} {costs[name][step]['exponent']:.2f}  {seconds}")
+    return costs
 
 
 @click.command()
@@ -86,10 +86,10 @@ def measure(steps):
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 def main(output, only):
     """Measure the steps at several sizes."""
-    found = measure([step for step in STEPS if not only or step.name in only])
+    costs = measure([step for step in STEPS if not only or step.name in only])
     if output:
         about = asdict(Provenance.of(BASES["nside"], galaxy="synthetic", preset="ci", parameters={}))
-        Path(output).write_text(json.dumps({"about": about, "found": found}, indent=1) + "\n")
+        Path(output).write_text(json.dumps({"about": about, "found": costs}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -64,9 +64,9 @@ def light_cone(case):
 def observations(case):
     """All foregrounds, three beams, noise: three observations, from HI maps that are there."""
     cases = [replace(case, beam=beam) for beam in paper_beams().values()]
-    others = pipeline.hi_of_sky, pipeline.peak_masked, pipeline.true_spectra
+    excluded = pipeline.hi_of_sky, pipeline.peak_masked, pipeline.true_spectra
     for product, calls in plan.observing_steps(cases):
-        for call in calls if product not in others else ():
+        for call in calls if product not in excluded else ():
             product.forget(*call)
             product(*call)
 
@@ -84,11 +84,11 @@ def beside_observations(case):
 
     def work():
         for channel, pixels in zip(channels, bright, strict=True):
-            for one in windows:
-                smooth(pixels, one.total[channel])
-                smooth(hi[channel].astype(float), one.total[channel])
-                if one.resmoothing is not None:
-                    smooth(pixels, one.resmoothing[channel])
+            for window in windows:
+                smooth(pixels, window.total[channel])
+                smooth(hi[channel].astype(float), window.total[channel])
+                if window.resmoothing is not None:
+                    smooth(pixels, window.resmoothing[channel])
 
     return "healpy, each beam and component by itself", work, case.survey.n_channels / len(channels)
 
@@ -109,7 +109,7 @@ def _cleaner(name):
     """The work of the method called `name`, as the paper uses it."""
 
     def work(case):
-        (method,) = (one for one in methods_for(case.beam) if one.name == name)
+        (method,) = (method for method in methods_for(case.beam) if method.name == name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SeparationWarning)
             return pipeline.cleaned.compute(case, method)
@@ -134,32 +134,32 @@ def beside_fastica(case):
 
 def beside_parametric(case):
     """scipy, line by line."""
-    masked, one = pipeline.peak_masked(case).maps, Parametric()
+    masked, remover = pipeline.peak_masked(case).maps, Parametric()
     lines = masked[:, evenly(masked.shape[1], N_LINES)].T.astype(float)
-    x = case.survey.freqs / one.nu0
+    x = case.survey.freqs / remover.nu0
     return (
         "scipy least_squares, line by line",
-        lambda: [plain_power_laws(line, x, one.beta_min, one.beta_max) for line in lines],
+        lambda: [plain_power_laws(line, x, remover.beta_min, remover.beta_max) for line in lines],
         masked.shape[1] / len(lines),
     )
 
 
 def both_spectra(case):
     """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
-    found = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
+    residual = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
     truth = pipeline.observation(case).truth
-    power_spectra.recovered_angular_power(found, truth, pipeline.truth_alms(case))
-    power_spectra.frequency_power(found, case.survey.channel_width)
+    power_spectra.recovered_angular_power(residual, truth, pipeline.truth_alms(case))
+    power_spectra.frequency_power(residual, case.survey.channel_width)
 
 
 def beside_spectra(case):
     """healpy's anafast, channel by channel."""
-    found = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
-    sample = found[evenly(len(found), N_SAMPLES)].astype(float)
+    residual = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
+    sample = residual[evenly(len(residual), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",
         lambda: [hp.anafast(pixels, iter=sphere.N_ITER) for pixels in sample],
-        len(found) / len(sample),
+        len(residual) / len(sample),
     )
 
 

@@ -45,11 +45,11 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
         raise InputError(f"{label} must have shape (n_channels, n_pix){channels}, got {maps.shape}.")
     if maps.dtype != np.float32:
         maps = maps.astype(np.float64, copy=False)
-    bad = sum(_count_bad(channel if kept is None else channel[kept]) for channel in maps)
-    if bad:
+    n_bad = sum(_count_bad(channel if kept is None else channel[kept]) for channel in maps)
+    if n_bad:
         raise InputError(
-            f"{label} must be finite everywhere, got {bad} NaN, infinite or UNSEEN pixels; fill or cut them "
-            "first."
+            f"{label} must be finite everywhere, got {n_bad} NaN, infinite or UNSEEN pixels; fill or cut "
+            "them first."
         )
     return maps
 
@@ -87,8 +87,8 @@ def checked_beams(label, beams, n_channels):
 
 def whole_number(label, value, low, high):
     """`value` as an int between `low` and `high`, both included."""
-    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    if not whole or not low <= value <= high:
+    is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not is_whole or not low <= value <= high:
         raise InputError(f"{label} must be a whole number between {low} and {high}, got {value!r}.")
     return int(value)
 
@@ -109,10 +109,10 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
     return field(default=default, metadata={"help": help, **limits})
 
 
-def checked_fields(thing):
+def checked_fields(instance):
     """Put every field of a frozen dataclass, each a `parameter`, through `checked_field`."""
-    for item in fields(thing):
-        object.__setattr__(thing, item.name, checked_field(item, getattr(thing, item.name)))
+    for item in fields(instance):
+        object.__setattr__(instance, item.name, checked_field(item, getattr(instance, item.name)))
 
 
 def checked_field(item, value):

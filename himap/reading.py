@@ -10,12 +10,12 @@ __all__ = ["read_array", "read_numbers"]
 def read_array(path):
     """The array of a .npy file; object arrays, which could run code, are refused."""
     try:
-        found = np.load(path, allow_pickle=False)
+        array = np.load(path, allow_pickle=False)
     except (ValueError, OSError, EOFError) as error:
         raise InputError(f"{path} is no .npy file of plain numbers ({error}).") from None
-    if not isinstance(found, np.ndarray):
+    if not isinstance(array, np.ndarray):
         raise InputError(f"{path} is an archive of arrays (.npz); save the one that is meant as .npy.")
-    return found
+    return array
 
 
 def read_numbers(path):

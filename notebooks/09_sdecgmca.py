@@ -287,7 +287,7 @@ start = (
 def left_by(mixing):
     """rms of the foreground that the space of `mixing` leaves, over the rms of HI and noise."""
     sources = harmonic.project(harmonic.safe_inverse(pure.matrices(mixing)), pure.modes)
-    rms = np.sqrt(np.sum(pure.left(mixing, sources) ** 2) / (4 * np.pi * case.survey.n_channels))
+    rms = np.sqrt(np.sum(pure.residual(mixing, sources) ** 2) / (4 * np.pi * case.survey.n_channels))
     return rms / seen.truth.std()
 
 
@@ -297,7 +297,7 @@ numbers = {"foreground left over HI and noise, start": (left_by(start), 0.01)}
 for share in (0.3, 0.7):
     sparse = SparseSources(lmax, remover.n_scales, n_sigma=3, analytic=True)
     kept = sparse(sources, pure.noise_of(inverses), share)
-    left = pure.left(start, sources)
+    left = pure.residual(start, sources)
     fitted, corrected = pure.fit(kept, sparse.detail), pure.corrected(start, left, sources, kept)
     numbers[f"published step, {share:.0%} kept"] = (left_by(fitted), 0.5)
     numbers[f"stable step, {share:.0%} kept"] = (left_by(corrected), 0.01)

@@ -53,7 +53,7 @@ class TestReading:
     def test_hdf5(self, maps, tmp_path):
         cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, units="mK", ordering="RING"))
         assert np.array_equal(cube.maps, maps) and cube.freqs == pytest.approx(FREQS)
-        assert cube.whole and not cube.remarks
+        assert cube.whole_sky and not cube.remarks
 
     def test_hdf5_with_pixels_first_in_ghz_and_kelvin(self, maps, shuffled, tmp_path):
         path = tmp_path / "a.hdf5"

@@ -35,7 +35,7 @@ def test_fit_one_channel_at_a_time(small, rng):
 def test_correction_leaves_nothing_of_the_kept_sources(small, rng):
     channels, mixing = small
     sources, kept = rng.standard_normal((2, 2, 16))
-    corrected = channels.corrected(mixing, channels.left(mixing, sources), sources, kept)
+    corrected = channels.corrected(mixing, channels.residual(mixing, sources), sources, kept)
     degree = harmonic.degrees(3)
     for row, seen, beam in zip(corrected, channels.modes, channels.beams, strict=True):
         left = seen - beam[degree] * (row @ sources)
@@ -47,7 +47,7 @@ def test_truth_is_a_fixed_point_of_the_correction_but_not_of_the_fit(rng):
     beams = 0.5 + rng.random((5, 4))
     channels = BlurredMixture(beams[:, harmonic.degrees(3)] * (mixing @ sources), beams, None)
     kept = np.where(np.abs(sources) > 0.7, sources, 0)
-    left = channels.left(mixing, sources)
+    left = channels.residual(mixing, sources)
     assert channels.corrected(mixing, left, sources, kept) == pytest.approx(mixing, abs=1e-12)
     assert np.abs(channels.fit(kept, np.ones(4)) - mixing).max() > 0.01
 
@@ -63,16 +63,16 @@ def test_what_is_left(small, rng):
     channels, mixing = small
     sources = rng.standard_normal((2, 16))
     model = channels.beams[:, harmonic.degrees(3)] * (mixing @ sources)
-    assert channels.left(mixing, sources) == pytest.approx(channels.modes - model)
+    assert channels.residual(mixing, sources) == pytest.approx(channels.modes - model)
 
 
-def test_noise_left_is_the_variance_over_the_finer_half(small, rng):
+def test_residual_noise_is_the_variance_over_the_finer_half(small, rng):
     channels, mixing = small
     sources = rng.standard_normal((2, 16))
     degree = harmonic.degrees(3)
     left = channels.modes - channels.beams[:, degree] * (mixing @ sources)
     expected = np.mean(left[:, degree >= 2] ** 2, axis=1)
-    assert channels.noise_left(mixing, sources) == pytest.approx(expected)
+    assert channels.residual_noise(mixing, sources) == pytest.approx(expected)
 
 
 def test_with_noise(small):

@@ -100,7 +100,7 @@ def test_the_highest_peak_is_found_in_pure_noise(rng):
     heights = np.abs(parametric._value(series, found.t))
     assert (heights >= (1 - 1e-12) * values.max(axis=1)).all()
     assert np.array_equal(found.at_bound, np.abs(found.t) == 1)
-    assert found.found.all() and found.at_bound.any() and not found.at_bound.all()
+    assert found.converged.all() and found.at_bound.any() and not found.at_bound.all()
 
 
 def test_the_basis_is_exact_for_extreme_bands_and_indices():

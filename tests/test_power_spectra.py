@@ -1,5 +1,7 @@
 """Power spectra: closed forms, Parseval, and masks that change nothing on average."""
 
+import re
+
 import healpy as hp
 import numpy as np
 import pytest
@@ -283,6 +285,15 @@ class TestPair:
         spectra.angular_power_pair(pair[0], truth, mask=mask)
         with pytest.raises(InputError, match="finite|NaN"):
             spectra.angular_power_pair(pair[0], truth, mask=mask, truth_alms=np.zeros((12, 1)))
+
+    @pytest.mark.parametrize("shape", [(12, 1), (11, sphere.alm_size(LMAX)), (sphere.alm_size(LMAX),)])
+    def test_coefficients_of_another_shape(self, pair, shape):
+        expected = re.escape(f"= (12, {sphere.alm_size(LMAX)}), got {shape}; analyse")
+        alms = np.zeros(shape, dtype=np.complex64)
+        with pytest.raises(InputError, match=expected):
+            spectra.angular_power_pair(*pair, truth_alms=alms)
+        with pytest.raises(InputError, match=expected):
+            spectra.recovered_angular_power(*pair, alms)
 
     def test_equal_cubes_have_equal_spectra(self, pair):
         found, true = spectra.angular_power_pair(pair[1], pair[1])

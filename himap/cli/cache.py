@@ -33,8 +33,8 @@ def info(every):
     click.echo(f"{cache.cache_folder()}: {size_text(sum(entry.n_bytes for entry in entries))}")
     if every:
         for entry in entries:
-            when = entry.created.strftime("%Y-%m-%d %H:%M")
-            click.echo(f"{entry.product}  {size_text(entry.n_bytes)}  {when}  {entry.seconds:.1f} s")
+            created = entry.created.strftime("%Y-%m-%d %H:%M")
+            click.echo(f"{entry.product}  {size_text(entry.n_bytes)}  {created}  {entry.seconds:.1f} s")
             click.echo(f"    {entry.arguments}")
         return
     groups = defaultdict(list)

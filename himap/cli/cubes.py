@@ -83,7 +83,7 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     from himap.removal.base import SeparationWarning
 
     started = time.monotonic()
-    inputs = [one for one in (path, truth, beam, reading["freqs"]) if one is not None]
+    inputs = [name for name in (path, truth, beam, reading["freqs"]) if name is not None]
     output = check_cube_output(output, overwrite=overwrite, inputs=inputs)
     remover = create(method, **_parameters(pairs))
     cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
@@ -97,10 +97,10 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     page = output.with_suffix(".html")
     with whole_file(page) as temporary:
         write_report(cleaned, temporary, truth=true)
-        written = save_cleaned(cleaned, output, overwrite=overwrite)
+        outputs = save_cleaned(cleaned, output, overwrite=overwrite)
     if not cleaned.separation.converged:
         click.echo(f"{method} stopped before it converged.", err=True)
-    click.echo("  ".join(str(one) for one in [*written, page]) + f"  ({time.monotonic() - started:.0f} s)")
+    click.echo("  ".join(str(file) for file in [*outputs, page]) + f"  ({time.monotonic() - started:.0f} s)")
 
 
 @click.command()
@@ -135,27 +135,27 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
     counts = range(least, most + 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)
-        found = suggestion.suggest(
+        result = suggestion.suggest(
             cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
         )
     rows = [
         (n, f"{value:.4f}", f"{change:.1%}" if change is not None else "")
-        for n, value, change in zip(found.n_sources, found.criterion, [*found.change, None], strict=True)
+        for n, value, change in zip(result.n_sources, result.criterion, [*result.change, None], strict=True)
     ]
     click.echo(Table(["n_sources", "criterion", "change with one more"], rows))
-    click.echo(f"{found.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(found)}")
+    click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
         with whole_file(page) as temporary:
-            suggestion.write_suggestion(found, temporary)
+            suggestion.write_suggestion(result, temporary)
         click.echo(page)
 
 
 def _parameters(pairs):
     """Parameters of a method from texts NAME=VALUE."""
-    found = parse_texts([], named_values(pairs))
-    if "name" in found:
+    parameters = parse_texts([], named_values(pairs))
+    if "name" in parameters:
         raise InputError("no method has a parameter called name; --method says which method.")
-    return found
+    return parameters
 
 
 def _cube_and_beams(path, remover, beam, dish, reading):

@@ -90,7 +90,7 @@ def run(names, preset, pairs, output, stale, every):
         raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
     if not (names or every):
         raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
-    names = [one.name for one in notebooks()] if every else names
+    names = [notebook.name for notebook in notebooks()] if every else names
     if output and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
     values = _values(names, preset, named_values(pairs), some_accept=every)
@@ -105,12 +105,12 @@ def _values(names, preset, texts, *, some_accept):
     """{notebook: parameters}, checked before any runs; with `some_accept`, those that the notebook has."""
     declared = {name: find(name).parameters for name in names}
     for parameter in texts if some_accept else ():
-        if not any(accepts(one, parameter) for one in declared.values()):
+        if not any(accepts(parameters, parameter) for parameters in declared.values()):
             raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
     values = {}
     for name, parameters in declared.items():
-        own = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
-        values[name] = parse_texts(parameters, own)
+        accepted = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
+        values[name] = parse_texts(parameters, accepted)
         asked = preset if not some_accept or accepts(parameters, "preset") else None
         check_parameters(parameters, values[name], asked)
     return values
@@ -170,6 +170,6 @@ def claims(preset, pairs, output):
 
 
 def _refresh(names):
-    done = reproduce.refresh(names or None, report=lambda name, why: click.echo(f"{name}: {why}"))
-    if not done:
+    refreshed = reproduce.refresh(names or None, report=lambda name, reason: click.echo(f"{name}: {reason}"))
+    if not refreshed:
         click.echo("every notebook is fresh")

@@ -83,8 +83,8 @@ def workers(command):
 
     @functools.wraps(command)
     def wrapped(*args, **options):
-        given = {name: options.pop(name.lower()) for name in _WORKERS}
-        with changed_environment({name: str(value) for name, value in given.items() if value is not None}):
+        settings = {name: options.pop(name.lower()) for name in _WORKERS}
+        with changed_environment({name: str(value) for name, value in settings.items() if value is not None}):
             return command(*args, **options)
 
     for option in reversed(_WORKERS.values()):

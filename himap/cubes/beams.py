@@ -33,12 +33,12 @@ def beams_of(cube, beam, *, dish=None):
     layout, lmax = cube.layout, 3 * cube.nside - 1
     options = {"lmax": lmax, "dish_diameter": DISH if dish is None else dish}
     if beam.by_line:
-        found = beam.windows(layout.freqs, **options).total[layout.channels]
+        beams = beam.windows(layout.freqs, **options).total[layout.channels]
     else:
-        found = beam.windows(cube.freqs, **options).total
-    if found.shape[1] <= 2 * cube.nside:
+        beams = beam.windows(cube.freqs, **options).total
+    if beams.shape[1] <= 2 * cube.nside:
         raise InputError(
-            f"{beam} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {found.shape[1]} "
+            f"{beam} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {beams.shape[1]} "
             "numbers a line; for widths give one FWHM (deg) a line."
         )
-    return checked_beams(str(beam), found, len(cube.freqs))
+    return checked_beams(str(beam), beams, len(cube.freqs))

@@ -150,7 +150,7 @@ def method_for(cube, method, **parameters):
         raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     remover.check(len(cube.freqs))
-    if remover.needs_whole_sky and not cube.whole:
+    if remover.needs_whole_sky and not cube.whole_sky:
         able = [name for name in available() if not REGISTRY[name].needs_whole_sky]
         raise InputError(
             f"{remover.name} transforms whole maps and cannot work on {cube.mask.mean():.1%} of the sky. "

@@ -41,11 +41,11 @@ class Layout:
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
         out = np.full((len(self.freqs), len(mask)), np.nan, dtype=np.float32)
-        whole = np.full(len(mask), np.nan, dtype=np.float32)
+        full_map = np.full(len(mask), np.nan, dtype=np.float32)
         ring = sphere.nest_to_ring(sphere.nside_of(mask)) if self.nested else slice(None)
         for place, pixels in zip(self.channels, maps, strict=True):
-            whole[mask] = pixels / MILLIKELVIN[self.unit]
-            out[place] = whole[ring]
+            full_map[mask] = pixels / MILLIKELVIN[self.unit]
+            out[place] = full_map[ring]
         return out
 
 
@@ -78,7 +78,7 @@ class Cube:
         return sphere.nside_of(self.mask)
 
     @property
-    def whole(self):
+    def whole_sky(self):
         """Whether the whole sphere is seen."""
         return bool(self.mask.all())
 
@@ -89,7 +89,7 @@ class Cube:
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen; themselves if all is."""
-        if self.whole:
+        if self.whole_sky:
             return maps
         out = np.zeros((len(maps), len(self.mask)), dtype=maps.dtype)
         out[:, self.mask] = maps
@@ -170,7 +170,7 @@ def make_cube(raw, *, unit=None, order=None):
             f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
         )
     channels, mask = _seen(raw.maps, np.argsort(freqs, kind="stable"), remarks)
-    given, freqs = freqs, _checked_freqs(freqs[channels])
+    file_freqs, freqs = freqs, _checked_freqs(freqs[channels])
     if not mask.any():
         raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
     if nested:
@@ -182,7 +182,7 @@ def make_cube(raw, *, unit=None, order=None):
     if not mask.all():
         remarks.append(f"{mask.mean():.1%} of the sky is seen in every channel; the rest is masked.")
     _look_at(maps, freqs, remarks)
-    layout = Layout(channels=channels, freqs=given, unit=unit, nested=nested)
+    layout = Layout(channels=channels, freqs=file_freqs, unit=unit, nested=nested)
     return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
 
 
@@ -212,8 +212,8 @@ def _look_at(maps, freqs, remarks):
         )
 
 
-def _same(one, two):
-    return np.allclose(one, two, rtol=_ROUNDING, atol=0)
+def _same(freqs, file_freqs):
+    return np.allclose(freqs, file_freqs, rtol=_ROUNDING, atol=0)
 
 
 def _ends(freqs):
@@ -240,26 +240,28 @@ def _wide(pixels):
     return pixels.astype(np.result_type(pixels, np.float32), copy=False)
 
 
-def _unit(said, given):
+def _unit(file_unit, user_unit):
     """The name of the unit, from what the file and the user say."""
-    units = {temperature_unit(text) for text in (said, given) if text is not None}
+    units = {temperature_unit(text) for text in (file_unit, user_unit) if text is not None}
     if not units:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
     if len(units) > 1:
         raise InputError(
-            f"the file says {said}, but the unit given is {given}; leave it out, or mend the file."
+            f"the file says {file_unit}, but the unit given is {user_unit}; leave it out, or mend the file."
         )
     return units.pop()
 
 
-def _is_nested(said, given, remarks):
-    if given is None:
-        if said is None:
+def _is_nested(file_nested, order, remarks):
+    if order is None:
+        if file_nested is None:
             remarks.append(
                 "the file does not say the order of its pixels: taken as RING (--order to change it)."
             )
-        return bool(said)
-    nested = is_nested(str(given), "order")
-    if said is not None and said != nested:
-        raise InputError(f"the file says {'NESTED' if said else 'RING'}, but the order given is {given}.")
+        return bool(file_nested)
+    nested = is_nested(str(order), "order")
+    if file_nested is not None and file_nested != nested:
+        raise InputError(
+            f"the file says {'NESTED' if file_nested else 'RING'}, but the order given is {order}."
+        )
     return nested

@@ -115,11 +115,11 @@ def _the_maps(path, arrays, name):
                 f"got {arrays[name].shape}."
             )
         return name
-    fitting = [one for one, item in arrays.items() if item.ndim == 2 and _sphere_sizes(item.shape)]
+    fitting = [dataset for dataset, item in arrays.items() if item.ndim == 2 and _sphere_sizes(item.shape)]
     if len(fitting) != 1:
-        found = f"{len(fitting)} are: {', '.join(fitting)}" if fitting else f"it has {_listing(arrays)}"
+        listing = f"{len(fitting)} are: {', '.join(fitting)}" if fitting else f"it has {_listing(arrays)}"
         raise InputError(
-            f"{path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but {found}. "
+            f"{path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but {listing}. "
             "Name it with --maps."
         )
     return fitting[0]
@@ -132,11 +132,11 @@ def _the_freqs(path, arrays, name, n_channels):
                 f"{path} must have a dataset {name} of {n_channels} frequencies; it has {_listing(arrays)}."
             )
         return name
-    lines = [one for one, item in arrays.items() if item.shape == (n_channels,)]
-    for tells in (_is_called_frequency, lambda one: _is_frequency(_attribute(arrays[one], "unit"))):
-        found = [one for one in lines if tells(one)]
-        if len(found) == 1:
-            return found[0]
+    lines = [dataset for dataset, item in arrays.items() if item.shape == (n_channels,)]
+    for tells in (_is_called_frequency, lambda dataset: _is_frequency(_attribute(arrays[dataset], "unit"))):
+        matches = [dataset for dataset in lines if tells(dataset)]
+        if len(matches) == 1:
+            return matches[0]
     return None
 
 

@@ -18,8 +18,8 @@ _FREQUENCY = re.compile(r"(\d+(?:\.\d+)?)\s*MHz", re.IGNORECASE)
 def _one_unit(path, units):
     """The unit that all maps have, None where none is told."""
     if len(set(units)) > 1:
-        told = ", ".join(str(unit) for unit in dict.fromkeys(units))
-        raise InputError(f"the maps in {path} must have one unit, got {told}.")
+        listing = ", ".join(str(unit) for unit in dict.fromkeys(units))
+        raise InputError(f"the maps in {path} must have one unit, got {listing}.")
     return units[0]
 
 
@@ -72,5 +72,5 @@ def _from_headers(paths, headers):
 
 def _from_texts(texts):
     """The frequencies that texts such as "map_950.5MHz.fits" tell, if all do."""
-    found = [_FREQUENCY.search(text) for text in texts]
-    return np.array([float(match[1]) for match in found]) if all(found) else None
+    matches = [_FREQUENCY.search(text) for text in texts]
+    return np.array([float(match[1]) for match in matches]) if all(matches) else None

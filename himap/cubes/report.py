@@ -65,7 +65,7 @@ class SpectraBeside:
 
 
 def _mask_of(cube):
-    return None if cube.whole else cube.mask
+    return None if cube.whole_sky else cube.mask
 
 
 def compared(cleaned, truth):
@@ -85,13 +85,13 @@ def compared(cleaned, truth):
     """
     cube = cleaned.cube
     check_truth(cube, truth)
-    maps = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
-    angular = angular_power_pair(*(cube.on_sphere(one) for one in maps), mask=_mask_of(cube))
-    found, true = (
-        PowerSpectra(angular=power, frequency=frequency_power(one, cube.channel_width))
-        for power, one in zip(angular, maps, strict=True)
+    cubes = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
+    angular = angular_power_pair(*(cube.on_sphere(maps) for maps in cubes), mask=_mask_of(cube))
+    recovered, true = (
+        PowerSpectra(angular=power, frequency=frequency_power(maps, cube.channel_width))
+        for power, maps in zip(angular, cubes, strict=True)
     )
-    return Comparison.of(found, true, l_top=2 * cube.nside)
+    return Comparison.of(recovered, true, l_top=2 * cube.nside)
 
 
 def check_truth(cube, truth):
@@ -107,12 +107,12 @@ def check_truth(cube, truth):
             f"the truth must have the channels and the nside of the cube, {len(cube.freqs)} and "
             f"{cube.nside}; got {len(truth.freqs)} and {truth.nside}."
         )
-    other = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
-    if other.any():
-        first = int(other.argmax())
+    differs = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
+    if differs.any():
+        channel = int(differs.argmax())
         raise InputError(
-            f"the truth must have the frequencies of the cube, got {truth.freqs[first]:.10g} MHz where that "
-            f"has {cube.freqs[first]:.10g}."
+            f"the truth must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
+            f"that has {cube.freqs[channel]:.10g}."
         )
     if (cube.mask & ~truth.mask).any():
         raise InputError("the truth must see all pixels of the cube.")
@@ -120,8 +120,8 @@ def check_truth(cube, truth):
 
 def write_report(cleaned, path, *, truth=None):
     """Write the page to `path`, one HTML file that needs nothing else."""
-    found = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
-    parts = [*_head(cleaned), *_spectra_part(found), *_modes_part(cleaned), *_maps_part(cleaned)]
+    spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
+    parts = [*_head(cleaned), *_spectra_part(spectra), *_modes_part(cleaned), *_maps_part(cleaned)]
     Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
 
@@ -147,15 +147,15 @@ def _rms(maps):
     return float(np.sqrt(np.mean([pixels.var(dtype=np.float64) for pixels in maps])))
 
 
-def spectra_figure(found):
+def spectra_figure(spectra):
     """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
     style = {"label": "cleaned", "color": styles.BLUE}
-    if isinstance(found, Comparison):
-        panels = [comparisons.panel(kind, [(style, found)]) for kind in ("angular", "frequency")]
+    if isinstance(spectra, Comparison):
+        panels = [comparisons.panel(kind, [(style, spectra)]) for kind in ("angular", "frequency")]
         return plotting.spectrum(panels, ratio_limits=(0, 1.5))
     values = {
-        "angular": (found.angular.degrees, found.angular.mean),
-        "frequency": (found.frequency.k, found.frequency.power),
+        "angular": (spectra.angular.degrees, spectra.angular.mean),
+        "frequency": (spectra.frequency.k, spectra.frequency.power),
     }
     panels = []
     for kind, (x, y) in values.items():
@@ -165,7 +165,7 @@ def spectra_figure(found):
     return plotting.lines(panels)
 
 
-def _spectra_part(found):
+def _spectra_part(spectra):
     text = (
         "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
         "was taken. A bump at one k is a ripple of the instrument. A rise towards the largest multipoles, "
@@ -173,14 +173,14 @@ def _spectra_part(found):
     )
     parts = [
         "<h2>Spectra</h2>",
-        page.figure(spectra_figure(found), "Angular and frequency power spectrum", text),
+        page.figure(spectra_figure(spectra), "Angular and frequency power spectrum", text),
     ]
-    if isinstance(found, Comparison):
+    if isinstance(spectra, Comparison):
         rows = [
-            ("C/C0, l < 10", _mean(found.degrees, found.angular_ratio, 0, 10)),
-            ("C/C0, beyond", _mean(found.degrees, found.angular_ratio, 10, np.inf)),
-            ("P/P0, k < 0.03 / MHz", _mean(found.k, found.frequency_ratio, 0, 0.03)),
-            ("P/P0, beyond", _mean(found.k, found.frequency_ratio, 0.03, np.inf)),
+            ("C/C0, l < 10", _mean(spectra.degrees, spectra.angular_ratio, 0, 10)),
+            ("C/C0, beyond", _mean(spectra.degrees, spectra.angular_ratio, 10, np.inf)),
+            ("P/P0, k < 0.03 / MHz", _mean(spectra.k, spectra.frequency_ratio, 0, 0.03)),
+            ("P/P0, beyond", _mean(spectra.k, spectra.frequency_ratio, 0.03, np.inf)),
         ]
         parts += ["<h3>Over the truth</h3>", Table([], rows).html()]
     return parts
@@ -250,7 +250,7 @@ def maps_figure(cleaned):
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
     }
     spans = {title: tuple(np.percentile(pixels, (1, 99))) for title, pixels in maps.items()}
-    return plotting.sky_maps({title: _with_gaps(cube, one) for title, one in maps.items()}, span=spans)
+    return plotting.sky_maps({title: _with_gaps(cube, pixels) for title, pixels in maps.items()}, span=spans)
 
 
 def _maps_part(cleaned):

@@ -105,13 +105,13 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     line = _line(values)
     basis = Basis(cube, peaks=peaks)
-    left, spectra, spectra_of = [], [], None
+    variances, spectra, spectra_of = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
         spectra_of = spectra_of or SpectraBeside(cleaned)
-        left.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
+        variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
-    change = np.array([_change(one, two) for one, two in zip(spectra[:-1], spectra[1:], strict=True)])
+    change = np.array([_change(fewer, more) for fewer, more in zip(spectra[:-1], spectra[1:], strict=True)])
     n_bright = int(np.argmin(values > _STANDS_OUT * line))
     stable = change < _STABLE
     return Suggestion(
@@ -119,7 +119,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         eigenvalues=values,
         line=line,
         n_bright=n_bright,
-        criterion=_criterion(np.array(left), counts, cube.maps.shape[1]),
+        criterion=_criterion(np.array(variances), counts, cube.maps.shape[1]),
         change=change,
         stable=int(counts[stable.argmax()]) if stable.any() else None,
     )
@@ -134,37 +134,37 @@ def _line(values):
     return np.exp(offset + slope * number)
 
 
-def _criterion(left, counts, n_pix):
-    """BIC over n_pix n_channels, less its least; `left` (n, n_channels) are the variances that are left."""
-    n_channels = left.shape[1]
-    found = np.log(left).mean(axis=1) + counts * np.log(n_pix) / n_pix * (n_channels + n_pix) / n_channels
-    return found - found.min()
+def _criterion(variances, counts, n_pix):
+    """BIC over n_pix n_channels, less its least; `variances` (n, n_channels) are those of the residuals."""
+    n_channels = variances.shape[1]
+    bic = np.log(variances).mean(axis=1) + counts * np.log(n_pix) / n_pix * (n_channels + n_pix) / n_channels
+    return bic - bic.min()
 
 
-def _scales(found, nside):
+def _scales(spectra, nside):
     """C_l for 2 <= l <= 2 nside, and P(k) for k > 0."""
-    inside = (found.angular.degrees >= 2) & (found.angular.degrees <= 2 * nside)
-    return found.angular.mean[inside], found.frequency.power[1:]
+    inside = (spectra.angular.degrees >= 2) & (spectra.angular.degrees <= 2 * nside)
+    return spectra.angular.mean[inside], spectra.frequency.power[1:]
 
 
-def _change(one, two):
-    return max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(one, two, strict=True))
+def _change(fewer, more):
+    return max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(fewer, more, strict=True))
 
 
-def advice(found):
+def advice(suggestion):
     """The recommendation of a `Suggestion` in words."""
-    if found.range is None:
+    if suggestion.range is None:
         return (
-            f"No number from {found.n_sources[0]} to {found.n_sources[-1]} leaves both spectra as they are "
-            "with one more: try larger ones, or a method that knows the beam."
+            f"No number from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]} leaves both spectra "
+            "as they are with one more: try larger ones, or a method that knows the beam."
         )
-    low, high = found.range
+    low, high = suggestion.range
     return f"Consider n_sources = {low if low == high else f'{low} to {high}'}, and look at the page of each."
 
 
-def views_figure(found):
+def views_figure(suggestion):
     """The three views of a `Suggestion`."""
-    number = np.arange(1, len(found.eigenvalues) + 1)
+    number = np.arange(1, len(suggestion.eigenvalues) + 1)
     common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
     blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
     panels = [
@@ -175,8 +175,8 @@ def views_figure(found):
             "xscale": "log",
             "yscale": "log",
             "curves": [
-                (number, found.eigenvalues, orange | {"label": "of the cube"}),
-                (number, found.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
+                (number, suggestion.eigenvalues, orange | {"label": "of the cube"}),
+                (number, suggestion.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
             ],
         },
         common
@@ -184,7 +184,7 @@ def views_figure(found):
             "title": "Information criterion",
             "ylabel": "BIC per voxel, less its least",
             "yscale": "symlog",
-            "curves": [(found.n_sources, found.criterion, blue)],
+            "curves": [(suggestion.n_sources, suggestion.criterion, blue)],
         },
         common
         | {
@@ -192,19 +192,21 @@ def views_figure(found):
             "ylabel": "mean relative change",
             "yscale": "log",
             "curves": [
-                (found.n_sources[:-1], found.change, blue),
-                (found.n_sources[[0, -2]], np.full(2, _STABLE), {"color": "black", "linestyle": "--"}),
+                (suggestion.n_sources[:-1], suggestion.change, blue),
+                (suggestion.n_sources[[0, -2]], np.full(2, _STABLE), {"color": "black", "linestyle": "--"}),
             ],
         },
     ]
     return plotting.lines(panels, columns=3, size=(4, 3.4))
 
 
-def write_suggestion(found, path):
+def write_suggestion(suggestion, path):
     """Write a page with the three views of a `Suggestion`."""
     text = (
         "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
         "Spectra that hardly move with one more source, below the dashed line, do not hang on the choice."
     )
-    picture = page.figure(views_figure(found), "Three views of the choice", text)
-    path.write_text(page.page("How many sources?", [f"<p>{advice(found)}</p>", picture]), encoding="utf-8")
+    picture = page.figure(views_figure(suggestion), "Three views of the choice", text)
+    path.write_text(
+        page.page("How many sources?", [f"<p>{advice(suggestion)}</p>", picture]), encoding="utf-8"
+    )

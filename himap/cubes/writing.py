@@ -58,14 +58,14 @@ def _check_place(paths, overwrite, inputs=()):
         raise InputError(
             f"the output {paths[0]} cannot be written ({error.strerror}): is {folder} a folder that can be?"
         ) from None
-    originals = {Path(one).resolve() for one in inputs}
-    for one in paths:
-        if one.is_dir():
-            raise InputError(f"the output {one} is a folder; give the name of a file.")
-        if originals & {one.resolve(), folder}:
-            raise InputError(f"{one} would change what it is made from; choose another output.")
-        if one.exists() and not overwrite:
-            raise InputError(f"{one} exists; choose another output, or give --overwrite (overwrite=True).")
+    originals = {Path(path).resolve() for path in inputs}
+    for path in paths:
+        if path.is_dir():
+            raise InputError(f"the output {path} is a folder; give the name of a file.")
+        if originals & {path.resolve(), folder}:
+            raise InputError(f"{path} would change what it is made from; choose another output.")
+        if path.exists() and not overwrite:
+            raise InputError(f"{path} exists; choose another output, or give --overwrite (overwrite=True).")
 
 
 def files_of(path):
@@ -100,7 +100,7 @@ def save_cleaned(cleaned, path, *, overwrite=False):
             _write_hdf5(cleaned, temporary)
         return paths
     with ExitStack() as stack:  # all of them or none
-        *targets, table = [stack.enter_context(whole_file(one)) for one in paths]
+        *targets, table = [stack.enter_context(whole_file(target)) for target in paths]
         for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
             if path.suffix == ".npy":
                 np.save(target, maps)
@@ -129,12 +129,12 @@ def _as_given(cleaned):
 
 
 def _write_hdf5(cleaned, path):
-    cube, found = cleaned.cube, cleaned.separation
+    cube, mixing = cleaned.cube, cleaned.separation.mixing
     with h5py.File(path, "w") as file:
         for name, maps in _as_given(cleaned):
             file.create_dataset(name, data=maps).attrs["unit"] = cube.layout.unit
         file.create_dataset("freqs", data=cube.layout.freqs).attrs["unit"] = "MHz"
-        file.create_dataset("mixing", data=found.mixing).attrs["rows"] = "channels by frequency, ascending"
+        file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
         file.attrs["ordering"] = "NESTED" if cube.layout.nested else "RING"
         file.attrs["method"] = cleaned.method.name
         file.attrs["parameters"] = json.dumps(asdict(cleaned.method))

@@ -23,7 +23,7 @@ def panel(kind, curves, *, title="", true=None):
     return AXES[kind] | {
         "title": title,
         "true": (truth[0], truth[2]),
-        "curves": [(style, *_spectra_of(kind, result)) for style, result in curves],
+        "curves": [(style, *_spectra_of(kind, comparison)) for style, comparison in curves],
     }
 
 

@@ -74,9 +74,9 @@ def _coarse(pixels):
     nside = sphere.nside_of(pixels)
     if nside <= NSIDE:
         return pixels
-    there = np.isfinite(pixels)
-    share = sphere.change_resolution(there.astype(np.float64), NSIDE)
-    mean = sphere.change_resolution(np.where(there, pixels, 0), NSIDE)
+    has_value = np.isfinite(pixels)
+    share = sphere.change_resolution(has_value.astype(np.float64), NSIDE)
+    mean = sphere.change_resolution(np.where(has_value, pixels, 0), NSIDE)
     return np.divide(mean, share, out=np.full(len(mean), np.nan), where=share > 0)
 
 

@@ -89,7 +89,7 @@ def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None
             chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
             sky_map(axes, pixels, title=title, **chosen)
     units = [unit.get(title) if isinstance(unit, dict) else unit for title in maps]
-    return with_maps(_finished(figure), maps, [one or "" for one in units])
+    return with_maps(_finished(figure), maps, [text or "" for text in units])
 
 
 def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
@@ -109,7 +109,7 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
         Half width of the grey band around 1.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
-    many = max(len(panel["curves"]) for panel in panels) > 2
+    many_curves = max(len(panel["curves"]) for panel in panels) > 2
     with plt.rc_context(_RC):
         figure, grid = plt.subplots(
             2,
@@ -122,12 +122,12 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
         )
         for (top, bottom), panel in zip(grid.T, panels, strict=True):
             _spectrum_panel(top, bottom, panel, ratio_limits, band)
-            if not many:
+            if not many_curves:
                 top.legend()
             if panel is panels[0] or not one_scale:
                 top.set_ylabel(panel["ylabel"])
                 bottom.set_ylabel(panel["ratio_label"])
-        if many:  # many curves leave no room inside the panels
+        if many_curves:  # many curves leave no room inside the panels
             handles = grid[0, -1].get_legend_handles_labels()[0]
             rows = -(-len(handles) // 7)
             figure.legend(handles=handles, loc="outside upper center", ncols=-(-len(handles) // rows))

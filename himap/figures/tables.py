@@ -81,8 +81,8 @@ def _row(cells, widths, sides, head=False):
 def _cell(text, side, heads):
     """A cell that heads a column ("col"), a row ("row"), or none; its style stands above a notebook's own."""
     tag, scope = ("th", f' scope="{heads}"') if heads else ("td", "")
-    whole = "" if heads or side == "left" else "; white-space:nowrap"
-    return f'<{tag}{scope} style="text-align:{side}; vertical-align:top{whole}">{text}</{tag}>'
+    nowrap = "" if heads or side == "left" else "; white-space:nowrap"
+    return f'<{tag}{scope} style="text-align:{side}; vertical-align:top{nowrap}">{text}</{tag}>'
 
 
 _FORMAT = TableFormat(

@@ -78,7 +78,7 @@ def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
         smoothed = _through(
             windows.resmoothing, _coefficients("noise", noise if noise_alms is None else noise_alms, survey)
         )
-        truth = (one + two for one, two in zip(truth, smoothed, strict=True))
+        truth = (hi_alm + noise_alm for hi_alm, noise_alm in zip(truth, smoothed, strict=True))
     truth = _cube(truth, survey, "HI and noise")
     if windows.resmoothing is None:
         truth += noise

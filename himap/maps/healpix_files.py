@@ -103,9 +103,9 @@ def _with_nan(maps, header, columns):
     """Maps as floats, NaN where they are UNSEEN, TNULL of their column or BAD_DATA."""
     maps = maps.astype(np.result_type(maps.dtype, np.float32), copy=False)  # exact, in native byte order
     for pixels, column in zip(maps, columns, strict=True):
-        told = (header.get(f"TNULL{column}"), header.get("BAD_DATA"))
-        none = np.array([value for value in told if value is not None], dtype=maps.dtype)
-        pixels[np.isin(pixels, none) | hp.mask_bad(pixels)] = np.nan
+        markers = (header.get(f"TNULL{column}"), header.get("BAD_DATA"))
+        missing = np.array([value for value in markers if value is not None], dtype=maps.dtype)
+        pixels[np.isin(pixels, missing) | hp.mask_bad(pixels)] = np.nan
     return maps
 
 

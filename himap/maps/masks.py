@@ -37,11 +37,11 @@ def mask_weights(mask, n_pix):
 
 def bin_matrix(lmax, width):
     """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a bin of its own."""
-    first = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
-    if first[-1] - first[-2] < width and len(first) > 3:
-        first = np.delete(first, -2)  # the last bin takes the remainder
+    edges = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
+    if edges[-1] - edges[-2] < width and len(edges) > 3:
+        edges = np.delete(edges, -2)  # the last bin takes the remainder
     degree = np.arange(lmax + 1)
-    inside = (degree >= first[:-1, None]) & (degree < first[1:, None])
+    inside = (degree >= edges[:-1, None]) & (degree < edges[1:, None])
     return inside / inside.sum(axis=1, keepdims=True)
 
 

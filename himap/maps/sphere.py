@@ -118,8 +118,8 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER):
     alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
     rows = progress(flat, "analysis") if len(flat) > 1 else flat
     for row, alm in zip(rows, alms, strict=True):
-        left = row.astype(real)
-        alm += _adjoint(left, lmax, nside)
+        pixels = row.astype(real)
+        alm += _adjoint(pixels, lmax, nside)
         for _ in range(n_iter):
             alm += _adjoint(row - synthesise(alm, nside), lmax, nside)
     return alms.reshape(*maps.shape[:-1], -1)
@@ -141,12 +141,12 @@ def analyse_closely(pixels, lmax, tolerance):
     pixels = np.asarray(pixels, dtype=np.float64)
     nside = nside_of(pixels)
     alm = analyse(pixels, lmax)
-    left = pixels - synthesise(alm, nside)
-    share = np.linalg.norm(left) / np.linalg.norm(pixels)
+    residual = pixels - synthesise(alm, nside)
+    share = np.linalg.norm(residual) / np.linalg.norm(pixels)
     if share <= tolerance:
         return alm
     correction = ducc0.sht.pseudo_analysis(
-        map=left[None],
+        map=residual[None],
         lmax=lmax,
         spin=0,
         nthreads=0,
@@ -166,8 +166,8 @@ def _grid(lmax):
     """
     nodes, weights = np.polynomial.legendre.leggauss(lmax + 1)
     theta = np.arccos(nodes[::-1])
-    felt = np.minimum(lmax, np.ceil(lmax * np.sin(theta) + 40 + 0.02 * lmax)).astype(np.uint64)
-    nphi = np.array([ducc0.fft.good_size(2 * int(m) + 2, True) for m in felt], dtype=np.uint64)
+    largest_m = np.minimum(lmax, np.ceil(lmax * np.sin(theta) + 40 + 0.02 * lmax)).astype(np.uint64)
+    nphi = np.array([ducc0.fft.good_size(2 * int(m) + 2, True) for m in largest_m], dtype=np.uint64)
     start = np.concatenate([[0], np.cumsum(nphi)[:-1]]).astype(np.uint64)
     rings = {"theta": theta, "nphi": nphi, "phi0": np.zeros(lmax + 1), "ringstart": start}
     return rings, np.repeat(2 * np.pi * weights[::-1] / nphi, nphi.astype(int))

@@ -138,7 +138,7 @@ def flagged_lines(errors):
 
 def correlation(recovered, true):
     """Pearson r of recovered and true map in every channel, (n_channels,) (paper, Eq. A.1)."""
-    return np.array([_pearson(one, two) for one, two in zip(recovered, true, strict=True)])
+    return np.array([_pearson(*channel) for channel in zip(recovered, true, strict=True)])
 
 
 def error_variance(recovered, true):
@@ -154,9 +154,9 @@ def _channel_means(maps):
     return np.mean(maps, axis=1, dtype=np.float64)[:, None]
 
 
-def _pearson(one, two):
-    one, two = (pixels - pixels.mean(dtype=np.float64) for pixels in (one, two))
-    return one @ two / np.sqrt((one @ one) * (two @ two))
+def _pearson(recovered, true):
+    recovered, true = (pixels - pixels.mean(dtype=np.float64) for pixels in (recovered, true))
+    return recovered @ true / np.sqrt((recovered @ recovered) * (true @ true))
 
 
 def _within(x, low, high):

@@ -123,10 +123,16 @@ def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
     tuple
         Two `AngularPower`, of the recovered cube and of the truth, as `angular_power` gives them: the first,
         up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
+
+    Raises
+    ------
+    InputError
+        As `angular_power`; or coefficients of another shape than those of the truth.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
     if truth_alms is not None:
         _checked(truth, None)
+        _check_alms(truth_alms, truth)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
     pseudo = np.empty((2, len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
@@ -136,17 +142,18 @@ def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
             alm = _alms_of_most(truth[channels], weights, truth_alms[channels])
         pseudo[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
         pseudo[1, channels] = sphere.power_spectrum(alm)
-    both = _from_pseudo(np.concatenate(pseudo), weights, mask)
-    return tuple(AngularPower(degrees=both.degrees, cl=cl) for cl in np.split(both.cl, 2))
+    power = _from_pseudo(np.concatenate(pseudo), weights, mask)
+    return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
 
 
 def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
     """The first of `angular_power_pair` where the coefficients of the truth are at hand.
 
     `truth_alms` (n_channels, n_alm) are those of `masked_alms`, or what the maps were made from. In place of
-    the truth any cube will do from which the recovered one differs by a few spectra.
+    the truth any cube will do from which the recovered one differs by a few spectra. Errors as in the pair.
     """
     (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
+    _check_alms(truth_alms, truth)
     spectra, alms = _alms_of_difference(recovered, truth, weights)
     pseudo = np.empty((len(truth), 3 * sphere.nside_of(truth)))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
@@ -168,21 +175,21 @@ def _alms(maps, weights):
     return sphere.analyse(centred)
 
 
-def _alms_of_most(maps, weights, whole):
-    """As `_alms`, from the coefficients `whole` of the maps without weights, less those of what these take.
+def _alms_of_most(maps, weights, whole_alms):
+    """As `_alms`, from coefficients `whole_alms` of the maps without weights, less those of what these take.
 
     That is little, so plain quadrature does for it; the rest has no error of quadrature at all.
     """
-    alms, taken = whole.copy(), np.empty_like(maps)
+    alms, masked_out = whole_alms.copy(), np.empty_like(maps)
     if weights.min() == 1:
         alms[:, 0] = 0
         return alms
     kept = weights > 0
-    for pixels, alm, out in zip(maps, alms, taken, strict=True):
+    for pixels, alm, out in zip(maps, alms, masked_out, strict=True):
         mean = np.average(pixels[kept], weights=weights[kept])
         alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)
         out[:] = (1 - weights) * (pixels - mean)
-    return alms - sphere.analyse(taken, n_iter=0)
+    return alms - sphere.analyse(masked_out, n_iter=0)
 
 
 def _from_pseudo(pseudo, weights, mask):
@@ -200,8 +207,8 @@ def _alms_of_difference(recovered, truth, weights):
     lmax = 3 * sphere.nside_of(truth) - 1
     alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
     for pixels, rough, alm in zip(bright, minor, alms, strict=True):
-        seen = _centred(pixels, weights, kept).astype(np.float32)
-        alm[:] = sphere.analyse(seen, lmax, n_iter=0 if rough else sphere.N_ITER)
+        centred = _centred(pixels, weights, kept).astype(np.float32)
+        alm[:] = sphere.analyse(centred, lmax, n_iter=0 if rough else sphere.N_ITER)
     return spectra.astype(np.float32), alms
 
 
@@ -219,16 +226,16 @@ def _difference(recovered, truth, kept):
     n_channels, n_pix = truth.shape
     covariance, floor = np.zeros((n_channels, n_channels)), np.zeros(n_channels)
     for block in progress(blocks(n_pix), "difference to the truth"):
-        found = lines(block)
-        covariance += found @ found.T
+        difference = lines(block)
+        covariance += difference @ difference.T
         floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64), axis=1)
     values, axes = np.linalg.eigh(covariance)
-    felt = values > _FAINT * floor.sum()
-    spectra = axes[:, felt]
+    significant = values > _FAINT * floor.sum()
+    spectra = axes[:, significant]
     maps = np.empty((spectra.shape[1], n_pix))
     for block in blocks(n_pix):
         maps[:, block] = spectra.T @ lines(block)
-    return spectra, maps, (spectra**2 * values[felt] < _MINOR * floor[:, None]).all(axis=0)
+    return spectra, maps, (spectra**2 * values[significant] < _MINOR * floor[:, None]).all(axis=0)
 
 
 def _centred(pixels, weights, kept):
@@ -242,6 +249,17 @@ def _checked(maps, mask):
     shape = np.shape(maps)
     weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
+
+
+def _check_alms(truth_alms, truth):
+    """Refuse coefficients that cannot be those of the channels of `truth`, to 3 nside - 1."""
+    lmax = 3 * sphere.nside_of(truth) - 1
+    expected = (len(truth), sphere.alm_size(lmax))
+    if np.shape(truth_alms) != expected:
+        raise InputError(
+            f"truth_alms must have shape (n_channels, n_alm) = {expected}, got {np.shape(truth_alms)}; "
+            f"analyse every channel of the truth to l = 3 nside - 1 = {lmax}."
+        )
 
 
 def frequency_power(maps, channel_width, *, mask=None):

@@ -159,8 +159,8 @@ def observation(case):
 @product
 def peak_masked(case):
     """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1)."""
-    seen = observation(case)
-    return peaks.mask_peaks(seen.maps, seen.freqs)
+    observed = observation(case)
+    return peaks.mask_peaks(observed.maps, observed.freqs)
 
 
 @product
@@ -208,8 +208,8 @@ def truth_alms(case):
     alms = np.empty(sky.shape, dtype=np.complex64)
     for n, out in enumerate(alms):
         out[:] = sphere.multiply_beam(sky[n], windows.total[n])
-        again = windows.resmoothing
-        out += noise[n] if again is None else sphere.multiply_beam(noise[n], again[n])
+        resmoothing = windows.resmoothing
+        out += noise[n] if resmoothing is None else sphere.multiply_beam(noise[n], resmoothing[n])
     alms[:, 0] = 0
     return alms
 
@@ -238,10 +238,10 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     width = case.survey.channel_width
     masked = masked_truth = None
     if post_mask:
-        kept = ~diagnostics.flagged_lines(errors)
-        pair = angular_power_pair(residual.maps, truth, mask=kept, truth_alms=alms)
+        mask = ~diagnostics.flagged_lines(errors)
+        pair = angular_power_pair(residual.maps, truth, mask=mask, truth_alms=alms)
         masked, masked_truth = (
-            PowerSpectra(angular=angular, frequency=frequency_power(maps, width, mask=kept))
+            PowerSpectra(angular=angular, frequency=frequency_power(maps, width, mask=mask))
             for angular, maps in zip(pair, (residual.maps, truth), strict=True)
         )
     return Assessment(

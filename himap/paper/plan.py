@@ -16,16 +16,16 @@ def observing_steps(cases):
     skies = {case.survey.sky: None for case in cases}
     galaxies = {(case.survey.sky, case.galaxy): None for case in cases}
     bright = {(*sky, case.dimming): None for case in cases for sky in [(case.survey.sky, case.galaxy)]}
-    each = [(case,) for case in dict.fromkeys(cases)]
+    case_calls = [(case,) for case in dict.fromkeys(cases)]
     return [
         (pipeline.components_of_sky, list(galaxies)),  # a bad template shows before the long work
         (pipeline.hi_of_sky, [(sky,) for sky in skies]),
         (pipeline.hi_alms_of_sky, [(sky,) for sky in skies]),
         (pipeline.noise_alms, [(survey,) for survey in dict.fromkeys(case.survey for case in cases)]),
         (pipeline.foreground_modes_of_sky, list(bright)),
-        (pipeline.observation, each),
-        (pipeline.peak_masked, each),
-        (pipeline.true_spectra, each),
+        (pipeline.observation, case_calls),
+        (pipeline.peak_masked, case_calls),
+        (pipeline.true_spectra, case_calls),
     ]
 
 
@@ -63,8 +63,8 @@ def make(assessments, *, keep_cubes=False, keep_observations=True):
         It will not fit into memory, or what the products refuse.
     """
     cleanings = [call[:3] for call in assessments]
-    wanted = [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
-    if all(product.is_cached(*call) for product, calls in wanted for call in calls):
+    steps = [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
+    if all(product.is_cached(*call) for product, calls in steps for call in calls):
         return 0
     cases = list(dict.fromkeys(case for case, *_ in assessments))
     check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
@@ -72,10 +72,10 @@ def make(assessments, *, keep_cubes=False, keep_observations=True):
     analyses = {(case, peaks): None for case, remover, peaks in cleanings if remover.needs_modes}
     missing = [(pipeline.analysis, call) for call in analyses if not pipeline.analysis.is_cached(*call)]
     make_all(pipeline.analysis, [call for _, call in missing], "analysis")
-    for product, calls in wanted:
-        done = make_all(product, calls, product.name.rpartition(".")[2])
+    for product, calls in steps:
+        n_made = make_all(product, calls, product.name.rpartition(".")[2])
     if not keep_observations:
         for product, call in made + missing:
             if product not in (pipeline.true_spectra, pipeline.components_of_sky):  # these are small
                 product.forget(*call)
-    return done
+    return n_made

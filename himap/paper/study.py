@@ -125,14 +125,14 @@ class Study:
 
     def stamped(self, figure, **parameters):
         """The figure with a line that says where it comes from, `parameters` of the figure included."""
-        where = Provenance.of(self.survey, galaxy=self.galaxy, preset=self.preset, parameters=parameters)
-        return plotting.stamp(figure, where)
+        provenance = Provenance.of(self.survey, galaxy=self.galaxy, preset=self.preset, parameters=parameters)
+        return plotting.stamp(figure, provenance)
 
     def panel(self, kind, beam, curves, title):
         """One panel of `plotting.spectrum`: `kind` "angular" or "frequency", curves [(style, Comparison)]."""
-        true = self.truth(beam)
-        whole = Comparison.of(true, true, l_top=self.l_top)
-        return comparisons.panel(kind, curves, title=title, true=whole)
+        truth = self.truth(beam)
+        comparison = Comparison.of(truth, truth, l_top=self.l_top)
+        return comparisons.panel(kind, curves, title=title, true=comparison)
 
     def angular_figure(self, removers, *, ratio_limits=(0, 2), titles=None, **options):
         """C_l of what methods leave, {beam: [method, ...]}: a panel for each beam, ratios below."""
@@ -147,7 +147,7 @@ class Study:
             self.panel(
                 kind,
                 beam,
-                [(styles.method_style(one), self.compared(beam, one, **options)) for one in methods],
+                [(styles.method_style(method), self.compared(beam, method, **options)) for method in methods],
                 titles.get(beam, _title(beam, methods)),
             )
             for beam, methods in removers.items()
@@ -178,10 +178,10 @@ class Study:
     def band_numbers(self, removers, *, tolerance=0.02, **options):
         """`bands` of all methods, for `numbers.show`; `tolerance` is relative, and absolute below 1."""
         return {
-            f"{beam}, {styles.method_style(one)['label']}: {name}": (value, tolerance * max(1, value))
+            f"{beam}, {styles.method_style(method)['label']}: {name}": (value, tolerance * max(1, value))
             for beam, methods in removers.items()
-            for one in methods
-            for name, value in self.bands(beam, one, **options).items()
+            for method in methods
+            for name, value in self.bands(beam, method, **options).items()
         }
 
     def channel_figure(self, beam, remover, **options):
@@ -205,9 +205,9 @@ class Study:
         mixing = self.cleaned(beam, remover, **options).mixing
         curves = []
         for n, column in enumerate(mixing.T):
-            look = {"color": styles.COLOURS[n % 5], "linestyle": _LINES[n % 5]}
+            style = {"color": styles.COLOURS[n % 5], "linestyle": _LINES[n % 5]}
             label = names[n] if names else f"component {n + 1}"
-            curves.append((self.survey.freqs, column, look | {"label": label}))
+            curves.append((self.survey.freqs, column, style | {"label": label}))
         panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": ylabel}
         return self.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=beam, method=remover.name)
 
@@ -220,5 +220,5 @@ class Study:
 
 def _title(beam, methods):
     """The beam, and the number of components where all methods that have one agree."""
-    counts = {one.n_sources for one in methods if hasattr(one, "n_sources")}
+    counts = {method.n_sources for method in methods if hasattr(method, "n_sources")}
     return f"{beam}, {counts.pop()} components" if len(counts) == 1 else str(beam)

@@ -150,8 +150,8 @@ def _check(file, n_bytes, checksum):
 
 
 def _identity(file):
-    found = file.stat()
-    return str(file), found.st_mtime_ns, found.st_size
+    status = file.stat()
+    return str(file), status.st_mtime_ns, status.st_size
 
 
 def _checksum(file):

@@ -143,4 +143,4 @@ def _make(product, call, settings):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         product(*call)
-    return [(str(one.message), one.category) for one in caught]
+    return [(str(warning.message), warning.category) for warning in caught]

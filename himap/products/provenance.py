@@ -97,8 +97,8 @@ class Provenance:
         changed = [f"{name} = {value}" for name, value in self.overrides]
         edits = " with edits" if self.dirty else ""
         himap = f"himap {self.version}, commit {self.commit}{edits}"
-        where = [self.preset, *changed, f"{self.galaxy} Galaxy", f"seed {self.seed}"]
-        return " · ".join([*where, himap, duration(self.seconds)])
+        origin = [self.preset, *changed, f"{self.galaxy} Galaxy", f"seed {self.seed}"]
+        return " · ".join([*origin, himap, duration(self.seconds)])
 
     __str__ = footer
 
@@ -135,13 +135,13 @@ def duration(seconds):
 
 @lru_cache(maxsize=1)
 def _packages():
-    found = []
+    versions = []
     for name in PACKAGES:
         try:
-            found.append((name, package_version(name)))
+            versions.append((name, package_version(name)))
         except PackageNotFoundError:
             continue
-    return tuple(found)
+    return tuple(versions)
 
 
 @lru_cache(maxsize=1)
@@ -157,7 +157,7 @@ def _commit():
 def _git(*arguments):
     """What a git command prints in the package's folder; None where it fails."""
     try:
-        done = subprocess.run(["git", *arguments], cwd=_HERE, capture_output=True, text=True, check=False)
+        process = subprocess.run(["git", *arguments], cwd=_HERE, capture_output=True, text=True, check=False)
     except OSError:
         return None
-    return done.stdout.strip() if done.returncode == 0 else None
+    return process.stdout.strip() if process.returncode == 0 else None

@@ -156,10 +156,10 @@ def _describe(value):
 def _classes(value):
     """The classes of the dataclasses in an argument: their code counts."""
     if isinstance(value, dict):
-        return [found for item in value.values() for found in _classes(item)]
+        return [kind for item in value.values() for kind in _classes(item)]
     if isinstance(value, (tuple, list)):
-        return [found for item in value for found in _classes(item)]
+        return [kind for item in value for kind in _classes(item)]
     if is_dataclass(value):
-        inner = [found for item in fields(value) for found in _classes(getattr(value, item.name))]
+        inner = [kind for item in fields(value) for kind in _classes(getattr(value, item.name))]
         return [type(value), *inner]
     return []

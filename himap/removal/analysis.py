@@ -63,8 +63,8 @@ def analysed(maps):
     spectra, tolerances = _bright_axes(channel_covariance(maps))
     pixels = projection(spectra.T, maps)
     bright = np.empty((len(pixels), (lmax + 1) ** 2))
-    for one, tolerance, out in zip(progress(pixels, "bright maps"), tolerances, bright, strict=True):
-        out[:] = harmonic.to_modes(sphere.analyse_closely(one, lmax, tolerance))
+    for bright_map, tolerance, out in zip(progress(pixels, "bright maps"), tolerances, bright, strict=True):
+        out[:] = harmonic.to_modes(sphere.analyse_closely(bright_map, lmax, tolerance))
     n_iter = 0 if sphere.nside_of(maps) >= _FINE else sphere.N_ITER_FLAT
     rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
     for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):

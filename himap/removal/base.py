@@ -159,11 +159,9 @@ class ForegroundRemover(ABC):
         separation = separate(basis, freqs=freqs, beams=beams, rng=rng)
         self._check_result(separation, maps.shape)
         residual = np.empty(maps.shape, dtype=np.float32)
-        for observed, foreground, mean, left in zip(
-            maps, separation.foreground, means, residual, strict=True
-        ):
+        for observed, foreground, mean, out in zip(maps, separation.foreground, means, residual, strict=True):
             foreground += mean
-            left[:] = observed - foreground
+            out[:] = observed - foreground
         return Cleaned(residual=residual, separation=separation)
 
     def _own_beams(self, beams, n_channels):

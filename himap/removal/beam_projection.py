@@ -35,17 +35,17 @@ def through_beams(maps, space, beams, modes):
     bases = _bases(space, beams[:, : lmax + 1])
     spectra = _common(bases)
     within = np.einsum("cv,lcn->lvn", spectra, bases)
-    seen = modes.along(spectra.T, lmax)
+    projected = modes.along(spectra.T, lmax)
     # P_l of what the transform holds and the last P of the rest: P_l m less P_last m, and P_last of it all.
-    last = within[-1]
-    beyond = last @ (last.T @ seen)
-    for basis, block in zip(within, harmonic.blocks(seen), strict=True):
+    last_basis = within[-1]
+    beyond = last_basis @ (last_basis.T @ projected)
+    for basis, block in zip(within, harmonic.blocks(projected), strict=True):
         block[:] = basis @ (basis.T @ block)
-    seen -= beyond
-    found = last @ (last.T @ projection(spectra.T, maps))
-    for pixels, mode in zip(progress(found, "foreground"), seen, strict=True):
+    projected -= beyond
+    foreground = last_basis @ (last_basis.T @ projection(spectra.T, maps))
+    for pixels, mode in zip(progress(foreground, "foreground"), projected, strict=True):
         pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-    return mixture(spectra, found)
+    return mixture(spectra, foreground)
 
 
 def _bases(space, beams):

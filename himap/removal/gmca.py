@@ -116,10 +116,10 @@ def _settled(before, after, covariance, tolerance):
 
     Both are rms values over the maps, tr(D C D)^(1/2): C is their covariance, D a difference of projections.
     """
-    one, two = (axes @ axes.T for axes in (np.linalg.qr(mixing)[0] for mixing in (before, after)))
-    change, left = (np.sum(side @ covariance * side) for side in (two - one, np.eye(len(two)) - two))
+    old, new = (axes @ axes.T for axes in (np.linalg.qr(mixing)[0] for mixing in (before, after)))
+    change, residual = (np.sum(p @ covariance * p) for p in (new - old, np.eye(len(new)) - new))
     rounding = np.finfo(np.float32).eps ** 2 * np.trace(covariance)
-    return bool(change <= max(tolerance**2 * left, rounding))
+    return bool(change <= max(tolerance**2 * residual, rounding))
 
 
 def thresholds(coefficients, share, n_sigma):
@@ -157,10 +157,10 @@ def details(maps, n_scales):
     scales[0] = maps
     alms = sphere.analyse(maps, _widest(bands), n_iter=0)
     for scale, (keep, band) in enumerate(bands, start=1):
-        rest = sphere.synthesise(alms[:, keep] * band, nside)
-        scales[0] -= rest
+        smooth = sphere.synthesise(alms[:, keep] * band, nside)
+        scales[0] -= smooth
         if scale < n_scales:
-            scales[scale] = rest
+            scales[scale] = smooth
     return scales
 
 
@@ -170,8 +170,8 @@ def details_adjoint(scales):
     bands = _bands(len(scales), nside)
     alms = np.zeros((scales.shape[1], len(bands[0][0])), dtype=complex)
     for scale, (keep, band) in enumerate(bands, start=1):
-        rest = scales[scale] - scales[0] if scale < len(scales) else -scales[0]
-        alms[:, keep] += sphere.analyse(rest, sphere.lmax_of_size(len(band)), n_iter=0) * band
+        difference = scales[scale] - scales[0] if scale < len(scales) else -scales[0]
+        alms[:, keep] += sphere.analyse(difference, sphere.lmax_of_size(len(band)), n_iter=0) * band
     return scales[0] + sphere.synthesise(alms, nside)
 
 

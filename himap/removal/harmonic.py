@@ -118,11 +118,11 @@ def _inverses(square):
 def project(inverses, modes):
     """Sources of data modes, P_l X_l for every l: (n_channels, n_modes) to (n_sources, n_modes)."""
     sources = np.empty((inverses.shape[-2], modes.shape[-1]))
-    for inverse, seen, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
-        np.matmul(inverse, seen, out=out)
+    for inverse, data, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
+        np.matmul(inverse, data, out=out)
     return sources
 
 
 def cross_products(modes, sources):
     """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources)."""
-    return np.stack([one @ two.T for one, two in zip(blocks(modes), blocks(sources), strict=True)])
+    return np.stack([data @ source.T for data, source in zip(blocks(modes), blocks(sources), strict=True)])

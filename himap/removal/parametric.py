@@ -73,8 +73,8 @@ class Parametric(ForegroundRemover):
             flat, series = model.project(maps[:, block].astype(np.float64))
             best = _highest(series)
             foreground[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
-            flagged[block] = best.at_bound | ~best.found
-            n_steps, n_lost = max(n_steps, best.n_steps), n_lost + np.count_nonzero(~best.found)
+            flagged[block] = best.at_bound | ~best.converged
+            n_steps, n_lost = max(n_steps, best.n_steps), n_lost + np.count_nonzero(~best.converged)
         return Separation(
             foreground=foreground,
             mixing=model.derivatives(*np.median(sources, axis=1)),
@@ -87,11 +87,11 @@ class Parametric(ForegroundRemover):
 
 def _check_total(maps):
     """Refuse maps whose mean along some line of sight is not positive."""
-    bad = np.count_nonzero(maps.mean(axis=0, dtype=np.float64) <= 0)
-    if bad:
+    n_bad = np.count_nonzero(maps.mean(axis=0, dtype=np.float64) <= 0)
+    if n_bad:
         raise InputError(
             "parametric fits power laws to the total brightness, which is positive, but the mean along "
-            f"{bad} of {maps.shape[1]} lines of sight is not; give maps from which no mean was removed."
+            f"{n_bad} of {maps.shape[1]} lines of sight is not; give maps from which no mean was removed."
         )
 
 
@@ -148,11 +148,11 @@ class _TwoPowerLaws:
 
 @dataclass(frozen=True)
 class _Best:
-    """Where |series| is highest: `t`, whether that is a bound, whether the search ended, and its steps."""
+    """Where |series| is highest: `t`, whether that is a bound, whether the search converged, its steps."""
 
     t: np.ndarray
     at_bound: np.ndarray
-    found: np.ndarray
+    converged: np.ndarray
     n_steps: int
 
 
@@ -171,22 +171,22 @@ def _highest(series):
     outward = np.sign(t) * _value(slope, t)
     at_bound = (np.abs(t) == 1) & (outward >= 0)
     low, high = grid[np.maximum(top - 1, 0)], grid[np.minimum(top + 1, _N_GRID - 1)]
-    left = np.flatnonzero(~at_bound)
+    active = np.flatnonzero(~at_bound)
     n_steps = 0
-    while len(left) and n_steps < _MAX_STEPS:
+    while len(active) and n_steps < _MAX_STEPS:
         n_steps += 1
-        gradient, bend = _value(slope[:, left], t[left]), _value(curvature[:, left], t[left])
-        low[left] = np.where(gradient > 0, t[left], low[left])
-        high[left] = np.where(gradient > 0, high[left], t[left])
+        gradient, bend = _value(slope[:, active], t[active]), _value(curvature[:, active], t[active])
+        low[active] = np.where(gradient > 0, t[active], low[active])
+        high[active] = np.where(gradient > 0, high[active], t[active])
         step = -gradient / np.where(bend < 0, bend, -np.inf)
-        inside = (bend < 0) & (t[left] + step >= low[left]) & (t[left] + step <= high[left])
-        new = np.where(inside, t[left] + step, 0.5 * (low[left] + high[left]))
-        moved = np.abs(new - t[left])
-        t[left] = new
-        left = left[moved > _TOLERANCE]
-    found = np.ones(len(t), dtype=bool)
-    found[left] = False
-    return _Best(t=t, at_bound=at_bound, found=found, n_steps=n_steps)
+        inside = (bend < 0) & (t[active] + step >= low[active]) & (t[active] + step <= high[active])
+        updated = np.where(inside, t[active] + step, 0.5 * (low[active] + high[active]))
+        moved = np.abs(updated - t[active])
+        t[active] = updated
+        active = active[moved > _TOLERANCE]
+    converged = np.ones(len(t), dtype=bool)
+    converged[active] = False
+    return _Best(t=t, at_bound=at_bound, converged=converged, n_steps=n_steps)
 
 
 def _value(series, t):

@@ -74,11 +74,11 @@ def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0):
     InputError
         As `smooth_baselines`.
     """
-    found = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma)
+    baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma)
     smooth = np.array(maps, dtype=np.float32)
-    for row, replaced, polynomials in zip(smooth, found.flagged, found.basis, strict=True):
-        row[replaced] = polynomials @ found.second[:, replaced]
-    return PeakMasked(maps=smooth, flagged=found.flagged)
+    for row, replaced, polynomials in zip(smooth, baselines.flagged, baselines.basis, strict=True):
+        row[replaced] = polynomials @ baselines.second[:, replaced]
+    return PeakMasked(maps=smooth, flagged=baselines.flagged)
 
 
 def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
@@ -124,8 +124,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
         deviation = np.sqrt(np.einsum("ij,ij->j", lines, lines) / len(lines))  # the fit leaves no mean
         np.greater(np.abs(lines), n_sigma * deviation, out=flagged[:, block])
         second[:, block] = first[:, block]
-        again = flagged[:, block].any(axis=0)
-        second[:, block][:, again] += _correction(basis, lines[:, again], flagged[:, block][:, again])
+        clipped = flagged[:, block].any(axis=0)
+        second[:, block][:, clipped] += _correction(basis, lines[:, clipped], flagged[:, block][:, clipped])
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
 
 
@@ -162,7 +162,7 @@ def _polynomials(freqs, order):
     return basis * np.sign(np.diag(triangle))
 
 
-def _correction(basis, left, flagged):
+def _correction(basis, residual, flagged):
     """What to add to the coefficients of a fit to leave out the flagged channels, (order + 1, n).
 
     With the flagged rows F of the basis Q (Q^T Q = 1) and the residual r of the first fit, the normal
@@ -172,5 +172,5 @@ def _correction(basis, left, flagged):
     n_coefficients = basis.shape[1]
     products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
     normal = np.eye(n_coefficients) - (flagged.T @ products).reshape(-1, n_coefficients, n_coefficients)
-    pull = np.where(flagged, left, 0).T @ basis
+    pull = np.where(flagged, residual, 0).T @ basis
     return -np.linalg.solve(normal, pull[:, :, None])[:, :, 0].T

@@ -30,6 +30,6 @@ class Polynomial(ForegroundRemover):
         check_clipping(n_channels, self.order, self.n_sigma)
 
     def _separate(self, maps, *, freqs, beams, rng):
-        found = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
-        foreground = mixture(found.basis, found.second)
-        return Separation(foreground=foreground, mixing=found.basis, sources=found.second)
+        baselines = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
+        foreground = mixture(baselines.basis, baselines.second)
+        return Separation(foreground=foreground, mixing=baselines.basis, sources=baselines.second)

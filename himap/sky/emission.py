@@ -80,8 +80,8 @@ def emission_modes(components, freqs):
 
 def _condensed(spectra, maps):
     """The same sum in as few terms as it needs: components that resemble each other share theirs."""
-    axes, rest = np.linalg.qr(maps.T)
-    left, size, right = np.linalg.svd(spectra @ rest.T, full_matrices=False)
+    axes, triangle = np.linalg.qr(maps.T)
+    left, size, right = np.linalg.svd(spectra @ triangle.T, full_matrices=False)
     kept = size > 0.1 * _TOLERANCE * size[0]  # faint pixels too keep their digits
     return left[:, kept] * size[kept], right[kept] @ axes.T
 

@@ -112,10 +112,10 @@ class Galaxy:
         return ""
 
 
-def _no_pysm3(why):
+def _no_pysm3(reason):
     return (
-        f"the Galaxy source 'pysm3' needs the package pysm3 and its templates, but it {why}. Install it and "
-        "go online once (PySM keeps what it downloads), or take source='synthetic', which needs nothing, "
+        f"the Galaxy source 'pysm3' needs the package pysm3 and its templates, but it {reason}. Install it "
+        "and go online once (PySM keeps what it downloads), or take source='synthetic', which needs nothing, "
         "or source='templates' with FITS files of your own."
     )
 

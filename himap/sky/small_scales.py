@@ -46,11 +46,11 @@ def refine(amplitude, nside, rng, *, small_scales=True):
         Shape (12 nside^2,), float64.
     """
     amplitude = np.asarray(amplitude, dtype=np.float64)
-    own = sphere.nside_of(amplitude)
-    if nside <= own:
+    template_nside = sphere.nside_of(amplitude)
+    if nside <= template_nside:
         return sphere.change_resolution(amplitude, nside)
     target = raise_faint(amplitude)
-    log_fine = sphere.synthesise(sphere.analyse(np.log(target), 2 * own), nside)
+    log_fine = sphere.synthesise(sphere.analyse(np.log(target), 2 * template_nside), nside)
     copies = sphere.change_resolution(np.log(target), nside)
     log_fine = np.clip(log_fine, copies - _RINGING, copies + _RINGING)
     if small_scales:
@@ -60,11 +60,11 @@ def refine(amplitude, nside, rng, *, small_scales=True):
 
 def _keep_pixels(log_fine, target):
     """Logarithm of a fine map, corrected smoothly until its coarse pixels are those of `target`."""
-    own, nside = sphere.nside_of(target), sphere.nside_of(log_fine)
+    template_nside, nside = sphere.nside_of(target), sphere.nside_of(log_fine)
     beam = sphere.gaussian_beam(np.sqrt(4 * np.pi / len(target)), 3 * nside - 1)  # one coarse pixel wide
     for _ in range(_N_CORRECTIONS):
-        wrong = np.log(target / sphere.change_resolution(np.exp(log_fine), own))
-        steps = sphere.change_resolution(np.clip(wrong, -1, 1), nside)
+        deviation = np.log(target / sphere.change_resolution(np.exp(log_fine), template_nside))
+        steps = sphere.change_resolution(np.clip(deviation, -1, 1), nside)
         alm = sphere.analyse(steps, n_iter=0)
         log_fine = log_fine + sphere.synthesise(sphere.multiply_beam(alm, beam), nside)
     return log_fine
@@ -77,8 +77,8 @@ def raise_faint(amplitude):
 
 def _surroundings(amplitude):
     """Mean over the pixel of nside / 4 that each pixel belongs to, (n_pix,)."""
-    own = sphere.nside_of(amplitude)
-    return sphere.change_resolution(sphere.change_resolution(amplitude, max(own // _AROUND, 1)), own)
+    nside = sphere.nside_of(amplitude)
+    return sphere.change_resolution(sphere.change_resolution(amplitude, max(nside // _AROUND, 1)), nside)
 
 
 def add_structure(amplitude, nside, rng):
@@ -92,19 +92,19 @@ def add_structure(amplitude, nside, rng):
     of I itself is that of a few bright sources in the plane: continued over the sky it would add some
     30 % at high latitudes, where Remazeilles et al. (0.0599 I^0.782, I in K) add 3.5 %.
     """
-    own = sphere.nside_of(amplitude)
+    template_nside = sphere.nside_of(amplitude)
     degree = np.arange(3 * nside)
     power = np.maximum(degree, 1.0) ** SLOPE
-    fit = slice(max(own // 2, 2), own + 1)
-    log_cl = sphere.power_spectrum(sphere.analyse(np.log(amplitude), 2 * own))
+    fit = slice(max(template_nside // 2, 2), template_nside + 1)
+    log_cl = sphere.power_spectrum(sphere.analyse(np.log(amplitude), 2 * template_nside))
     weight = (2 * degree[fit] + 1) * (log_cl[fit] > 0)
     if not weight.any():  # a map without structure has none to continue
         return np.zeros(12 * nside**2)
     level = np.exp(np.average(np.log(log_cl[fit] / power[fit]), weights=weight))
-    onset = (degree / (2 * own)) ** 8
+    onset = (degree / (2 * template_nside)) ** 8
     cl = level * power * onset / (1 + onset)
-    around = _surroundings(amplitude)
-    width = around ** (EXPONENT - 1)
+    surroundings = _surroundings(amplitude)
+    width = surroundings ** (EXPONENT - 1)
     width = sphere.change_resolution(width / np.sqrt(np.mean(width**2)), nside)
     field = sphere.synthesise(sphere.gaussian_alm(cl, rng), nside)
     variance = np.sum((2 * degree + 1) * cl) / (4 * np.pi)

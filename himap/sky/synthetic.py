@@ -95,10 +95,10 @@ def _synchrotron(vectors, plane, nside, rng):
 
 def _free_free(vectors, plane, nside, rng):
     """Amplitude of the free-free emission, mK."""
-    own = _Field.draw(_free_free_spectrum, nside, rng)
+    structure = _Field.draw(_free_free_spectrum, nside, rng)
     sine = np.abs(vectors[:, 2])
     share = np.exp(-sine / 0.1)
-    mix = _Field(share * plane.values + np.sqrt(1 - share**2) * own.values, own.variance_added)
+    mix = _Field(share * plane.values + np.sqrt(1 - share**2) * structure.values, structure.variance_added)
     cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
     width = 1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2))
     return _disc_brightness(vectors, _IONISED_DISC) * cavity * mix.lognormal(width)
@@ -120,8 +120,8 @@ def _disc_brightness(vectors, disc):
     emissivity /= np.cosh(np.minimum(path * np.sin(lat) / disc.height, 300)) ** 2  # beyond: no overflow
     brightness = disc.amplitude * np.tensordot(np.diff(edges), emissivity, axes=1)
     spline = RectBivariateSpline(lon, stretch, np.log(brightness))
-    at = np.degrees(np.arcsin(np.minimum(np.abs(vectors[:, 2]), 1)))
-    return np.exp(spline.ev(np.abs(np.arctan2(vectors[:, 1], vectors[:, 0])), np.arcsinh(at / 0.5)))
+    latitude = np.degrees(np.arcsin(np.minimum(np.abs(vectors[:, 2]), 1)))
+    return np.exp(spline.ev(np.abs(np.arctan2(vectors[:, 1], vectors[:, 0])), np.arcsinh(latitude / 0.5)))
 
 
 def _loops(vectors):

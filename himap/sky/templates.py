@@ -104,22 +104,22 @@ def find_templates(folder):
             f"({error.strerror})."
         ) from None
     paths = [folder / name for name in names if re.search(r"\.fits(\.gz)?$", name, re.IGNORECASE)]
-    found = {"index": [path for path in paths if _INDEX.search(path.name)]}
+    candidates = {"index": [path for path in paths if _INDEX.search(path.name)]}
     for kind, pattern in _KINDS.items():
-        found[kind] = [
+        candidates[kind] = [
             path
             for path in paths
-            if pattern.search(path.name) and _FREQ.search(path.name) and path not in found["index"]
+            if pattern.search(path.name) and _FREQ.search(path.name) and path not in candidates["index"]
         ]
-    for kind, matches in found.items():
+    for kind, matches in candidates.items():
         if len(matches) != 1:
-            what = {"index": "synchrotron index"}.get(kind, f"{kind} intensity")
+            label = {"index": "synchrotron index"}.get(kind, f"{kind} intensity")
             names = ", ".join(path.name for path in matches) or "none"
             raise InputError(
                 f"template_dir must hold {EXPECTED_FILES}. {folder} has {len(matches)} files for the "
-                f"{what}: {names}. Leave exactly one of each there."
+                f"{label}: {names}. Leave exactly one of each there."
             )
-    return {kind: matches[0] for kind, matches in found.items()}
+    return {kind: matches[0] for kind, matches in candidates.items()}
 
 
 def _freq_of(path):
@@ -153,10 +153,10 @@ def _read_map(path):
             "healpy.write_map(..., coord='G')."
         )
     pixels = file.maps[0].astype(np.float64)
-    bad = np.count_nonzero(~np.isfinite(pixels))
-    if bad:
+    n_bad = np.count_nonzero(~np.isfinite(pixels))
+    if n_bad:
         raise InputError(
-            f"{path.name} has {bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
+            f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
             "templates need a value in every pixel. Fill the holes first."
         )
     return to_ring(pixels) if file.nested else pixels, file.units[0]
@@ -198,11 +198,11 @@ def positive(pixels, label):
 def _read_index(path):
     pixels, _ = _read_map(path)
     low, high = _INDEX_LIMITS
-    bad = np.count_nonzero((pixels < low) | (pixels > high))
-    if bad:
+    n_bad = np.count_nonzero((pixels < low) | (pixels > high))
+    if n_bad:
         raise InputError(
             f"{path.name} must hold a spectral index between {low:g} and {high:g} (T ~ nu^index, about -3), "
-            f"but {bad} of {len(pixels)} pixels are outside; they range from {pixels.min():.3g} to "
+            f"but {n_bad} of {len(pixels)} pixels are outside; they range from {pixels.min():.3g} to "
             f"{pixels.max():.3g}. Is it another map?"
         )
     return pixels

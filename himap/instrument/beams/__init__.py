@@ -41,9 +41,9 @@ def named(text):
     """
     if not isinstance(text, str | Path):
         raise InputError(f"a beam is told by its name or the path of a file, got {text!r}.")
-    name, _, rest = str(text).partition(":")
+    name, _, parameters = str(text).partition(":")
     if name in available():
-        pairs = [pair.partition("=") for pair in rest.split(",") if pair]
+        pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
         return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
     if not Path(text).is_file():
         raise InputError(

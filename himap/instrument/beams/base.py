@@ -119,14 +119,14 @@ class Beam(ABC):
         InputError
             As `windows`; or a beam that ends before lmax.
         """
-        found = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
-        n_degrees = found.telescope.shape[1]
+        windows = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
+        n_degrees = windows.telescope.shape[1]
         if n_degrees <= survey.lmax:
             raise InputError(
                 f"the beam {self} must reach l = {survey.lmax} for nside {survey.nside}, got b_l to "
                 f"{n_degrees - 1}; give a longer b_l."
             )
-        return found
+        return windows
 
     @abstractmethod
     def _windows(self, freqs, lmax, dish_diameter):
@@ -162,7 +162,7 @@ def gaussian_widths(beams):
     """
     widths = []
     for beam in beams:
-        last = max(np.flatnonzero(beam > _FELT)[-1], 1)
-        sigma = np.sqrt(-2 * np.log(min(beam[last], 1)) / (last * (last + 1)))
+        degree = max(np.flatnonzero(beam > _FELT)[-1], 1)
+        sigma = np.sqrt(-2 * np.log(min(beam[degree], 1)) / (degree * (degree + 1)))
         widths.append(np.sqrt(8 * np.log(2)) * sigma)
     return np.array(widths)

@@ -28,5 +28,5 @@ class Degraded(GaussianBeam):
     def _windows(self, freqs, lmax, dish_diameter):
         width = diffraction_fwhm(freqs, dish_diameter)
         extra = np.sqrt(width.max() ** 2 - width**2)
-        telescope, resmoothing = (sphere.gaussian_beam(one, lmax) for one in (width, extra))
+        telescope, resmoothing = (sphere.gaussian_beam(fwhm, lmax) for fwhm in (width, extra))
         return Windows(telescope=telescope, resmoothing=resmoothing)

@@ -74,10 +74,10 @@ class Finding:
         """One of the four verdicts."""
         if not self.parts:
             return UNDECIDED
-        held = sum(map(bool, self.parts.values()))
-        if held == len(self.parts):
+        n_held = sum(map(bool, self.parts.values()))
+        if n_held == len(self.parts):
             return REPRODUCED
-        return DIFFERENT if 2 * held >= len(self.parts) else FAILED
+        return DIFFERENT if 2 * n_held >= len(self.parts) else FAILED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,39 +153,39 @@ def each_part(values, test, words):
 
 def angular_deviation(low, high):
     """Function to the largest |C/C0 - 1| for low < l < high."""
-    return lambda one: largest_deviation(one.degrees, one.angular_ratio, low, high)[0]
+    return lambda comparison: largest_deviation(comparison.degrees, comparison.angular_ratio, low, high)[0]
 
 
 def frequency_deviation(low, high=np.inf):
     """Function to the largest |P/P0 - 1| for low < k < high."""
-    return lambda one: largest_deviation(one.k, one.frequency_ratio, low, high)[0]
+    return lambda comparison: largest_deviation(comparison.k, comparison.frequency_ratio, low, high)[0]
 
 
 def angular_mean(low, high):
     """Function to the mean C/C0 for low < l < high."""
-    return lambda one: band_mean(one.degrees, one.angular_ratio, low, high)
+    return lambda comparison: band_mean(comparison.degrees, comparison.angular_ratio, low, high)
 
 
 def frequency_mean(low, high=np.inf):
     """Function to the mean P/P0 for low < k < high."""
-    return lambda one: band_mean(one.k, one.frequency_ratio, low, high)
+    return lambda comparison: band_mean(comparison.k, comparison.frequency_ratio, low, high)
 
 
 def angular_error(low, high):
     """Function to the mean |C/C0 - 1| for low < l < high."""
-    return lambda one: band_mean(one.degrees, np.abs(one.angular_ratio - 1), low, high)
+    return lambda comparison: band_mean(comparison.degrees, np.abs(comparison.angular_ratio - 1), low, high)
 
 
 def frequency_error(low, high=np.inf):
     """Function to the mean |P/P0 - 1| for low < k < high."""
-    return lambda one: band_mean(one.k, np.abs(one.frequency_ratio - 1), low, high)
+    return lambda comparison: band_mean(comparison.k, np.abs(comparison.frequency_ratio - 1), low, high)
 
 
-def bump(one):
+def bump(comparison):
     """Highest P/P0 near k = 0.31."""
-    return band_max(one.k, one.frequency_ratio, *BUMP)
+    return band_max(comparison.k, comparison.frequency_ratio, *BUMP)
 
 
-def total(one):
+def total(comparison):
     """Total MSE of both spectra."""
-    return one.total_error()
+    return comparison.total_error()

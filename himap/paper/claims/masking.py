@@ -77,8 +77,9 @@ def flagged_in_plane(realisation):
 )  # fmt: skip
 def masked_sdecgmca(realisation):
     """The highest P/P0 near k = 0.31 is lower, and the mean |P/P0 - 1| at k < 0.1 is smaller. Two parts."""
-    whole, masked = realisation.of("oscillating")["sdecgmca"], realisation.masked("sdecgmca")
-    peak, low = (bump(whole), bump(masked)), [frequency_error(0, LOW_K)(one) for one in (whole, masked)]
+    unmasked, masked = realisation.of("oscillating")["sdecgmca"], realisation.masked("sdecgmca")
+    peak = bump(unmasked), bump(masked)
+    low = frequency_error(0, LOW_K)(unmasked), frequency_error(0, LOW_K)(masked)
     return Finding(
         value=peak[1],
         parts={"lower peak": peak[1] < peak[0], "better at k < 0.1": low[1] < low[0]},
@@ -161,11 +162,11 @@ def dimmed_peak(realisation):
 def dimmed_range(realisation):
     """The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows, one part for each method."""
 
-    def share(one):
-        return float(np.mean(np.abs(one.angular_ratio[one.degrees <= 200] - 1) < 0.1))
+    def share(comparison):
+        return float(np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < 0.1))
 
-    three = ("pca", "fastica", "sdecgmca")
-    before, after = (by_method(realisation.of(case), share, three) for case in ("oscillating", "dimmed"))
+    methods = ("pca", "fastica", "sdecgmca")
+    before, after = (by_method(realisation.of(case), share, methods) for case in ("oscillating", "dimmed"))
     values = {name: after[name] - before[name] for name in before}
     return Finding(
         value=min(values.values()),

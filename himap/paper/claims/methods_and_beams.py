@@ -75,7 +75,10 @@ def degraded_frequency(realisation):
 )  # fmt: skip
 def degraded_loss(realisation):
     """P/P0 below 1 at every k below 0.03, one part for each method."""
-    values = by_method(realisation.of("degraded"), lambda one: band_max(one.k, one.frequency_ratio, 0, 0.03))
+    values = by_method(
+        realisation.of("degraded"),
+        lambda comparison: band_max(comparison.k, comparison.frequency_ratio, 0, 0.03),
+    )
     return Finding(
         value=max(values.values()),
         parts=each_part(values, lambda value: value < 1, "loses power"),
@@ -89,8 +92,8 @@ def degraded_loss(realisation):
 )  # fmt: skip
 def evolving_parametric(realisation):
     """Orders of magnitude are two or more: a factor of 100 at every l to 200, with 10 as the other part."""
-    one = realisation.of("evolving")["parametric"]
-    ratios = one.angular_ratio[one.degrees <= 200]
+    comparison = realisation.of("evolving")["parametric"]
+    ratios = comparison.angular_ratio[comparison.degrees <= 200]
     return Finding(
         value=float(ratios.min()),
         parts={"10 times at every l": ratios.min() > 10, "100 times at every l": ratios.min() > 100},
@@ -118,9 +121,9 @@ def evolving_angular(realisation):
 )  # fmt: skip
 def evolving_gmca(realisation):
     """A clear excess is a mean of more than 1.1: for 2 <= l < 10, for 10 < l < 40, and for k < 0.2."""
-    one = realisation.of("evolving")["gmca"]
-    large, intermediate = angular_mean(1, 10)(one), angular_mean(10, 40)(one)
-    frequency = frequency_mean(0, 0.2)(one)
+    comparison = realisation.of("evolving")["gmca"]
+    large, intermediate = angular_mean(1, 10)(comparison), angular_mean(10, 40)(comparison)
+    frequency = frequency_mean(0, 0.2)(comparison)
     return Finding(
         value=intermediate,
         parts={
@@ -139,9 +142,9 @@ def evolving_gmca(realisation):
 )  # fmt: skip
 def evolving_frequency(realisation):
     """Recovered is to 10 % at every k above 0.1; the deviation below must be larger. Two parts a method."""
-    five = tuple(name for name in METHODS if name != "parametric")
-    above = by_method(realisation.of("evolving"), frequency_deviation(0.1), five)
-    below = by_method(realisation.of("evolving"), frequency_deviation(0, 0.1), five)
+    methods = tuple(name for name in METHODS if name != "parametric")
+    above = by_method(realisation.of("evolving"), frequency_deviation(0.1), methods)
+    below = by_method(realisation.of("evolving"), frequency_deviation(0, 0.1), methods)
     grows = {f"{name} deviates more below": below[name] > above[name] for name in above}
     return Finding(
         value=max(above.values()),
@@ -180,9 +183,9 @@ def oscillating_fits(realisation):
 
     values = {}
     for name in ("polynomial", "parametric"):
-        one = realisation.of("oscillating")[name]
-        values[f"{METHODS[name]} in C"] = factor(one.angular_ratio[one.degrees <= 200])
-        values[f"{METHODS[name]} in P"] = factor(one.frequency_ratio)
+        comparison = realisation.of("oscillating")[name]
+        values[f"{METHODS[name]} in C"] = factor(comparison.angular_ratio[comparison.degrees <= 200])
+        values[f"{METHODS[name]} in P"] = factor(comparison.frequency_ratio)
     return Finding(
         value=min(values.values()),
         parts=each_part(values, lambda value: value > 2, "fails"),
@@ -211,16 +214,16 @@ def oscillating_excess(realisation):
 def oscillating_angular(realisation):
     """SD at every l; the others by their mean |C/C0 - 1|. Four parts."""
     comparisons = realisation.of("oscillating")
-    one = comparisons["sdecgmca"]
-    worst, where = largest_deviation(one.degrees, one.angular_ratio, 10, 200)
-    inside = (one.degrees > 10) & (one.degrees < 200)
-    share = np.mean(np.abs(one.angular_ratio[inside] - 1) < 0.05)
+    comparison = comparisons["sdecgmca"]
+    worst, degree = largest_deviation(comparison.degrees, comparison.angular_ratio, 10, 200)
+    inside = (comparison.degrees > 10) & (comparison.degrees < 200)
+    share = np.mean(np.abs(comparison.angular_ratio[inside] - 1) < 0.05)
     values = by_method(comparisons, angular_error(10, 200), BSS)
     further = {f"{name} further off": values[name] > values["SD"] for name in ("PCA", "ICA", "GMCA")}
     return Finding(
         value=worst,
         parts={"SD within 5 %": worst < 0.05} | further,
-        sentence=f"SD is furthest off, by {worst:.2g}, at l = {where:.0f}, and within 5 % at {share:.0%} "
+        sentence=f"SD is furthest off, by {worst:.2g}, at l = {degree:.0f}, and within 5 % at {share:.0%} "
         f"of the l. Mean |C/C0 - 1|: {listing(values)}.",
     )
 
@@ -264,10 +267,10 @@ def beyond_200(realisation):
     """A peak is a C/C0 of more than 1.1 between l = 200 and 2 nside, one part for each beam."""
     values = {}
     for beam in ("degraded", "evolving", "oscillating"):
-        one = realisation.of(beam)["sdecgmca"]
-        beyond = one.angular_ratio[one.degrees > 200]
+        comparison = realisation.of(beam)["sdecgmca"]
+        beyond = comparison.angular_ratio[comparison.degrees > 200]
         if not len(beyond):
-            top = one.degrees.max()
+            top = comparison.degrees.max()
             return Finding(value=np.nan, parts={}, sentence=f"These maps end at l = {top:.0f}.")
         values[beam] = float(beyond.max())
     return Finding(

@@ -19,9 +19,9 @@ __all__ = ["scan_ends", "scan_minimum", "scan_scales"]
 _SCAN = {"section": "4.3", "notebook": "11_ns_scan"}
 
 
-def _missing(realisation, *wanted):
+def _missing(realisation, *counts):
     """A Finding that says so if the scan lacks some number of sources, else None."""
-    lacking = [n for n in wanted if n not in realisation.scan]
+    lacking = [n for n in counts if n not in realisation.scan]
     if lacking:
         text = ", ".join(map(str, lacking))
         return Finding(value=np.nan, parts={}, sentence=f"The scan does not hold n_s = {text}.")
@@ -34,7 +34,7 @@ def _missing(realisation, *wanted):
 )  # fmt: skip
 def scan_minimum(realisation):
     """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5."""
-    totals = {n: total(one) for n, one in realisation.scan.items()}
+    totals = {n: total(comparison) for n, comparison in realisation.scan.items()}
     best = min(totals, key=totals.get)
     at_five = f", at n_s = 5 {totals[5]:.3g}" if 5 in totals else ""
     return _missing(realisation, 5) or Finding(
@@ -53,9 +53,9 @@ def scan_ends(realisation):
     lacking = _missing(realisation, 2, 3, 5, 10)
     if lacking:
         return lacking
-    totals = {n: total(one) / total(realisation.scan[5]) for n, one in realisation.scan.items()}
-    many = min(total for n, total in totals.items() if n >= 10)
-    values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": many}
+    totals = {n: total(comparison) / total(realisation.scan[5]) for n, comparison in realisation.scan.items()}
+    least = min(total for n, total in totals.items() if n >= 10)
+    values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": least}
     return Finding(
         value=min(values.values()),
         parts=each_part(values, lambda value: value > 1, "larger"),
@@ -71,7 +71,7 @@ def scan_scales(realisation):
     """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|."""
     errors = {
         "low k": frequency_error(0, LOW_K),
-        "bump": lambda one: abs(bump(one) - 1),
+        "bump": lambda comparison: abs(bump(comparison) - 1),
         "10 < l < 100": angular_error(10, 100),
     }
     best = {

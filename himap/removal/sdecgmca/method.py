@@ -122,7 +122,7 @@ class SDecGMCA(ForegroundRemover):
     def _noise_power(self, mixture, mixing, n_pix):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
         if self.noise is None:
-            return mixture.noise_left(mixing, _least_squares(mixture, mixing))
+            return mixture.residual_noise(mixing, _least_squares(mixture, mixing))
         return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
 
     def _stable(self, mixture, mixing):
@@ -133,13 +133,13 @@ class SDecGMCA(ForegroundRemover):
         for count in progress(range(_MOST_STABLE), "sdecgmca"):
             inverses = harmonic.safe_inverse(mixture.matrices(mixing))
             sources = harmonic.project(inverses, mixture.modes)
-            left = mixture.left(mixing, sources)
-            last, misfit = misfit, np.vdot(left, left)
-            settled = last is not None and abs(last - misfit) <= _SETTLED * misfit
+            residual = mixture.residual(mixing, sources)
+            previous, misfit = misfit, np.vdot(residual, residual)
+            settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
             kept = sparse(sources, mixture.noise_of(inverses), self.share)
-            mixing, _ = np.linalg.qr(mixture.corrected(mixing, left, sources, kept))
+            mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_STABLE
 
     def _published(self, mixture, mixing):
@@ -152,30 +152,30 @@ class SDecGMCA(ForegroundRemover):
         ):
             for count in progress(range(1, most + 1), "refinement" if refining else "warm-up"):
                 share = self.share if refining else self.share * min(1, count / least)
-                last = sources
-                mixing, sources = self._iterated(mixture, sparse, mixing, last, share, refining)
+                previous = sources
+                mixing, sources = self._iterated(mixture, sparse, mixing, previous, share, refining)
                 n_iterations += 1
-                settled = last is not None and _change(last, sources) < tolerance
+                settled = previous is not None and _change(previous, sources) < tolerance
                 if count >= least and settled:
                     break
         return mixing, settled, n_iterations
 
-    def _iterated(self, mixture, sparse, mixing, sources, share, refining):
+    def _iterated(self, mixture, sparse, mixing, previous, share, refining):
         """One iteration: A, and the thresholded S with its smooth scale."""
         matrices = mixture.matrices(mixing)
         if refining and self.coefficients == "spectrum":
-            ridge = self._ridge_of_spectra(mixture.noise, sources)
+            ridge = self._ridge_of_spectra(mixture.noise, previous)
         else:
             ridge = self._ridge_of_matrices(matrices, mixing)
         inverses = harmonic.safe_inverse(matrices, ridge)
-        found = harmonic.project(inverses, mixture.modes)
-        kept = sparse(found, mixture.noise_of(inverses), share, reweighted=refining and self.reweighted)
-        whole = kept + sparse.coarse(found)
+        sources = harmonic.project(inverses, mixture.modes)
+        kept = sparse(sources, mixture.noise_of(inverses), share, reweighted=refining and self.reweighted)
+        thresholded = kept + sparse.coarse(sources)
         if refining:
             fitted = mixture.fit(kept, sparse.detail)
         else:
-            fitted = mixture.fit(whole, np.ones_like(sparse.detail))
-        return self._normalised(fitted, mixing), whole
+            fitted = mixture.fit(thresholded, np.ones_like(sparse.detail))
+        return self._normalised(fitted, mixing), thresholded
 
     def _ridge_of_matrices(self, matrices, mixing):
         """epsilon = max(0, c - lambda_min(W_l^T W_l) / lambda_min(A^T A)) (C21, strategy 3)."""
@@ -189,8 +189,8 @@ class SDecGMCA(ForegroundRemover):
     def _ridge_of_spectra(self, noise, sources):
         """epsilon = c times noise over C_l of each source (C21, strategy 4)."""
         power = np.stack([np.mean(block**2, axis=1) for block in harmonic.blocks(sources)])
-        wanted = self.regularisation * np.mean(noise)
-        return wanted / np.maximum(power, wanted / _LARGEST_RIDGE) if wanted else None
+        level = self.regularisation * np.mean(noise)
+        return level / np.maximum(power, level / _LARGEST_RIDGE) if level else None
 
     def _normalised(self, fitted, mixing):
         """`fitted` with columns of unit length; the column of a source that vanished stays as in `mixing`."""
@@ -214,10 +214,10 @@ def _start(modes, relative, n_sources):
     return principal_axes(covariance, n_sources)
 
 
-def _change(last, sources):
+def _change(previous, sources):
     """Relative change of the sources, for the stopping rules (paper, Sect. 3.3)."""
     size = np.linalg.norm(sources)
-    return np.linalg.norm(sources - last) / size if size else 0.0
+    return np.linalg.norm(sources - previous) / size if size else 0.0
 
 
 def _uncorrelated(mixing, sources):

@@ -45,27 +45,27 @@ class BlurredMixture:
         """
         return self._solve(window[degrees(self.lmax)] * self.modes, sources, sources)
 
-    def left(self, mixing, sources):
+    def residual(self, mixing, sources):
         """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
-        left = np.empty_like(self.modes)
-        parts = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, left)), strict=True)
-        for matrix, source, seen, out in parts:
-            np.subtract(seen, matrix @ source, out=out)
-        return left
+        residual = np.empty_like(self.modes)
+        by_degree = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, residual)), strict=True)
+        for matrix, source, data, out in by_degree:
+            np.subtract(data, matrix @ source, out=out)
+        return residual
 
-    def corrected(self, mixing, left, sources, kept):
-        """A plus what the residual `left`, X - H A S, still holds of the thresholded sources `kept`.
+    def corrected(self, mixing, residual, sources, kept):
+        """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
 
         Solves sum_l H (X - H A S) kept^T = 0 by one Newton step. Without noise the true A is a fixed point
         whatever the thresholds take away, for the whole sources are subtracted. In `fit` what is cut from
         the sources stays in the data, through another beam in each channel, and A goes to fit that.
         """
-        return mixing + self._solve(left, sources, kept)
+        return mixing + self._solve(residual, sources, kept)
 
-    def noise_left(self, mixing, sources):
+    def residual_noise(self, mixing, sources):
         """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
         fine = ((self.lmax + 1) // 2) ** 2
-        return np.mean(self.left(mixing, sources)[:, fine:] ** 2, axis=1)
+        return np.mean(self.residual(mixing, sources)[:, fine:] ** 2, axis=1)
 
     def _solve(self, data, sources, kept):
         """B of sum_l H_l (data - H_l B sources) kept^T = 0 by channel; never singular."""
