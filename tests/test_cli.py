@@ -351,9 +351,16 @@ class TestClaims:
         assert not list(Path().iterdir())
 
 
-def test_what_is_slow_to_import_waits_until_it_is_needed():
-    """`himap --help` would take seconds."""
-    slow = "{'healpy', 'sklearn', 'camb', 'numba'}"
-    code = f"import sys, himap.cli.main; print(sorted({slow} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "slow"),
+    [
+        ("himap.cli.main", {"healpy", "sklearn", "camb", "numba"}),
+        ("himap.cubes", {"sklearn", "camb", "numba", "himap.paper", "himap.products", "himap.sky"}),
+        ("himap.removal", {"healpy", "sklearn", "numba"}),
+    ],
+)
+def test_what_is_slow_to_import_waits_until_it_is_needed(module, slow):
+    """`himap --help` would take seconds, and so would a line that imports a method."""
+    code = f"import sys, {module}; print(sorted({slow} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -254,3 +255,16 @@ def test_pca_keeps_a_faint_signal_under_a_bright_sky(rng):
     residual = PCA(n_sources=1).clean(bright + signal, freqs=FREQS).residual
     rounding = np.spacing(np.float32(bright.mean()))
     assert residual.std() == pytest.approx(np.hypot(0.05, 0.3 * rounding), rel=0.15)
+
+
+def test_methods_can_be_had_from_the_package():
+    """By the name of their class, though every file is found by itself."""
+    classes = [getattr(removal, REGISTRY[name].__name__) for name in METHODS]
+    assert classes == [REGISTRY[name] for name in METHODS] and removal.PCA is PCA
+    with pytest.raises(ImportError, match="cannot import name 'Magic'"):
+        from himap.removal import Magic  # noqa: F401
+
+
+def test_methods_cannot_be_changed():
+    with pytest.raises(FrozenInstanceError):
+        PCA().n_sources = 4
