@@ -198,8 +198,8 @@ show_table(rows)
 # ## What to take away
 #
 # - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
-# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the parameters above the three views agree, and the table says that
-#   they are right. One source fewer leaves the ripple of the beam; each one more costs some signal at large scales.
+# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the three views agree, and the table says
+#   that they are right. One source fewer leaves the ripple of the oscillating beam; each one more costs some signal at large scales.
 # - **A method that knows the beam** needs fewer sources ({doc}`11_ns_scan`), but the whole sky.
 #
 # Three commands worth trying:
