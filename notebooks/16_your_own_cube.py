@@ -75,24 +75,25 @@ study = Study(
 # %% [markdown]
 # ## A file as one gets it
 #
-# The maps are those of {doc}`02_beams_and_noise`, through the oscillating beam. What is missing is all that is
-# too far north for a telescope in the south.
+# The maps are those of {doc}`02_beams_and_noise`, seen through `beam`, by default the oscillating one. What is
+# missing is all that is too far north for a telescope in the south.
 
 # %%
-seen = study.observed(selected)
+observation = study.observed(selected)
 nside = study.survey.nside
 rng = np.random.default_rng(1)
-order = rng.permutation(len(seen.freqs))
+order = rng.permutation(len(observation.freqs))
 
-declination = hp.Rotator(coord=["G", "C"])(*hp.pix2ang(nside, np.arange(12 * nside**2)))[0]  # colatitude
-gap = declination < np.quantile(declination, missing)
+galactic = hp.pix2ang(nside, np.arange(hp.nside2npix(nside)))
+colatitude = hp.Rotator(coord=["G", "C"])(*galactic)[0]  # equatorial
+gap = colatitude < np.quantile(colatitude, missing)
 
 folder = Path(tempfile.mkdtemp())
-for name, maps in (("cube", seen.maps), ("truth", seen.truth)):
-    given = np.where(gap, hp.UNSEEN, maps[order] / 1e3).astype(np.float32)
-    nested = np.array([hp.reorder(pixels, r2n=True) for pixels in given])
+for name, maps in (("cube", observation.maps), ("truth", observation.truth)):
+    kelvin = np.where(gap, hp.UNSEEN, maps[order] / 1e3).astype(np.float32)
+    nested = np.array([hp.reorder(channel, r2n=True) for channel in kelvin])
     hp.write_map(folder / f"{name}.fits", nested, nest=True, column_units="K", dtype=np.float32)
-np.savetxt(folder / "freqs.txt", seen.freqs[order], fmt="%.6f")
+np.savetxt(folder / "freqs.txt", observation.freqs[order], fmt="%.6f")
 
 # %% [markdown]
 # ## Reading it
@@ -119,16 +120,17 @@ except InputError as error:
 # once they hardly move, the result does not hang on the choice any more.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
-found = suggest(cube, "pca", n_sources=range(1, n_most + 1))
-study.stamped(views_figure(found), beam=selected, missing=missing)
+suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
+study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
 # %%
-print(advice(found))
+print(advice(suggestion))
+least = suggestion.n_sources[suggestion.criterion.argmin()]
 show(
     {
-        "eigenvalues that stand out": (found.n_bright, 0.5),
-        "number of sources of the least criterion": (int(found.n_sources[found.criterion.argmin()]), 0.5),
-        "first number after which the spectra hardly move": (found.stable or 0, 0.5),
+        "eigenvalues that stand out": (suggestion.n_bright, 0.5),
+        "number of sources of the least criterion": (int(least), 0.5),
+        "first number after which the spectra hardly move": (suggestion.stable or 0, 0.5),
     }
 )
 
@@ -138,11 +140,11 @@ show(
 # The methods that take every line of sight as it comes do not mind the gap. GMCA and SDecGMCA transform whole maps; on a part of the sky they say so before any work.
 
 # %%
-n_sources = found.range[1] if found.range else n_most
+n_sources = suggestion.range[1] if suggestion.range else n_most
 cleaned = clean_cube(cube, "pca", n_sources=n_sources)
-beams = beams_of(cube, beam)
+windows = beams_of(cube, selected)
 try:
-    clean_cube(cube, "sdecgmca", beams=beams, n_sources=3)
+    clean_cube(cube, "sdecgmca", beams=windows, n_sources=3)
 except InputError as error:
     print(error)
 
@@ -158,11 +160,10 @@ study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")
-again = hp.read_map(folder / "cleaned.fits", field=0, nest=None)
+written = hp.read_map(folder / "cleaned.fits", field=0, nest=None)
 print(sorted(path.name for path in folder.glob("cleaned*")))
-print(
-    f"first column: the channel at {seen.freqs[order[0]]:g} MHz, {np.mean(again == hp.UNSEEN):.0%} not seen"
-)
+unseen = np.mean(written == hp.UNSEEN)
+print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unseen:.0%} not seen")
 
 # %% [markdown]
 # ## With a truth
@@ -179,12 +180,12 @@ study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources
 # %%
 rows = {}
 for n in range(max(n_sources - 2, 1), n_sources + 3):
-    one = compared(clean_cube(cube, "pca", n_sources=n), truth)
-    angular, frequency = one.angular_ratio, one.frequency_ratio
-    low = diagnostics.band_mean(one.degrees, angular, 0, 10)
-    high = diagnostics.band_mean(one.degrees, angular, 10, 2 * nside)
-    smooth = diagnostics.band_mean(one.k, frequency, 0, 0.05)
-    peak = diagnostics.band_max(one.k, frequency, *diagnostics.BUMP)
+    comparison = compared(clean_cube(cube, "pca", n_sources=n), truth)
+    angular, frequency = comparison.angular_ratio, comparison.frequency_ratio
+    low = diagnostics.band_mean(comparison.degrees, angular, 0, 10)
+    high = diagnostics.band_mean(comparison.degrees, angular, 10, 2 * nside)
+    smooth = diagnostics.band_mean(comparison.k, frequency, 0, 0.05)
+    peak = diagnostics.band_max(comparison.k, frequency, *diagnostics.BUMP)
     rows[f"{n} sources"] = {
         "C/C0, l < 10": (low, 0.02 * max(1, low)),
         "C/C0, beyond": (high, 0.02 * max(1, high)),
@@ -197,8 +198,8 @@ show_table(rows)
 # ## What to take away
 #
 # - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
-# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: the three views agree here, and the table says that they are right.
-#   One source fewer leaves the ripple of the beam; one more costs signal at large scales, little by little.
+# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the three views agree, and the table says
+#   that they are right. One source fewer leaves the ripple of the oscillating beam; each one more costs some signal at large scales.
 # - **A method that knows the beam** needs fewer sources ({doc}`11_ns_scan`), but the whole sky.
 #
 # Three commands worth trying:
