@@ -19,7 +19,6 @@ PAGES = {
 }
 
 PENDING = {
-    "notebooks/01_simulations.py",
     "notebooks/02_beams_and_noise.py",
     "notebooks/03_peak_masking.py",
     "notebooks/04_pca.py",
@@ -55,6 +54,15 @@ DEFINED = {
         "15°": "where dimming ends, in the paper",
         "1.4 GHz": "frequency of the counts of sources",
         "0.01": "faintest source that is put on the sky, Jy",
+    },
+    "notebooks/01_simulations.py": {
+        "1420.4 MHz": "the 21 cm line",
+        "1400 MHz": "end of the band",
+        "ten thousand times": "how much brighter the Galaxy is, as everybody says",
+        "408 MHz": "where synchrotron emission is given",
+        "30 GHz": "where free-free emission is given",
+        "1.4 GHz": "frequency of the counts of sources",
+        "0.2": "width of the distribution of spectral indices",
     },
     "notebooks/17_paper_size.py": {
         "1 MHz": "channels of the paper",
