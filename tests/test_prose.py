@@ -19,7 +19,6 @@ PAGES = {
 }
 
 PENDING = {
-    "notebooks/02_beams_and_noise.py",
     "notebooks/03_peak_masking.py",
     "notebooks/04_pca.py",
     "notebooks/05_fastica.py",
@@ -63,6 +62,14 @@ DEFINED = {
         "30 GHz": "where free-free emission is given",
         "1.4 GHz": "frequency of the counts of sources",
         "0.2": "width of the distribution of spectral indices",
+    },
+    "notebooks/02_beams_and_noise.py": {
+        "0.14 %": "the ripple over the width of the beam, both by definition",
+        "0.1": "amplitude of the ripple in the paper, arcmin",
+        "0.5 arcmin": "amplitude of the stronger ripple",
+        "0.5 MHz": "spacing of a figure",
+        "1 MHz": "channels of the paper",
+        "20 MHz": "period of the ripple",
     },
     "notebooks/17_paper_size.py": {
         "1 MHz": "channels of the paper",
