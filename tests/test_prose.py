@@ -19,8 +19,6 @@ PAGES = {
 }
 
 PENDING = {
-    "notebooks/03_peak_masking.py",
-    "notebooks/04_pca.py",
     "notebooks/05_fastica.py",
     "notebooks/06_gmca.py",
     "notebooks/07_polynomial.py",
@@ -69,6 +67,17 @@ DEFINED = {
         "0.5 arcmin": "amplitude of the stronger ripple",
         "0.5 MHz": "spacing of a figure",
         "1 MHz": "channels of the paper",
+        "20 MHz": "period of the ripple",
+    },
+    "notebooks/03_peak_masking.py": {
+        "10°": "edge of the lines of sight near the plane",
+        "60°": "edge of those near the poles",
+        "four times": "nside of the paper and of the preset",
+    },
+    "notebooks/04_pca.py": {
+        "96 %": "what colours span",
+        "99 %": "what colours span",
+        "10 %": "the grey band",
         "20 MHz": "period of the ripple",
     },
     "notebooks/17_paper_size.py": {
