@@ -19,7 +19,6 @@ PAGES = {
 }
 
 PENDING = {
-    "notebooks/05_fastica.py",
     "notebooks/06_gmca.py",
     "notebooks/07_polynomial.py",
     "notebooks/08_parametric.py",
@@ -79,6 +78,12 @@ DEFINED = {
         "99 %": "what colours span",
         "10 %": "the grey band",
         "20 MHz": "period of the ripple",
+    },
+    "notebooks/05_fastica.py": {
+        "-2.1": "spectral index of free-free emission",
+        "96 %": "what colours span",
+        "99 %": "what colours span",
+        "10 %": "the grey band",
     },
     "notebooks/17_paper_size.py": {
         "1 MHz": "channels of the paper",
