@@ -213,6 +213,8 @@ quote(
 # %% [markdown]
 # ## What to take away
 #
+# The numbers are those of this run; the words fit the preset `quick`.
+#
 # - With one resolution for all channels (the degraded beam) three components are enough: $C/C_0$ is {glue:text}`pca_angular_degraded` on average at $\ell > 10$,
 #   and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. Below $0.03$ MHz$^{-1}$, where it is {glue:text}`pca_low_degraded`, power is lost with the
 #   foregrounds: there HI is as smooth as they are, and no blind method can tell them apart.
