@@ -36,7 +36,7 @@ small_scales: bool = True  # add structure beyond the resolution of the template
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.maps import sphere
 from himap.paper import pipeline
 from himap.products.provenance import Provenance
@@ -68,7 +68,7 @@ def stamped(figure, source=galaxy):
 # \qquad \Omega_\mathrm{HI}(z) = 4 \times 10^{-4}\,(1+z)^{0.6},
 # ```
 #
-# about 0.1 mK. Its fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
+# {glue:text}`simulations_theory` in the middle of the band. Its fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
 #
 # The simulation follows CRIME {cite:p}`alonso2014`. A Gaussian field $\delta_G$ with the linear matter power spectrum of CAMB {cite:p}`lewis2000`
 # fills a periodic box of $3\ h^{-1}$ Gpc with us in the middle. At distance $r$ we see it as it was at $z(r)$: smaller by the growth factor
@@ -166,7 +166,7 @@ stamped(
 # picture anew; the one here was made by
 # `himap run 01_simulations -p galaxy=templates -p template_dir=FOLDER` with PySM's maps at nside 64.
 # {numref}`fig-galaxy-statistics` compares the statistics that the synthetic Galaxy was calibrated on: medians over bands of latitude, and $C_\ell$. It lacks the
-# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and single seeds scatter around the mean by factors of up to 2.
+# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and a single seed scatters around the mean of many.
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
@@ -249,7 +249,7 @@ beside
 # + \left(\frac{\lambda^2}{2 k_\mathrm{B}}\right)^{2} \int S^2\,\frac{\mathrm{d}N}{\mathrm{d}S}\,\mathrm{d}S .
 # ```
 #
-# Sources between 10 mJy and 1 Jy are put on the sky one by one, 630 000 of them; brighter ones are taken as known and removed. The spectral index of each pixel is
+# Sources between 10 mJy and 1 Jy are put on the sky one by one, about {glue:text}`simulations_sources` of them; brighter ones are taken as known and removed. The spectral index of each pixel is
 # drawn from a normal distribution of mean $-2.7$ and width 0.2. No flux is counted twice: mean and clustering are those of the faint sources alone.
 
 # %% mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the sources of the thick part are drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
@@ -294,27 +294,31 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## Everything together
 #
-# Two lines of sight tell the story of this book. The foregrounds are four orders of magnitude brighter than HI away from the plane and nearly six in it, and smooth; HI is faint, and jagged.
+# Two lines of sight tell the story of this book. In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times as bright as
+# the mean of HI on the one away from the plane, and {glue:text}`simulations_over_hi_plane` times on the one in it, and they are smooth; HI is faint, and jagged.
 
 # %% mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
-styles = {
+component_styles = {
     "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
     "free-free": {"color": styles.ORANGE, "linestyle": "--"},
     "point sources": {"color": styles.GREEN, "linestyle": "-."},
     "HI": {"color": "black", "linestyle": "-", "linewidth": 0.9},
 }
+lines_of_sight = {
+    f"l = {longitude}°, b = {latitude}°": sphere.pixel_at(sky.nside, longitude, latitude)
+    for longitude, latitude in ((30, 0), (30, 60))
+}
 panels = []
-for title, position in {"l = 30°, b = 0°": (30.0, 0.0), "l = 30°, b = 60°": (30.0, 60.0)}.items():
-    pixel = sphere.pixel_at(sky.nside, *position)
+for title, pixel in lines_of_sight.items():
     curves = [
         (
             freqs,
             [component.map(freq)[pixel] for freq in freqs],
-            styles[component.name] | {"label": component.name},
+            component_styles[component.name] | {"label": component.name},
         )
         for component in (synchrotron, free_free, sources)
     ]
-    curves.append((freqs, hi[:, pixel], styles["HI"] | {"label": "HI"}))
+    curves.append((freqs, hi[:, pixel], component_styles["HI"] | {"label": "HI"}))
     panels.append(
         {
             "curves": curves,
@@ -336,7 +340,7 @@ power = {
     name: sphere.power_spectrum(sphere.analyse(pixels - pixels.mean()))[degrees]
     for name, pixels in middle_maps.items()
 }
-curves = [(degrees, power[name], styles[name] | {"label": name}) for name in styles]
+curves = [(degrees, power[name], style | {"label": name}) for name, style in component_styles.items()]
 labels = {
     "xlabel": styles.AXES["angular"]["xlabel"],
     "ylabel": styles.AXES["angular"]["ylabel"],
@@ -369,10 +373,24 @@ show(
     }
 )
 
+# %% tags=["hide-input"]
+over_hi = {title: foreground[pixel] / mean[middle] for title, pixel in lines_of_sight.items()}
+n_sources = 4 * np.pi * point_sources.number_density(point_sources.FLUX_FAINT, point_sources.FLUX_REMOVED)
+quote(
+    simulations_theory=(theory[middle], 1e-3, "mK"),
+    simulations_sources=(n_sources, 1000),
+    simulations_over_hi_plane=(over_hi["l = 30°, b = 0°"], 1000),
+    simulations_over_hi_away=(over_hi["l = 30°, b = 60°"], 100),
+    simulations_hi=(1e3 * mean[middle], 0.1, "µK"),
+    simulations_foreground=(np.median(foreground) / 1e3, 0.005, "K"),
+    simulations_brightest=(foreground.max() / 1e3, 0.5, "K"),
+)
+
 # %% [markdown]
 # ## What to take away
 #
-# - HI is 0.1 mK, the foregrounds are kelvins: removing them to one part in $10^5$ is not enough where they are brightest.
+# - In the middle of the band HI has {glue:text}`simulations_hi` on average, the foregrounds {glue:text}`simulations_foreground` in the median pixel and up to
+#   {glue:text}`simulations_brightest`: removing them to one part in $10^5$ is not enough where they are brightest.
 # - Foregrounds are smooth in frequency, HI is not; that is the only difference a blind method uses.
 # - The simulation has limits. The density is lognormal, the velocities are linear, and HI has no structure below the cell of the box,
 #   so small scales are a sketch. For the questions of this book, which are about foregrounds, that is enough.
@@ -380,7 +398,7 @@ show(
 # Three commands worth trying:
 #
 # ```sh
-# himap run 01_simulations --preset laptop                                     # sharper, a minute or two
+# himap run 01_simulations --preset laptop                                     # sharper maps, finer channels
 # himap run 01_simulations -p seed=7                                           # another Universe
 # himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # your own Galaxy
 # ```

@@ -35,7 +35,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_sigma, system_temperature
 from himap.maps import sphere
@@ -85,11 +85,11 @@ def stamped(figure, **parameters):
 # differ. Here `ripple` chooses: `bracket` (the default) adds $0.1/60 = 0.0017$ to the bracket, 0.14 % of the width;
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$, without the polynomial.
 
-# %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple of the default reading is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
 width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
-left = {
+widths_panel = {
     "curves": [(fine, np.rad2deg(width[name]), styles.BEAM_STYLES[name]) for name in width],
     "xlabel": styles.CHANNELS,
     "ylabel": "FWHM [deg]",
@@ -106,30 +106,33 @@ def ripple_alone(nu, reading):
 
 window = fine[(fine > 1100) & (fine < 1180)]
 channels = freqs[(freqs > 1100) & (freqs < 1180)]
-looks = {
+ripple_styles = {
     "bracket": {"color": styles.GREEN, "linestyle": "-."},
     "additive": {"color": styles.PURPLE, "linestyle": ":"},
     "additive_strong": {"color": styles.VERMILION, "linestyle": "-"},
 }
-right = {
+ripple_panel = {
     "curves": [
         (window, 100 * ripple_alone(window, name), style | {"label": name.replace("_", " ")})
-        for name, style in looks.items()
+        for name, style in ripple_styles.items()
     ],
-    "points": [(channels, 100 * ripple_alone(channels, ripple), {"color": looks[ripple]["color"]})],
+    "points": [(channels, 100 * ripple_alone(channels, ripple), {"color": ripple_styles[ripple]["color"]})],
     "xlabel": styles.CHANNELS,
     "ylabel": "ripple of the width [%]",
     "ylim": (-1, 1.5),
     "legend": {"loc": "upper right", "ncols": 3},
 }
-stamped(plotting.lines([left, right]), ripple=ripple)
+stamped(plotting.lines([widths_panel, ripple_panel]), ripple=ripple)
 
 # %% mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
-windows = {name: beam.of_survey(sky) for name, beam in beams.items()}
+transfers = {name: beam.of_survey(sky) for name, beam in beams.items()}
 degrees = np.arange(sky.lmax + 1)
 panels = [
     {
-        "curves": [(degrees, one.total[channel], styles.BEAM_STYLES[name]) for name, one in windows.items()],
+        "curves": [
+            (degrees, transfer.total[channel], styles.BEAM_STYLES[name])
+            for name, transfer in transfers.items()
+        ],
         "title": f"{freqs[channel]:.1f} MHz",
         "xlabel": styles.AXES["angular"]["xlabel"],
         "ylabel": r"$b_\ell$",
@@ -192,11 +195,12 @@ stamped(plotting.lines(panels))
 # Here is the whole problem in one figure. Take a line of sight close to the Galactic plane, and divide its spectrum by a
 # smooth one, a polynomial of third order in log-log. What is left is what the beam has put there. Through the
 # degraded beam a foreground stays as smooth as the sky made it. Through the evolving beam the sharper beam of a higher
-# frequency sees less of the bright plane next to it: a slow trend. Through the oscillating beam there is a ripple
-# of 20 MHz, far brighter than the HI fluctuations, and a slower wave just as large.
+# frequency sees less of the bright plane next to it: a slow trend, {glue:text}`beams_trend` rms. Through the oscillating beam there is a ripple
+# of 20 MHz, which makes the spectrum jump by {glue:text}`beams_jump` rms from one channel to the next where HI plus noise has {glue:text}`beams_signal`, and a
+# slower wave of {glue:text}`beams_wave`.
 
 # %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed. Below 2 ppm the axis is linear, beyond it is logarithmic."}}
-seen = {
+observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
 }
@@ -209,14 +213,16 @@ def unsmoothness(spectrum):
     return np.exp(y - np.polynomial.Polynomial.fit(x, y, 3)(x)) - 1
 
 
-foreground = {name: view.maps[:, pixel].astype(float) - view.truth[:, pixel] for name, view in seen.items()}
+foreground = {
+    name: observation.maps[:, pixel].astype(float) - observation.truth[:, pixel]
+    for name, observation in observations.items()
+}
 deviation = {name: unsmoothness(spectrum) for name, spectrum in foreground.items()}
-signal = (
-    np.mean([channel.std(dtype=float) for channel in seen["evolving"].truth]) / foreground["evolving"].mean()
-)
-edge = np.full_like(freqs, 1e6 * signal)
+rms = np.mean([channel.std(dtype=float) for channel in observations["evolving"].truth])
+signal = 1e6 * rms / foreground["evolving"].mean()
+edge = np.full_like(freqs, signal)
 grey = {"color": "0.6", "linestyle": "--", "linewidth": 1}
-curves = [(freqs, 1e6 * deviation[name], styles.BEAM_STYLES[name]) for name in seen]
+curves = [(freqs, 1e6 * deviation[name], styles.BEAM_STYLES[name]) for name in observations]
 curves += [(freqs, edge, grey | {"label": "rms of HI + noise"}), (freqs, -edge, grey)]
 panel = {
     "curves": curves,
@@ -229,7 +235,8 @@ stamped(plotting.lines([panel], columns=1, size=(7.4, 4)), ripple=ripple)
 
 # %% mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
 channel = sky.n_channels // 2
-maps = {name: view.truth[channel] - view.truth[channel].mean() for name, view in seen.items()}
+truth = {name: observation.truth[channel] for name, observation in observations.items()}
+maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}
 span = tuple(np.percentile(list(maps.values()), (1, 99)))
 stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 
@@ -240,7 +247,7 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 # smoothing that comes after the receiver). All methods of this book are compared with it.
 
 # %%
-wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in seen}
+wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}
 show(
     {
         "FWHM at the lowest channel, evolving": (np.rad2deg(width["evolving"][0]), 1e-4, "deg"),
@@ -248,18 +255,31 @@ show(
         "noise at the lowest channel": (1e3 * noise_sigma(sky)[0], 1e-3, "µK"),
         "noise at the highest channel": (1e3 * noise_sigma(sky)[-1], 1e-3, "µK"),
         "rms of the truth in the middle of the band, degraded": (
-            1e3 * seen["degraded"].truth[channel].std(dtype=float),
+            1e3 * truth["degraded"].std(dtype=float),
             0.05,
             "µK",
         ),
         "rms of the truth in the middle of the band, evolving": (
-            1e3 * seen["evolving"].truth[channel].std(dtype=float),
+            1e3 * truth["evolving"].std(dtype=float),
             0.05,
             "µK",
         ),
         "channel-to-channel jump, evolving": (wiggle["evolving"], 1, "ppm"),
         "channel-to-channel jump, oscillating": (wiggle["oscillating"], 5, "ppm"),
     }
+)
+
+# %% tags=["hide-input"]
+period = max(round(20 / sky.channel_width), 1)  # of the ripple, in channels
+slow = {
+    name: 1e6 * np.convolve(deviation[name], np.full(period, 1 / period), mode="valid").std()
+    for name in observations
+}
+quote(
+    beams_signal=(signal, 0.1, "ppm"),
+    beams_jump=(wiggle["oscillating"], 5, "ppm"),
+    beams_trend=(slow["evolving"], 1, "ppm"),
+    beams_wave=(slow["oscillating"], 5, "ppm"),
 )
 
 # %% [markdown]

@@ -18,7 +18,7 @@
 # # Principal component analysis
 #
 # The sky at 21 cm is almost all foreground: Galactic synchrotron and free-free emission and radio
-# galaxies outshine the HI signal by four to six orders of magnitude. What saves us is that they
+# galaxies outshine the HI signal by orders of magnitude ({doc}`01_simulations`). What saves us is that they
 # are *smooth in frequency*: along a line of sight a foreground is close to a power law, while HI
 # changes from channel to channel, because each channel is another slice of the Universe.
 #
@@ -42,7 +42,7 @@ n_sources: int = 3  # components to remove, for the beam shown in detail
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.paper.methods import each_beam, paper_beams
 from himap.paper.study import Study
@@ -105,9 +105,9 @@ remover = removers[selected][0]
 #
 # The eigenvalues tell. Those of the foreground fall steeply, by orders of magnitude from one to
 # the next; those of HI plus noise form a plateau, which ends the useful range. The dotted line is the
-# spectrum of eigenvalues of the truth alone, HI plus noise, which nobody has in a real survey. At the preset `quick`,
-# 3, 5 and 6 eigenvalues stand above the plateau for the three beams; the figures below use the paper's 3, 4 and 5, so
-# one foreground component is left in for the last two.
+# spectrum of eigenvalues of the truth alone, HI plus noise, which nobody has in a real survey. For the
+# degraded, the evolving and the oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues are
+# larger than any of HI plus noise. The figures below use the paper's 3, 4 and 5 components; where that is less, foreground is left in.
 
 # %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
@@ -118,14 +118,23 @@ def eigenvalues(maps):
     return np.linalg.eigvalsh(channel_covariance(maps))[::-1][: len(rank)]
 
 
-curves = [
-    (rank, eigenvalues(study.observed(beams[name]).maps), styles.BEAM_STYLES[name] | {"marker": "."})
-    for name in beams
-]
+observed = {name: eigenvalues(study.observed(beams[name]).maps) for name in beams}
+curves = [(rank, observed[name], styles.BEAM_STYLES[name] | {"marker": "."}) for name in beams]
 truth = eigenvalues(study.observed(selected).truth)
 curves.append((rank, truth, {"color": "black", "linestyle": ":", "label": f"HI + noise ({beam})"}))
 labels = {"xlabel": "component", "ylabel": r"eigenvalue [mK$^2$]", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
+
+# %% tags=["hide-input"]
+above = {
+    name: np.count_nonzero(observed[name] > eigenvalues(study.observed(beams[name]).truth)[0])
+    for name in beams
+}
+quote(
+    pca_above_degraded=above["degraded"],
+    pca_above_evolving=above["evolving"],
+    pca_above_oscillating=above["oscillating"],
+)
 
 # %% [markdown]
 # ## What is removed
@@ -167,30 +176,61 @@ study.angular_figure(removers)
 study.frequency_figure(removers)
 
 # %% [markdown]
-# The numbers behind the figures: means of the ratios over bands, and the largest deviation of the degraded-beam
-# (or chosen) case. Every number in this book is printed with the tolerance within which another computer must
+# The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, where
+# a ripple of 20 MHz shows. Every number in this book is printed with the tolerance within which another computer must
 # reproduce it.
 
 # %%
 show(study.band_numbers(removers))
 
+
+# %% tags=["hide-input"]
+def band(name, start, method=None):
+    """The number of the table whose band begins with `start`, to quote; nan where the run has no such band."""
+    bands = study.bands(beams[name], method or removers[beams[name]][0])
+    value = next((value for label, value in bands.items() if label.startswith(start)), np.nan)
+    return value, 0.02 * max(1, value)
+
+
+_, angular, _, frequency = study.ratios(beams["evolving"], removers[beams["evolving"]][0])
+six = PCA(n_sources=6)
+quote(
+    pca_angular_degraded=band("degraded", "C/C0, 10"),
+    pca_middle_degraded=band("degraded", "P/P0, 0.03"),
+    pca_low_degraded=band("degraded", "P/P0, 0 "),
+    pca_first_evolving=(frequency[0], 0.02),
+    pca_second_evolving=(frequency[1], 0.04),
+    pca_last_evolving=(angular[-1], 0.02),
+    pca_largest_scales=band("oscillating", "C/C0, 1 "),
+    pca_angular_oscillating=band("oscillating", "C/C0, 10"),
+    pca_middle_oscillating=band("oscillating", "P/P0, 0.03"),
+    pca_ripple=band("oscillating", "P/P0, highest"),
+    pca_ripple_of_six=band("oscillating", "P/P0, highest", six),
+    pca_low_of_six=band("oscillating", "P/P0, 0 ", six),
+    pca_largest_scales_of_six=band("oscillating", "C/C0, 1 ", six),
+)
+
 # %% [markdown]
 # ## What to take away
 #
-# - With one resolution for all channels (the degraded beam) three components are enough, and both spectra
-#   are recovered to better than 10 % over a wide range. Much of the power below $k_\nu \approx 0.03$ MHz$^{-1}$ is lost with the
+# The numbers are those of this run; the words fit the preset `quick`.
+#
+# - With one resolution for all channels (the degraded beam) three components are enough: $C/C_0$ is {glue:text}`pca_angular_degraded` on average at $\ell > 10$,
+#   and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. Below $0.03$ MHz$^{-1}$, where it is {glue:text}`pca_low_degraded`, power is lost with the
 #   foregrounds: there HI is as smooth as they are, and no blind method can tell them apart.
 # - A beam that changes with frequency mixes angular structure into the spectra. The eigenvalues fall more slowly,
-#   more components are needed. With the evolving beam and 4 components the maps are too bright at $k_\nu \approx 0.03$ MHz$^{-1}$
-#   and beyond $\ell \approx 100$.
-# - With the oscillating beam and 5 components they are too bright at low and at high $\ell$, at $k_\nu < 0.1$ MHz$^{-1}$, and six times too
-#   bright at $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, the mark of the 20 MHz ripple. A sixth component removes that peak, and some signal with it.
-# - PCA costs one covariance matrix and an eigenvalue problem of the size of the channels: seconds.
+#   more components are needed. With the evolving beam and 4 components $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and {glue:text}`pca_second_evolving`
+#   at the next one, where foreground is left, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
+# - With the oscillating beam and 5 components the maps are too bright on the largest scales ($C/C_0$ = {glue:text}`pca_largest_scales` at $\ell < 10$) and on smaller ones
+#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and {glue:text}`pca_ripple` times too
+#   bright at $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
+#   signal with it: $P/P_0$ is then {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
+# - PCA costs one covariance matrix and an eigenvalue problem of the size of the channels.
 #
 # Three commands worth trying:
 #
 # ```sh
 # himap run 04_pca -p beam=oscillating -p n_sources=6             # one more: the peak goes, and signal with it
 # himap run 04_pca -p beam=oscillating -p n_sources=5 -p ripple=additive_strong
-# himap run 04_pca --preset laptop                               # four times the pixels, minutes
+# himap run 04_pca --preset laptop                               # four times the pixels
 # ```

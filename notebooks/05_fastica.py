@@ -43,7 +43,7 @@ contrast: str = "logcosh"  # contrast function: logcosh, exp or cube
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.paper.methods import each_beam, paper_beams
 from himap.paper.study import Study
@@ -123,12 +123,30 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 #
 # The same space, then, described by other axes. The spectra need no longer be orthogonal, and the sources are chosen for their
 # distribution, not for their variance. Compare with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`: at the defaults all three
-# spectra now look like emission, positive and falling with frequency, with mean spectral indices of -2.5, -2.8 and -3.0. The
+# spectra now look like emission, positive and falling with frequency, with mean spectral indices of {glue:text}`fastica_index_first`,
+# {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`. The
 # first, the flattest, goes with the thin plane and compact knots, as free-free emission would, the others with the diffuse sky, as
 # synchrotron emission would. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane have the wrong sign.
 
 # %% mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
 study.mixing_figure(selected, remover)
+
+
+# %% tags=["hide-input"]
+def spectral_index(spectrum):
+    """Slope of a straight line through a spectrum in log-log; nan of one that changes its sign."""
+    if (spectrum * spectrum[0] <= 0).any():
+        return np.nan
+    return np.polyfit(np.log(study.survey.freqs), np.log(np.abs(spectrum)), 1)[0]
+
+
+indices = [spectral_index(spectrum) for spectrum in study.cleaned(selected, remover).mixing.T]
+indices += [np.nan] * 3  # where there are fewer
+quote(
+    fastica_index_first=(indices[0], 0.02),
+    fastica_index_second=(indices[1], 0.02),
+    fastica_index_third=(indices[2], 0.02),
+)
 
 # %% mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
 study.sources_figure(selected, remover)
@@ -141,10 +159,7 @@ study.sources_figure(selected, remover)
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
-colours, dashes = (
-    [styles.BLUE, styles.ORANGE, styles.GREEN, styles.PURPLE, styles.SKY_BLUE],
-    ["-", "--", "-.", ":"],
-)
+colours, dashes = styles.COLOURS[:5], ["-", "--", "-.", ":"]
 
 
 def histograms(title, sources):
@@ -165,8 +180,10 @@ def histograms(title, sources):
     return {"title": title, "curves": curves, **labels}
 
 
-found = {"PCA": study.cleaned(selected, pca).sources, "FastICA": study.cleaned(selected, remover).sources}
-panels = [histograms(name, sources) for name, sources in found.items()]
+panels = [
+    histograms(title, study.cleaned(selected, method).sources)
+    for title, method in {"PCA": pca, "FastICA": remover}.items()
+]
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contrast=contrast)
 
 # %% [markdown]
@@ -175,11 +192,12 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # A real sky does not fulfil the assumption: its foregrounds share the plane of the Galaxy, so they are *not* independent, and the
 # contrast has more than one local extremum. The next figure repeats the separation from six random rotations and
 # compares the sources of each run with those of the first: for each, its correlation with the one that it resembles most. At 1 the source
-# came back the same. At the defaults the three sources of the degraded beam always do; with four and five sources some runs end
-# elsewhere, with other sources for some of the components. As {eq}`eq-fastica` needs nothing but $\mathbf{Z}$, the runs work on the principal components instead of the maps.
+# came back the same. At the defaults the three sources of the degraded beam do in all runs (no correlation is below {glue:text}`fastica_same_degraded`); with the four
+# and five sources of the evolving and the oscillating beam some runs end elsewhere, with other sources for some of the components (the smallest correlations
+# are {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`). As {eq}`eq-fastica` needs nothing but $\mathbf{Z}$, the runs work on the principal components instead of the maps.
 
 # %% mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
-panels, iterations = [], {}
+panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
     components = study.cleaned(name, PCA(n_sources=method.n_sources)).sources
@@ -188,9 +206,10 @@ for name, methods in removers.items():
     for seed in range(6 if method.n_sources > 1 else 0):
         cleaned = method.clean(white, freqs=study.survey.freqs[: len(white)], rng=np.random.default_rng(seed))
         runs.append(cleaned.separation)
-    points = []
+    points, smallest[str(name)] = [], 1.0
     for n, run in enumerate(runs[1:]):
         alike = np.abs(np.corrcoef(runs[0].sources, run.sources)[: len(white), len(white) :]).max(axis=1)
+        smallest[str(name)] = min(smallest[str(name)], *alike)
         look = {"color": colours[n % 5], "marker": "osD^v"[n % 5], "label": f"run {n + 2}"}
         points.append((np.arange(1, len(white) + 1) + 0.08 * (n - 2), alike, look))
     iterations[name] = [run.n_iterations for run in runs]
@@ -200,6 +219,13 @@ for name, methods in removers.items():
         {"title": name, "curves": [], "points": points, "legend": {"loc": "lower left"}, **labels, **ticks}
     )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), contrast=contrast)
+
+# %% tags=["hide-input"]
+quote(
+    fastica_same_degraded=(smallest["degraded"], 0.01),
+    fastica_same_evolving=(smallest["evolving"], 0.05),
+    fastica_same_oscillating=(smallest["oscillating"], 0.05),
+)
 
 # %% [markdown]
 # The number of iterations depends on the start as well. One iteration costs a product of an $n_s \times n_s$ matrix with $n_s$
@@ -247,7 +273,7 @@ show(study.band_numbers(removers))
 #   Where the paper shows both, one curve lies on the other.
 # - What it adds is a reading of the foregrounds: its sources look more like emission than those of PCA. They are not
 #   physical components, for these are not independent of each other.
-# - The sources may depend on the random start, the more so the more of them there are; what is removed does not.
+# - The sources may depend on the random start, as those of four and five components do here; what is removed does not.
 # - It costs what PCA costs and some iterations on $n_s$ maps.
 #
 # Three commands worth trying:
