@@ -215,7 +215,7 @@ study.stamped(
 # ## What is removed
 #
 # The spectra are positive and fall with frequency, like those of FastICA, and are closer still to one another. The
-# sources are brighter than the sky itself: they cancel. Those of PCA, with orthogonal spectra, cannot do that. So these maps
+# brightest sources are brighter than the sky itself: they cancel. Those of PCA, with orthogonal spectra, cannot do that. So these maps
 # are not emission of one kind or another either.
 
 # %% mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
