@@ -80,7 +80,6 @@ DEFINED = {
     "notebooks/10_results.py": {
         "10 %": "the grey band",
         "0.03 MHz": "edge of a band, in 1/MHz",
-        "0.1 MHz": "edge of a band, in 1/MHz",
     },
     "notebooks/17_paper_size.py": {
         "1 MHz": "channels of the paper",
