@@ -43,7 +43,7 @@ n_sigma: float = 3.0  # last threshold, in units of the noise of each scale
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.maps.starlets import starlet_filters, starlets
 from himap.paper import pipeline
@@ -84,14 +84,13 @@ pca = PCA(n_sources=n_sources)
 # their sum is the map. In harmonic space each scale is a filter of $\ell$.
 
 # %% mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole; they add up to 1 at every multipole."}}
-colours = [styles.BLUE, styles.ORANGE, styles.GREEN, styles.PURPLE, styles.SKY_BLUE]
-styles = ["-", "--", "-.", ":", (0, (8, 2))]
+dashes = ["-", "--", "-.", ":", (0, (8, 2))]
+looks = [{"color": styles.COLOURS[n], "linestyle": dashes[n]} for n in range(5)]
 filters = starlet_filters(n_scales, 3 * study.survey.nside - 1)
 names = [f"detail {n + 1}" for n in range(n_scales)] + ["smooth"]
 curves = []
 for n, (name, band) in enumerate(zip(names, filters, strict=True)):
-    look = {"color": colours[n % 5], "linestyle": styles[n % 5], "label": name}
-    curves.append((np.arange(1, len(band)), band[1:], look))
+    curves.append((np.arange(1, len(band)), band[1:], looks[n % 5] | {"label": name}))
 labels = {"xlabel": styles.AXES["angular"]["xlabel"], "ylabel": "filter", "xscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), n_scales=n_scales)
 
@@ -102,23 +101,29 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "The channel in the middle of the band, as observed, in starlet scales, fine to coarse. Colours span the central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
 scales = starlets(channel - channel.mean(), n_scales)
-shown = {name: scale for name, scale in zip(names, scales, strict=True)}
-study.stamped(plotting.sky_maps(shown, limits=(2, 98)), beam=selected, n_scales=n_scales)
+scale_maps = dict(zip(names, scales, strict=True))
+study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_scales=n_scales)
 
 # %% [markdown]
 # How sparse? The next figure sorts the coefficients of each scale by size. If a small share of them holds most of the
-# square sum, the scale is sparse. The finer the scale, the sparser it is: one coefficient in a thousand holds two thirds of the finest, and next to
-# nothing of the smooth one.
+# square sum, the scale is sparse. The finer the scale, the sparser it is: one coefficient in a thousand holds {glue:text}`gmca_share_finest` of the finest, and
+# {glue:text}`gmca_share_smooth` of the smooth one.
 
 # %% mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
-curves = []
-for n, (name, scale) in enumerate(shown.items()):
+curves, brightest = [], {}
+for n, (name, scale) in enumerate(scale_maps.items()):
     power = np.cumsum(np.sort(scale**2)[::-1])
-    look = {"color": colours[n % 5], "linestyle": styles[n % 5], "label": name}
-    curves.append((counts / len(channel), power[counts - 1] / power[-1], look))
+    curves.append((counts / len(channel), power[counts - 1] / power[-1], looks[n % 5] | {"label": name}))
+    brightest[name] = power[len(channel) // 1000 - 1] / power[-1]  # share of one coefficient in a thousand
 labels = {"xlabel": "share of the coefficients", "ylabel": "share of the square sum", "xscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), beam=selected)
+
+# %% tags=["hide-input"]
+quote(
+    gmca_share_finest=(100 * brightest["detail 1"], 1, "%"),
+    gmca_share_smooth=(100 * brightest["smooth"], 1, "%"),
+)
 
 # %% [markdown]
 # ## How it works
@@ -184,24 +189,24 @@ curves = [
     (
         iterations,
         limits[:, n],
-        {"color": colours[n % 5], "linestyle": styles[n % 5], "label": f"source {n + 1}"},
+        looks[n % 5] | {"label": f"source {n + 1}"},
     )
     for n in range(n_sources)
 ]
-left = {"curves": curves, "ylabel": "threshold [mK]", "yscale": "log"}
+threshold_panel = {"curves": curves, "ylabel": "threshold [mK]", "yscale": "log"}
 condition = [np.linalg.cond(step.mixing) for step in steps]
-middle = {
+condition_panel = {
     "curves": [(iterations, condition, {"color": "black"})],
     "ylabel": "condition number of A",
     "yscale": "log",
 }
 angle = [sine(step.mixing) for step in steps]
-right = {
+angle_panel = {
     "curves": [(iterations, angle, {"color": "black"})],
     "ylabel": "sine of the angle to PCA",
     "ylim": (0, None),
 }
-panels = [panel | {"xlabel": "iteration"} for panel in (left, middle, right)]
+panels = [panel | {"xlabel": "iteration"} for panel in (threshold_panel, condition_panel, angle_panel)]
 study.stamped(
     plotting.lines(panels, columns=3, size=(3.6, 3.3)), beam=selected, n_sources=n_sources, penalty=penalty
 )
@@ -210,7 +215,7 @@ study.stamped(
 # ## What is removed
 #
 # The spectra are positive and fall with frequency, like those of FastICA, and are closer still to one another. The
-# sources are brighter than the sky itself: they cancel. Those of PCA, with orthogonal spectra, cannot do that. So these maps
+# brightest sources are brighter than the sky itself: they cancel. Those of PCA, with orthogonal spectra, cannot do that. So these maps
 # are not emission of one kind or another either.
 
 # %% mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
@@ -231,28 +236,52 @@ study.channel_figure(selected, remover)
 # %% [markdown]
 # ## The power spectra
 #
-# Both spectra, with those of PCA for comparison. At the defaults the two methods agree within 2 % for the degraded beam, where three
-# components hold all of the foreground. Where one foreground component is left in, with the other beams, they share what is wrong, and
-# GMCA adds to it: at low $\ell$ and low $k_\nu$ it leaves more than PCA, by several percent for the evolving beam and by a factor above two
-# at $\ell < 10$ for the oscillating one. It does not lose everywhere: with the oscillating beam it leaves less than PCA at higher $\ell$. The
-# space of PCA leaves the least *total* variance, and that is dominated by few bright structures.
+# Both spectra, with those of PCA for comparison. For the degraded beam, where three components hold all of the foreground, the two methods
+# differ by {glue:text}`gmca_degraded_off` at most in the bands of the table below. Where one foreground component is left in, with the evolving and the
+# oscillating beam, they share what is wrong, and GMCA adds to it: at $\ell < 10$ its power is {glue:text}`gmca_evolving_low` above that of PCA for the evolving
+# beam and {glue:text}`gmca_oscillating_low` times it for the oscillating one. At $k_\nu < 0.03$ it is {glue:text}`gmca_evolving_slow` above it and
+# {glue:text}`gmca_oscillating_slow` times it, and the peak of the ripple is {glue:text}`gmca_oscillating_peak` times as high. It does not lose everywhere: with the
+# oscillating beam its power at higher $\ell$ is {glue:text}`gmca_oscillating_fine` of that of PCA. The space of PCA leaves the least *total* variance, and that
+# is dominated by few bright structures.
 
-# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
 # %%
 show(study.band_numbers(both, tolerance=0.05))
 
+# %% tags=["hide-input"]
+low, fine = "C/C0, 1 < l < 10", f"C/C0, 10 < l < {min(200, study.l_top)}"
+slow, peak = "P/P0, 0 < k < 0.03", "P/P0, highest near k = 0.31"
+
+
+def over_pca(name, band):
+    """The power in a band that GMCA leaves over what PCA leaves; NaN without such a band."""
+    with_pca, with_gmca = (study.bands(beams[name], method) for method in both[beams[name]])
+    return with_gmca.get(band, np.nan) / with_pca.get(band, np.nan)
+
+
+bands = study.bands(beams["degraded"], both[beams["degraded"]][0])
+quote(
+    gmca_degraded_off=(100 * max(abs(over_pca("degraded", band) - 1) for band in bands), 1, "%"),
+    gmca_evolving_low=(100 * (over_pca("evolving", low) - 1), 2, "%"),
+    gmca_evolving_slow=(100 * (over_pca("evolving", slow) - 1), 2, "%"),
+    gmca_oscillating_low=(over_pca("oscillating", low), 0.2),
+    gmca_oscillating_slow=(over_pca("oscillating", slow), 0.1),
+    gmca_oscillating_peak=(over_pca("oscillating", peak), 0.1),
+    gmca_oscillating_fine=(over_pca("oscillating", fine), 0.05),
+)
+
 # %% [markdown]
 # ## How it fails
 #
 # The space that GMCA finds depends on choices with no right answer: the penalty, the number of scales, the last threshold.
-# None of them comes from the data. In the next figure they move the spectrum by a few percent at low $\ell$ for the evolving
-# beam; try `beam=oscillating`, where they move it more.
+# None of them comes from the data. In the next figure they move the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth; see what they
+# do with `beam=oscillating`.
 
 # %% mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other choices of the method's own parameters and for PCA."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
@@ -266,7 +295,7 @@ curves = []
 for n, (name, method) in enumerate(variants.items()):
     degrees, ratio, _, _ = study.ratios(selected, method)
     shown = degrees <= study.l_top
-    look = {"color": "black"} if method is pca else {"color": colours[n % 5], "linestyle": styles[n % 5]}
+    look = {"color": "black"} if method is pca else looks[n % 5]
     curves.append((degrees[shown], ratio[shown], look | {"label": name}))
 labels = {
     "xlabel": styles.AXES["angular"]["xlabel"],
@@ -275,6 +304,10 @@ labels = {
     "title": beam,
 }
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), n_sources=n_sources)
+
+# %% tags=["hide-input"]
+choices = [study.bands(selected, method)[low] for method in variants.values() if method is not pca]
+quote(gmca_choices_spread=(100 * np.ptp(choices), 2, "%"))
 
 # %% [markdown]
 # ## What it costs
@@ -291,6 +324,9 @@ show(
     }
 )
 
+# %% tags=["hide-input"]
+quote(gmca_iterations=(study.cleaned(selected, remover).n_iterations, 10))
+
 # %% [markdown]
 # ## What to take away
 #
@@ -300,7 +336,7 @@ show(
 #   low $\ell$ and at low $k_\nu$ than PCA. The paper finds the same for the evolving beam.
 # - The mixing matrix becomes nearly degenerate and the sources cancel each other. The foreground as a whole is well defined, single sources
 #   are not.
-# - It costs tens of times what PCA costs.
+# - It passes over the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
 # Three commands worth trying:
 #

@@ -44,7 +44,7 @@ n_sigma: float = 5.0  # channels further from the first fit are left out of the 
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.numbers import show
+from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.methods import paper_beams
@@ -85,15 +85,7 @@ freqs = observed.freqs
 # {doc}`03_peak_masking`.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
-colours = [
-    styles.BLUE,
-    styles.ORANGE,
-    styles.GREEN,
-    styles.PURPLE,
-    styles.SKY_BLUE,
-    styles.VERMILION,
-    "black",
-]
+colours = [*styles.COLOURS, "black"]
 curves = []
 for n, column in enumerate(study.cleaned(selected, remover).mixing.T[:7]):
     style = {"label": f"order {n}", "color": colours[n], "linestyle": ["-", "--", "-.", ":"][n % 4]}
@@ -118,10 +110,10 @@ study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selecte
 # %% [markdown]
 # ## How smooth is smooth enough?
 #
-# No polynomial *is* a power law. Over this band the best of order 6 follows $\nu^{-2.7}$ to about two parts in 100 000, which
-# sounds excellent until one remembers that HI is a hundred thousand times fainter than the brightest
-# foreground. The figure shows the worst error over the band for a foreground of 10 K, a bright line of sight in the
-# Galactic plane. Each order gains a factor of five to ten.
+# No polynomial *is* a power law. Over this band the best of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, which
+# sounds excellent until one remembers how faint HI is: HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, a bright line
+# of sight in the Galactic plane. The figure shows the worst error over the band for such a foreground. Each order gains a factor between
+# {glue:text}`polynomial_gain_least` and {glue:text}`polynomial_gain_most`.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against the order of the polynomial; the dotted line is the standard deviation of HI plus noise."}}
 orders = np.arange(1, 11)
@@ -153,28 +145,37 @@ curves.append(
 labels = {"xlabel": "order", "ylabel": "largest error [mK]", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=selected)
 
+# %% tags=["hide-input"]
+gains = errors[:-1] / errors[1:]
+quote(
+    polynomial_parts=(1e5 * errors[orders == 6, indices.index(-2.7)].item() / 1e4, 0.1),
+    polynomial_contrast=(1e4 / signal, 10000),
+    polynomial_gain_least=(gains.min(), 0.1),
+    polynomial_gain_most=(gains.max(), 0.1),
+)
+
 # %% [markdown]
 # ## What is left
 #
 # One line of sight in the Galactic plane, one at high latitude, three beams. In the plane the fit leaves
 # a wave of its own even for the degraded beam, the error of the figure above. For the oscillating beam the ripple
-# drowns HI in the plane, and is as bright as HI at the low end of the band far from it: it has 25 periods in the band, and a polynomial
-# of order 6 at most six zeros.
+# drowns HI in the plane, and is about as bright as HI at the low end of the band far from it: it has 25 periods in the band, and a
+# polynomial of order 6 at most six zeros.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "What the polynomial leaves of two lines of sight, for the three beams, and the truth less its own polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
     for name in beams:
-        left = study.cleaned(beams[name], remover).maps[:, pixel]
-        true = study.observed(beams[name]).truth[:, [pixel]]
-        fit = smooth_baselines(true, freqs, order=order, n_sigma=no_clip)
-        shown = (true - fit.basis @ fit.first)[:, 0]
+        residual = study.cleaned(beams[name], remover).maps[:, pixel]
+        truth = study.observed(beams[name]).truth[:, [pixel]]
+        fit = smooth_baselines(truth, freqs, order=order, n_sigma=no_clip)
+        flattened = (truth - fit.basis @ fit.first)[:, 0]
         panels.append(
             {
                 "curves": [
-                    (freqs, left, {"color": styles.VERMILION, "label": "left by the fit"}),
-                    (freqs, shown, {"color": "black", "linestyle": "--", "label": "truth, flattened"}),
+                    (freqs, residual, {"color": styles.VERMILION, "label": "left by the fit"}),
+                    (freqs, flattened, {"color": "black", "linestyle": "--", "label": "truth, flattened"}),
                 ],
                 "title": f"{place}\n{name}",
                 "xlabel": styles.CHANNELS,
@@ -219,35 +220,52 @@ def coefficients(maps):
 
 curves, numbers = [], {}
 for name in beams:
-    seen = study.observed(beams[name])
-    taken, rest = coefficients(seen.maps - seen.truth)
-    signal, other = coefficients(seen.truth)
-    power = signal.sum() + other
-    left = np.sqrt((rest + np.cumsum(taken[::-1])[::-1] - taken) / power)
-    lost = np.sqrt(np.cumsum(signal) / power)
-    curves.append((scan + 1, left, styles.BEAM_STYLES[name] | {"label": f"foreground left, {name}"}))
-    both = np.hypot(left, lost)
-    numbers[f"{name}: error of order {order}"] = (both[min(order, top)], 0.02 * max(1, both[min(order, top)]))
-    numbers[f"{name}: lowest error"] = (both.min(), 0.02 * max(1, both.min()))
-    numbers[f"{name}: order of it"] = (int(both.argmin()), 1.0)
-curves.append((scan + 1, lost, {"color": "black", "linestyle": ":", "label": "signal lost (oscillating)"}))
+    observation = study.observed(beams[name])
+    foreground, beyond = coefficients(observation.maps - observation.truth)
+    signal, rest = coefficients(observation.truth)
+    power = signal.sum() + rest
+    foreground_left = np.sqrt((beyond + np.cumsum(foreground[::-1])[::-1] - foreground) / power)
+    signal_lost = np.sqrt(np.cumsum(signal) / power)
+    curves.append(
+        (scan + 1, foreground_left, styles.BEAM_STYLES[name] | {"label": f"foreground left, {name}"})
+    )
+    error = np.hypot(foreground_left, signal_lost)
+    at_order = error[min(order, top)]
+    numbers[f"{name}: error of order {order}"] = (at_order, 0.02 * max(1, at_order))
+    numbers[f"{name}: lowest error"] = (error.min(), 0.02 * max(1, error.min()))
+    numbers[f"{name}: order of it"] = (int(error.argmin()), 1.0)
+curves.append(
+    (scan + 1, signal_lost, {"color": "black", "linestyle": ":", "label": "signal lost (oscillating)"})
+)
 labels = {"xlabel": "order + 1", "ylabel": "rms error / rms truth", "xscale": "log", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
 
 # %%
 show(numbers)
 
+# %% tags=["hide-input"]
+quote(
+    polynomial_best_degraded=numbers["degraded: order of it"],
+    polynomial_best_evolving=numbers["evolving: order of it"],
+    polynomial_error_degraded=numbers[f"degraded: error of order {order}"],
+    polynomial_lowest_degraded=numbers["degraded: lowest error"],
+    polynomial_top_left=(foreground_left[-1], 0.03),
+    polynomial_top_lost=(signal_lost[-1], 0.02),
+)
+
 # %% [markdown]
-# With the degraded and the evolving beam the foreground falls below the lost signal at about order 7: there is a best order, just above
-# the paper's. With the oscillating beam the foreground stays above the *whole* signal up to the highest order shown, three fifths of the number of
-# channels and three zeros for each of the 25 periods of the ripple, where nearly all of the signal is lost as well.
+# With the degraded and the evolving beam there is a best order, {glue:text}`polynomial_best_degraded` for the one and {glue:text}`polynomial_best_evolving`
+# for the other, close to the paper's. Beyond it another order takes more of the signal than of the foreground. For the degraded beam the error is then {glue:text}`polynomial_lowest_degraded` of the
+# truth, where it is {glue:text}`polynomial_error_degraded` at the order of this notebook. With the oscillating beam there is none: at the highest order shown,
+# three fifths of the number of channels, the foreground is still {glue:text}`polynomial_top_left` times the whole signal, of which
+# {glue:text}`polynomial_top_lost` is lost as well.
 
 # %% [markdown]
 # ## What to take away
 #
-# - The cheapest method: one matrix product, no iteration, the same for one line of sight and for the whole sky.
+# - Cheap: a fit is one matrix product, no iteration, the same for one line of sight and for the whole sky.
 # - Order 6 removes seven spectral shapes from every line of sight, so it loses more signal at the smallest $k_\nu$ than PCA with
-#   three. And it still leaves foreground in the Galactic plane, which shows as an excess at $\ell < 10$ and at $k_\nu$ between 0.03 and 0.1 MHz$^{-1}$.
+#   three ({doc}`10_results`). And it still leaves foreground in the Galactic plane, which shows as an excess at $\ell < 10$ and at $k_\nu$ between 0.03 and 0.1 MHz$^{-1}$.
 # - It does not notice the evolving beam: along a line of sight the beam changes slowly, and slow is what a polynomial can follow.
 # - It fails with the oscillating beam by orders of magnitude, at all but the lowest $\ell$ and $k_\nu$: a ripple is
 #   not smooth, and nothing in one line of sight tells it from HI. That the same ripple is all over the sky is
