@@ -30,7 +30,6 @@ PENDING = {
     "notebooks/09_sdecgmca.py",
     "notebooks/10_results.py",
     "notebooks/11_ns_scan.py",
-    "notebooks/12_post_masking.py",
     "notebooks/13_dimmed_galaxy.py",
     "notebooks/14_diagnostics.py",
     "notebooks/15_claims.py",
@@ -55,6 +54,12 @@ DEFINED = {
         "15°": "where dimming ends, in the paper",
         "1.4 GHz": "frequency of the counts of sources",
         "0.01": "faintest source that is put on the sky, Jy",
+    },
+    "notebooks/12_post_masking.py": {
+        "15°": "what counts as in the plane, claim M1, and a cut",
+        "95 %": "a percentile that is drawn",
+        "20 MHz": "period of the ripple",
+        "180°": "half a turn",
     },
     "notebooks/17_paper_size.py": {
         "1 MHz": "channels of the paper",
