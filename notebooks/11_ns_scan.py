@@ -2,6 +2,9 @@
 # jupyter:
 #   himap:
 #     figures: ["3", "4"]
+#     reads:
+#     - book/results/claims_laptop.json
+#     - book/results/claims_paper_templates.json
 #     section: "4.3"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -46,12 +49,14 @@ import numpy as np
 
 from himap import removal
 from himap.checks import whole_number
+from himap.companion.stored import RESULTS, number_after
 from himap.errors import InputError
 from himap.figures import plotting, styles
-from himap.figures.numbers import show_table
+from himap.figures.numbers import quote, show_table
 from himap.instrument.beams import named
 from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper.claims.base import LOW_K, angular_error, bump, frequency_error
+from himap.paper.ledger import read_ledger
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.study import Study
 from himap.removal.base import REGISTRY, SeparationWarning
@@ -108,7 +113,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # which runs did not settle 
 study.prepare(removers)
 
 # %%
-found = {name: {n: study.compared(selected, remover(name, n)) for n in scanned} for name in methods}
+comparisons = {name: {n: study.compared(selected, remover(name, n)) for n in scanned} for name in methods}
 
 # %% [markdown]
 # ## One number for two spectra
@@ -135,16 +140,18 @@ found = {name: {n: study.compared(selected, remover(name, n)) for n in scanned} 
 LMAX = 200
 
 
-def errors(one, definition):
+def errors(comparison, definition):
     """The mean squared errors of C_l and of P(k) of one `Comparison`."""
-    low = one.degrees <= LMAX
-    angular = mean_squared_error(one.angular[low], one.true_angular[low], definition)
-    return angular, mean_squared_error(one.frequency, one.true_frequency, definition)
+    low = comparison.degrees <= LMAX
+    angular = mean_squared_error(comparison.angular[low], comparison.true_angular[low], definition)
+    return angular, mean_squared_error(comparison.frequency, comparison.true_frequency, definition)
 
 
 def totals(name, definition):
     """Total error for every n_s of the scan."""
-    return np.array([one.total_error(definition, lmax=LMAX) for one in found[name].values()])
+    return np.array(
+        [comparison.total_error(definition, lmax=LMAX) for comparison in comparisons[name].values()]
+    )
 
 
 def best(values):
@@ -171,7 +178,7 @@ def scan_panel(definition):
 
 
 whole = scan_panel(definition) | {"ylabel": f"total MSE, {definition}", "legend": {"loc": "upper right"}}
-parts = np.array([errors(one, definition) for one in found[method].values()]).T
+parts = np.array([errors(comparison, definition) for comparison in comparisons[method].values()]).T
 for values, of, line in zip(parts, (r"$C_\ell$", r"$P(k_\nu)$"), ((0, (5, 1.5)), ":"), strict=True):
     look = {"color": looks[method]["color"], "linestyle": line, "linewidth": 1.1}
     whole["curves"].append((scanned, values, look | {"label": f"{looks[method]['label']}, {of} alone"}))
@@ -186,12 +193,28 @@ detail = whole | {"curves": bare(whole["curves"]), "points": bare(whole["points"
 detail["ylim"] = (0.7 * parts.min(), whole["ylim"][1])
 whole = whole | {"ylim": None, "title": "all of it"}
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, for the oscillating beam (the paper's Fig. 3), and where it is least. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
+# %% mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition)
+
+# %% tags=["hide-input"]
+of_method, of_beside = totals(method, definition), totals(methods[-1], definition)
+least, at = of_method.min(), dict(zip(scanned, of_method, strict=True))
+many = [error for n, error in at.items() if n >= 10] or [np.nan]
+five = at.get(5, np.nan)
+quote(
+    scan_best=best(of_method),
+    scan_best_beside=best(of_beside),
+    scan_cliff=(at.get(2, np.nan) / least, 7e6),
+    scan_five=(five / least, 0.2),
+    scan_ten=(min(many) / least, 0.5),
+    scan_ten_over_five=(min(many) / five, 0.2),
+    scan_beside_over_best=(of_beside.min() / least, 0.3),
+    scan_r_best=(study.assessed(selected, remover(method, best(of_method))).correlation.mean(), 0.005),
+)
 
 # %% [markdown]
 # Both curves have the shape of the paper's figure: a cliff where foreground is left, a slope where HI is lost, and a sharp minimum between. But SDecGMCA has its
-# minimum at 3, where the paper has 5. It is PCA, which does not know the beam, that needs more: 6. The two other definitions
+# minimum at {glue:text}`scan_best`, where the paper has 5. It is PCA, which does not know the beam, that needs more: {glue:text}`scan_best_beside`. The two other definitions
 # find the same:
 
 # %% mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE by the two definitions that the figure above does not use, near the least; curves are cut off at the top."}}
@@ -206,9 +229,9 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected)
 #
 # ## The spectra behind it
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after SDecGMCA with several numbers of sources, for the oscillating beam, and their ratios to the truth (the paper's Fig. 4). The grey band is 10 %; two sources lie above the lower panels."}}
+# %% mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). The grey band is 10 %; two sources lie above the lower panels."}}
 lines = styles.sequence([f"$n_s$ = {n}" for n in drawn])
-curves = [(look, found[method][n]) for look, n in zip(lines, drawn, strict=True)]
+curves = [(look, comparisons[method][n]) for look, n in zip(lines, drawn, strict=True)]
 study.both_figure(selected, curves, ratio_limits=(0, 1.4), method=method)
 
 # %% [markdown]
@@ -222,18 +245,20 @@ study.both_figure(selected, curves, ratio_limits=(0, 1.4), method=method)
 
 # %%
 measures = {
-    f"total, {name}": lambda one, name=name: one.total_error(name, lmax=LMAX) for name in MSE_DEFINITIONS
+    f"total, {name}": lambda comparison, name=name: comparison.total_error(name, lmax=LMAX)
+    for name in MSE_DEFINITIONS
 }
 measures["low k"] = frequency_error(0, LOW_K)
 if np.pi / study.survey.channel_width > BUMP[1]:
-    measures["bump"] = lambda one: abs(bump(one) - 1)
-measures[f"10 < l < {min(100, study.l_top)}"] = angular_error(10, 100)
+    measures["bump"] = lambda comparison: abs(bump(comparison) - 1)
+intermediate = f"10 < l < {min(100, study.l_top)}"
+measures[intermediate] = angular_error(10, 100)
 
 rows = {}
 for scale, measure in measures.items():
     rows[scale] = {}
     for name in methods:
-        values = np.array([measure(one) for one in found[name].values()])
+        values = np.array([measure(comparison) for comparison in comparisons[name].values()])
         label = looks[name]["label"]
         rival = np.sort(values)[1] if len(values) > 1 else np.inf
         sharp = rival - values.min() > 0.001  # else another machine may find its neighbour
@@ -244,9 +269,18 @@ for scale, measure in measures.items():
                 rows[scale][f"{label}: {column}"] = (value, max(0.05 * value, 0.002))
 show_table(rows)
 
+# %% tags=["hide-input"]
+label = looks[method]["label"]
+of_bump = [measures["bump"](comparisons[method][n]) for n in scanned if "bump" in measures and 3 <= n <= 8]
+quote(
+    scan_best_low=rows["low k"][f"{label}: best n_s"],
+    scan_best_intermediate=rows[intermediate][f"{label}: best n_s"],
+    scan_bump=(100 * max(of_bump, default=np.nan), 0.2, "%"),
+)
+
 # %% [markdown]
-# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 for intermediate $\ell$. Here it is 3 for both ends, and for the bump there is nothing to choose: its error is below 1 % from 3 to 8
-# sources, because SDecGMCA leaves no bump, and what changes is how much signal is lost there. A best number written with ± 1 is
+# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 for intermediate $\ell$. Here it is {glue:text}`scan_best_low` at low $k_\nu$ and {glue:text}`scan_best_intermediate` for intermediate $\ell$. For the bump
+# there is nothing to choose: its error is at most {glue:text}`scan_bump` from 3 to 8 sources, because SDecGMCA leaves no bump, and what changes is how much signal is lost there. A best number written with ± 1 is
 # one that a neighbour nearly shares.
 #
 # ## What too few leave and too many take
@@ -265,9 +299,9 @@ def part(name, sign):
     return [
         sum(
             np.mean(np.maximum(sign * (values - 1), 0) ** 2)
-            for values in (one.angular_ratio[one.degrees <= LMAX], one.frequency_ratio)
+            for values in (comparison.angular_ratio[comparison.degrees <= LMAX], comparison.frequency_ratio)
         )
-        for one in found[name].values()
+        for comparison in comparisons[name].values()
     ]
 
 
@@ -280,8 +314,9 @@ split, power = [], []
 for name in methods:
     label, color, marker = looks[name]["label"], looks[name]["color"], "o" if name == methods[0] else "x"
     excess, loss = np.array(part(name, 1)), np.array(part(name, -1))
-    frequency = [one.frequency_ratio.mean() for one in found[name].values()]
-    angular = [one.angular_ratio[one.degrees <= LMAX].mean() for one in found[name].values()]
+    compared = comparisons[name].values()
+    frequency = [comparison.frequency_ratio.mean() for comparison in compared]
+    angular = [comparison.angular_ratio[comparison.degrees <= LMAX].mean() for comparison in compared]
     for curves, values, what, condition, line in (
         (split, excess, "excess", excess > 0, "-"),
         (split, loss, "loss", loss > 0, "--"),
@@ -305,8 +340,9 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected)
 rows = {}
 for n, excess, loss in zip(scanned, part(method, 1), part(method, -1), strict=True):
     if n in drawn:
-        one = found[method][n]
-        frequency, angular = one.frequency_ratio.mean(), one.angular_ratio[one.degrees <= LMAX].mean()
+        comparison = comparisons[method][n]
+        frequency = comparison.frequency_ratio.mean()
+        angular = comparison.angular_ratio[comparison.degrees <= LMAX].mean()
         rows[f"n_s = {n}"] = {
             "excess part": (excess, max(0.05 * excess, 0.001)),
             "loss part": (loss, max(0.05 * loss, 0.001)),
@@ -321,33 +357,46 @@ show_table(rows)
 
 # %%
 unsettled = [
-    f"{styles.method_style(one)['label']}, {one.n_sources}"
-    for one in removers[selected]
-    if not study.assessed(selected, one).converged
+    f"{styles.method_style(tried)['label']}, {tried.n_sources}"
+    for tried in removers[selected]
+    if not study.assessed(selected, tried).converged
 ]
 print("; ".join(unsettled) or "none")
 
+# %% tags=["hide-input"]
+laptop, paper = (
+    {entry.claim["id"]: entry for entry in read_ledger(RESULTS / f"claims_{size}.json")[0]}
+    for size in ("laptop", "paper_templates")
+)
+of_five = [number_after("at n_s = 5", size["N1"]) for size in (laptop, paper)]
+of_least = [number_after("The least total MSE,", size["N1"]) for size in (laptop, paper)]
+quote(
+    scan_best_laptop=int(number_after("is at n_s =", laptop["N1"])),
+    scan_five_laptop=(of_five[0] / of_least[0], 0.2),
+    scan_five_paper=(of_five[1] / of_least[1], 0.2),
+)
+
 # %% [markdown]
-# ## Why 3 and not 5
+# ## Why not 5
 #
-# - **It is not the definition** of the error, as the figures show, **nor the Galaxy**: with the real templates (`galaxy=templates`, same preset) the
-#   minimum is at 3 by all three definitions, and the error there is 0.005 instead of 0.009. At 5 it is 0.022, four times as much. PCA has its minimum at 6 there too.
+# - **It is not the definition** of the error, as the figures show, **nor the Galaxy**: with the real templates the minimum is at {glue:text}`scan_best_laptop` at `laptop` and at
+#   {glue:text}`17_paper_size.ipynb::paper_size_sd_best:s` at the paper's size, and at 5 the relative error is {glue:text}`scan_five_laptop` and {glue:text}`scan_five_paper` times as much ({doc}`15_claims`,
+#   {doc}`17_paper_size`). In the figure above it is {glue:text}`scan_five` times.
 # - **The sky needs three**: that many spectra hold its foregrounds to below HI, and SDecGMCA has the beam in its model, so that the beam adds none.
-#   PCA must describe what the beam does with spectra of its own, and pays for the cliff at 6 with the loss of 6.
-# - **Nor is it the iteration.** With the published one (`iteration=published`, 2 to 7 sources tried, synthetic Galaxy) the minimum is at 3 by the relative and the absolute error, 0.006 and 0.035,
-#   and at 4 by the logarithmic one; at 5 the relative error is three times that at 3. It does leave a bump of 18 % at 3 sources, which is below 1 % from 4 on.
-#   (One run each, of an iteration that is sensitive to small changes: {doc}`09_sdecgmca`.)
-# - **The number of channels matters for the slope.** The paper has 500 channels, so that a source costs a quarter as much of a signal without correlation as it does with 125.
-#   A flatter slope makes a minimum less sharp and more sources cheaper; whether that is enough to move it we have not measured here.
+#   PCA must describe what the beam does with spectra of its own, and pays for the cliff at {glue:text}`scan_best_beside` with the loss of {glue:text}`scan_best_beside`.
+# - **Nor is it the number of channels.** The paper has 500, so that a source costs a quarter as much of a signal without correlation as it does with 125, and more sources are cheaper.
+#   The run at the paper's size has these channels, and its minimum all the same.
+# - **The iteration** can be changed (`iteration=published`). It is sensitive to small changes, so that one run of it says little: {doc}`09_sdecgmca`.
 #
 # What the paper says of the method holds: it needs a choice, the cliff is far worse than the slope, and the truth is needed to find the
 # minimum. A user without it does well to err on the side of one source too many.
 #
 # ## What to take away
 #
-# - Total MSE of SDecGMCA is least at 3 sources, not at 5 as in the paper, by all three definitions, and for each range of scales where there is something to choose.
-#   At 2 it is tens of millions of times larger, from 10 on at least 7 times (3 times the error at 5), as the paper says; but at 3 it is smaller than at 5.
-# - PCA needs 6. That is what not knowing the beam costs: its relative error there is three times that of SDecGMCA with 3.
+# - Total MSE of SDecGMCA is least at {glue:text}`scan_best` sources, not at 5 as in the paper, by all three definitions, and for each range of scales where there is something to choose.
+#   At 2 it is {glue:text}`scan_cliff` times larger, from 10 on at least {glue:text}`scan_ten` times ({glue:text}`scan_ten_over_five` times the error at 5), as the paper says; but at
+#   {glue:text}`scan_best` it is smaller than at 5.
+# - PCA needs {glue:text}`scan_best_beside`. That is what not knowing the beam costs: its relative error there is {glue:text}`scan_beside_over_best` times that of SDecGMCA with {glue:text}`scan_best`.
 # - Beyond the cliff the loss is a matter of counting: one part in the number of channels for each source, more at low $k_\nu$ and low $\ell$.
 #
 # Three commands worth trying:

@@ -2,6 +2,8 @@
 # jupyter:
 #   himap:
 #     figures: ["7"]
+#     reads:
+#     - book/results/claims_paper_templates.json
 #     section: "5.2"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -50,13 +52,15 @@ import warnings
 
 import numpy as np
 
+from himap.companion.stored import RESULTS, number_after
 from himap.figures import plotting, styles
-from himap.figures.numbers import show_table
+from himap.figures.numbers import quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
 from himap.measures.power_spectra import frequency_power
 from himap.paper import pipeline
+from himap.paper.ledger import read_ledger
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal import peaks
@@ -122,17 +126,18 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 
-# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, for the oscillating beam, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; curves above 2 are cut off. The curves of PCA and FastICA coincide."}}
-curves = [(styles.method_style(one), dimmed.compared(selected, one)) for one in removers]
+# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; curves above 2 are cut off. The curves of PCA and FastICA coincide."}}
+curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources}
 dimmed.both_figure(selected, curves, **look)
 
-# %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA and the oscillating beam, on logarithmic axes."}}
+# %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes."}}
 panels = []
-for one in (removers[0], removers[2], removers[3]):
+for remover in (removers[0], removers[2], removers[3]):
+    method = styles.method_style(remover)
     pairs = {
-        "full": (full.compared(selected, one), {"color": "black", "linestyle": ":"}),
-        "dimmed": (dimmed.compared(selected, one), {"color": styles.method_style(one)["color"]}),
+        "full": (full.compared(selected, remover), {"color": "black", "linestyle": ":"}),
+        "dimmed": (dimmed.compared(selected, remover), {"color": method["color"]}),
     }
     axes = {
         "frequency": (styles.AXES["frequency"]["xlabel"], r"$P / P_0$"),
@@ -143,13 +148,13 @@ for one in (removers[0], removers[2], removers[3]):
             {
                 "curves": [
                     (
-                        found.k if kind == "frequency" else found.degrees,
-                        found.frequency_ratio if kind == "frequency" else found.angular_ratio,
+                        comparison.k if kind == "frequency" else comparison.degrees,
+                        comparison.frequency_ratio if kind == "frequency" else comparison.angular_ratio,
                         style | {"label": name},
                     )
-                    for name, (found, style) in pairs.items()
+                    for name, (comparison, style) in pairs.items()
                 ],
-                "title": styles.method_style(one)["label"],
+                "title": method["label"],
                 "xlabel": xlabel,
                 "ylabel": ylabel,
                 "xscale": "log",
@@ -165,20 +170,43 @@ dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 
 # %%
 table = {}
-for one in removers:
+for remover in removers:
     row = {}
     for name, study in (("full", full), ("dimmed", dimmed)):
-        found = study.compared(selected, one)
-        total = found.total_error()
-        peak = band_max(found.k, found.frequency_ratio, 0.25, 0.38)
-        share = np.mean(np.abs(found.angular_ratio[found.degrees <= 200] - 1) < 0.1)
+        comparison = study.compared(selected, remover)
+        total = comparison.total_error()
+        peak = band_max(comparison.k, comparison.frequency_ratio, 0.25, 0.38)
+        share = np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < 0.1)
         row[f"error, {name}"] = (total, 0.02 * max(0.1, total))
         row[f"peak, {name}"] = (peak, 0.02 * max(1, peak))
         row[f"within 10 %, {name} [%]"] = (100 * share, 1)
-    table[styles.method_style(one)["label"]] = dict(
+    table[styles.method_style(remover)["label"]] = dict(
         sorted(row.items(), key=lambda item: item[0].partition(",")[0])
     )
 show_table(table)
+
+# %% tags=["hide-input"]
+spectra = {label: {what: value for what, (value, _) in row.items()} for label, row in table.items()}
+gains = {label: row["error, full"] / row["error, dimmed"] for label, row in spectra.items()}
+pca, gmca, sd = (spectra[label] for label in ("PCA", "GMCA", "SDecGMCA"))
+quote(
+    dimmed_gain_pca=(gains["PCA"], 5),
+    dimmed_gain_gmca=(gains["GMCA"], 1),
+    dimmed_gain_fits=(min(gains["polynomial"], gains["parametric"]), 200),
+    dimmed_error_pca=table["PCA"]["error, dimmed"],
+    dimmed_error_sd=table["SDecGMCA"]["error, dimmed"],
+    dimmed_error_sd_full=table["SDecGMCA"]["error, full"],
+    dimmed_peak_pca=(pca["peak, dimmed"], 0.03),
+    dimmed_peak_pca_full=(pca["peak, full"], 0.1),
+    dimmed_peak_sd=(sd["peak, dimmed"], 0.02),
+    dimmed_peak_sd_full=(sd["peak, full"], 0.02),
+    dimmed_within_pca=(pca["within 10 %, dimmed [%]"], 1, "%"),
+    dimmed_within_pca_full=(pca["within 10 %, full [%]"], 1, "%"),
+    dimmed_within_gmca=(gmca["within 10 %, dimmed [%]"], 1, "%"),
+    dimmed_within_gmca_full=(gmca["within 10 %, full [%]"], 1, "%"),
+    dimmed_within_sd=(sd["within 10 %, dimmed [%]"], 1, "%"),
+    dimmed_within_sd_full=(sd["within 10 %, full [%]"], 1, "%"),
+)
 
 # %% [markdown]
 # ## Why it helps some and not others
@@ -195,33 +223,46 @@ def centred(cube):
 
 def errors_of(study, remover):
     """rms of the foreground that `remover` leaves and of the HI that it takes, mK."""
-    seen, result = study.observed(selected), study.cleaned(selected, remover)
-    spotted = seen.maps - study.peak_masked(selected).maps
-    maps = centred(seen.truth - spotted)
+    observation, residual = study.observed(selected), study.cleaned(selected, remover)
+    peaks_taken = observation.maps - study.peak_masked(selected).maps
+    maps = centred(observation.truth - peaks_taken)
     if remover.needs_beams:
-        relative = seen.beams / seen.beams.max(axis=0)
-        lost = through_beams(maps, result.mixing, relative, analysed(maps))
+        relative = observation.beams / observation.beams.max(axis=0)
+        hi_lost = through_beams(maps, residual.mixing, relative, analysed(maps))
     else:
-        basis = np.linalg.qr(result.mixing)[0].astype(np.float32)
-        lost = basis @ (basis.T @ maps)
-    return (centred(result.maps - seen.truth) + lost).std(), lost.std()
+        basis = np.linalg.qr(residual.mixing)[0].astype(np.float32)
+        hi_lost = basis @ (basis.T @ maps)
+    return (centred(residual.maps - observation.truth) + hi_lost).std(), hi_lost.std()
 
 
 table = {}
-for one in removers:
-    if hasattr(one, "n_sources"):
-        errors = {name: errors_of(study, one) for name, study in (("full", full), ("dimmed", dimmed))}
-        table[styles.method_style(one)["label"]] = {
-            f"{what}, {name} [mK]": (found[n], 0.0005)
+for remover in removers:
+    if hasattr(remover, "n_sources"):
+        errors = {name: errors_of(study, remover) for name, study in (("full", full), ("dimmed", dimmed))}
+        table[styles.method_style(remover)["label"]] = {
+            f"{what}, {name} [mK]": (rms[n], 0.0005)
             for n, what in enumerate(("foreground left", "HI lost"))
-            for name, found in errors.items()
+            for name, rms in errors.items()
         }
 show_table(table)
 
+# %% tags=["hide-input"]
+rms = {label: {what: value for what, (value, _) in row.items()} for label, row in table.items()}
+less = {
+    label: row["foreground left, full [mK]"] / row["foreground left, dimmed [mK]"]
+    for label, row in rms.items()
+}
+sd = rms["SDecGMCA"]
+quote(
+    dimmed_less_pca=(less["PCA"], 0.1),
+    dimmed_less_gmca=(less["GMCA"], 0.1),
+    dimmed_lost_over_left=(sd["HI lost, full [mK]"] / sd["foreground left, full [mK]"], 0.5),
+)
+
 # %% [markdown]
-# PCA, FastICA and GMCA leave two to three times less foreground. SDecGMCA had left four times less than HI it took, and it is that HI which makes its
-# error: it is lost to sources that five are too many of ({doc}`09_sdecgmca`), and that does not depend on the Galaxy. So there is next to nothing that
-# dimming could improve.
+# PCA and FastICA leave {glue:text}`dimmed_less_pca` times less foreground, GMCA {glue:text}`dimmed_less_gmca` times. SDecGMCA took {glue:text}`dimmed_lost_over_left` times as much HI as it had left
+# foreground, and it is that HI which makes its error: it is lost to the sources that the sky does not need ({doc}`09_sdecgmca`), and that does not depend on the Galaxy. So
+# there is next to nothing that dimming could improve.
 #
 # ## How strong, how wide
 #
@@ -229,22 +270,22 @@ show_table(table)
 # the parameters on the left and with their weight in the plane on the right.
 
 
-# %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber, for the oscillating beam. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
-seen = full.observed(selected)
+# %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
+observation = full.observed(selected)
 nside = full.survey.nside
 
 
 def ratio_of(dimming):
     """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way; no map is kept."""
     bright = pipeline.foreground_modes_of_sky(full.survey.sky, full.case(selected).galaxy, dimming)
-    channels = zip(bright.spectra, seen.beams, strict=True)
+    channels = zip(bright.spectra, observation.beams, strict=True)
     alms = (sphere.multiply_beam(row @ bright.alms, beam) for row, beam in channels)
-    maps = sphere.synthesise_cube(alms, nside, n_channels=len(seen.freqs), label="dimmed foregrounds")
-    maps += seen.truth
-    flat = peaks.mask_peaks(maps, seen.freqs).maps
-    left = PCA(n_sources=n_sources).clean(maps, freqs=seen.freqs, separate_on=flat).residual
+    maps = sphere.synthesise_cube(alms, nside, n_channels=len(observation.freqs), label="dimmed foregrounds")
+    maps += observation.truth
+    flat = peaks.mask_peaks(maps, observation.freqs).maps
+    residual = PCA(n_sources=n_sources).clean(maps, freqs=observation.freqs, separate_on=flat).residual
     true = full.truth(selected).frequency.power
-    return (frequency_power(left, seen.channel_width).power / true)[1:]
+    return (frequency_power(residual, observation.channel_width).power / true)[1:]
 
 
 k = full.truth(selected).frequency.k[1:]
@@ -284,19 +325,32 @@ full.stamped(plotting.lines(panels), beam=selected, method="pca", n_sources=n_so
 # %%
 show_table(table)
 
+# %% tags=["hide-input"]
+entries, _ = read_ledger(RESULTS / "claims_paper_templates.json")
+stored = {entry.claim["id"]: entry for entry in entries}
+quote(
+    dimmed_peak_faintest=(table["weight 0.01"]["highest P/P0 near k = 0.31"][0], 0.03),
+    dimmed_peak_widest=(table["edge 30°"]["highest P/P0 near k = 0.31"][0], 0.03),
+    dimmed_paper_gain_pca=(1 / number_after("PCA", stored["G1"]), 10),
+    dimmed_paper_peak_pca=(number_after("PCA", stored["G2"]), 0.1),
+)
+
 # %% [markdown]
-# Down to a tenth in the plane most is gained, and a wider edge than 15° adds little. Even at a hundredth the peak of PCA does not quite go away: what is left of
-# it comes from the sky beside the plane.
+# Down to a tenth in the plane most is gained, and a wider edge than 15° adds little: at 30° the peak of PCA is still {glue:text}`dimmed_peak_widest` times the truth. Even at a hundredth in the
+# plane it does not quite go away, {glue:text}`dimmed_peak_faintest`: what is left of it comes from the sky beside the plane.
 #
 # ## What to take away
 #
-# - **Every method but SDecGMCA improves**, by a lot: the total error of PCA and FastICA by a factor of 60, of GMCA by 17, of the fits by thousands; but the fits were so far off that they
-#   still fail. In the paper PCA, FastICA and SDecGMCA gain most. Here SDecGMCA, which had no foreground to lose, stays where it was, to 3 %.
-# - **The peak** near $k_\nu = 0.31$ stays for PCA and FastICA, as in the paper, at 1.38 instead of 6.2. SDecGMCA is below 2 %, as in the paper, but with the full Galaxy too.
-# - **The range of multipoles** within 10 % grows from 31 to 94 % for PCA and FastICA, from 36 to 96 % for GMCA, and does not for SDecGMCA (87 % in both): it loses HI at low
-#   $\ell$. In the total error PCA on the dimmed sky comes level with SDecGMCA.
-# - With the real Galaxy (`galaxy=templates`): PCA improves by a factor of 200 and its peak falls from 11.6 to 1.5; SDecGMCA improves by 10 %, with the same 88 % of
-#   multipoles before and after. At `laptop` it gets worse by 6 to 19 % ({doc}`15_claims`).
+# - **Every method but SDecGMCA improves**, by a lot: the total error of PCA and FastICA by a factor of {glue:text}`dimmed_gain_pca`, of GMCA by {glue:text}`dimmed_gain_gmca`, of the fits by
+#   {glue:text}`dimmed_gain_fits` or more; but the fits were so far off that they still fail. In the paper PCA, FastICA and SDecGMCA gain most. Here SDecGMCA, which had
+#   no foreground to lose, stays where it was: {glue:text}`dimmed_error_sd` instead of {glue:text}`dimmed_error_sd_full`.
+# - **The peak** near $k_\nu = 0.31$ stays for PCA and FastICA, as in the paper, at {glue:text}`dimmed_peak_pca` instead of {glue:text}`dimmed_peak_pca_full`. SDecGMCA has none, as in the paper, with
+#   {glue:text}`dimmed_peak_sd`, but with the full Galaxy neither ({glue:text}`dimmed_peak_sd_full`).
+# - **The range of multipoles** within 10 % grows from {glue:text}`dimmed_within_pca_full` to {glue:text}`dimmed_within_pca` for PCA and FastICA, from {glue:text}`dimmed_within_gmca_full` to
+#   {glue:text}`dimmed_within_gmca` for GMCA, and hardly for SDecGMCA ({glue:text}`dimmed_within_sd_full` and {glue:text}`dimmed_within_sd`): it loses HI at low $\ell$. In the total error PCA on
+#   the dimmed sky, with {glue:text}`dimmed_error_pca`, comes level with SDecGMCA.
+# - **At the paper's size, with the real Galaxy**, PCA improves by a factor of {glue:text}`dimmed_paper_gain_pca`, and its peak is left at {glue:text}`dimmed_paper_peak_pca`. The total error of SDecGMCA
+#   changes by {glue:text}`17_paper_size.ipynb::paper_size_sd_dimmed:s`, at `laptop` by {glue:text}`17_paper_size.ipynb::paper_size_sd_dimmed_laptop:s` ({doc}`15_claims`).
 #
 # Three commands worth trying:
 #

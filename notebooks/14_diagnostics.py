@@ -2,6 +2,8 @@
 # jupyter:
 #   himap:
 #     figures: ["A.1", "A.2"]
+#     reads:
+#     - book/results/claims_paper_templates.json
 #     section: "A"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -20,7 +22,7 @@
 # Power spectra averaged over channels, as in {doc}`10_results`, can be right for the wrong reason: power that was lost may be replaced by power that
 # does not belong there, and a channel that is too bright hides one that is too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics that see one of these
 # each: how well the *maps* agree, channel by channel, and how much the error of $C_\ell$ *scatters* from channel to channel. Here they are for all
-# six methods on the oscillating beam.
+# six methods on one beam, at the defaults the oscillating one.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -38,10 +40,12 @@ import warnings
 
 import numpy as np
 
+from himap.companion.stored import RESULTS, number_after
 from himap.figures import plotting, styles
-from himap.figures.numbers import show_table
+from himap.figures.numbers import quote, show_table
 from himap.instrument.beams import named
 from himap.measures.diagnostics import error_variance
+from himap.paper.ledger import read_ledger
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
@@ -64,10 +68,10 @@ warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is i
 study.prepare(removers)
 
 # %%
-labels = {one.name: styles.method_style(one)["label"] for one in removers[selected]}
-looks = {one.name: styles.method_style(one) for one in removers[selected]}
-found = {one.name: study.assessed(selected, one) for one in removers[selected]}
-component = [one for one in removers[selected] if hasattr(one, "n_sources")]
+labels = {remover.name: styles.method_style(remover)["label"] for remover in removers[selected]}
+looks = {remover.name: styles.method_style(remover) for remover in removers[selected]}
+assessments = {remover.name: study.assessed(selected, remover) for remover in removers[selected]}
+component = [remover for remover in removers[selected] if hasattr(remover, "n_sources")]
 freqs = study.survey.freqs
 
 # %% [markdown]
@@ -87,9 +91,9 @@ freqs = study.survey.freqs
 # and a lost share $q$ of the signal's variance (both in units of that variance, the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$: it falls by about
 # $(q + f) / 2$.
 
-# %% mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods on the oscillating beam (the paper's Fig. A.1). Left: all. Right: the component methods. PCA and FastICA remove the same foreground, so their curves coincide."}}
-curves = [(freqs, one.correlation, looks[name]) for name, one in found.items()]
-near = [(freqs, found[one.name].correlation, looks[one.name]) for one in component]
+# %% mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. PCA and FastICA remove the same foreground, so their curves coincide."}}
+curves = [(freqs, assessed.correlation, looks[name]) for name, assessed in assessments.items()]
+near = [(freqs, assessments[remover.name].correlation, looks[remover.name]) for remover in component]
 low = min(values.min() for _, values, _ in near)
 common = {"xlabel": styles.CHANNELS, "ylabel": "Pearson $r$", "xlim": (freqs[0], freqs[-1])}
 panels = [
@@ -110,10 +114,21 @@ panels = [
 ]
 study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources)
 
+# %% tags=["hide-input"]
+correlations = {name: assessed.correlation for name, assessed in assessments.items()}
+quote(
+    diagnostics_r_sd_median=(np.median(correlations["sdecgmca"]), 0.005),
+    diagnostics_r_pca_lowest=(correlations["pca"].min(), 0.02),
+    diagnostics_r_gmca_lowest=(correlations["gmca"].min(), 0.02),
+    diagnostics_r_polynomial_median=(np.median(correlations["polynomial"]), 0.01),
+    diagnostics_r_parametric_highest=(correlations["parametric"].max(), 0.01),
+)
+
 # %% [markdown]
-# SDecGMCA is near 0.98 over most of the band. The other component methods swing between that and 0.25 every 20 MHz in the lower half of the band: the
-# ripple. The polynomial comes above 0.4 in a few channels only, the parametric fit nowhere above 0.1. Both ends of the band are
-# bad for all.
+# SDecGMCA is at {glue:text}`diagnostics_r_sd_median` in the median channel. The other component methods swing between nearly that and much less, PCA down to
+# {glue:text}`diagnostics_r_pca_lowest` and GMCA to {glue:text}`diagnostics_r_gmca_lowest`, every 20 MHz in the lower half of the band: the ripple. The polynomial has
+# {glue:text}`diagnostics_r_polynomial_median` in the median channel and more in a few only, the parametric fit nowhere above {glue:text}`diagnostics_r_parametric_highest`. Both ends of the
+# band are bad for all.
 #
 # ### Which channels are worst, and why
 #
@@ -126,9 +141,9 @@ study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_
 # blurred by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
 
 # %%
-seen, true = study.observed(selected), study.truth(selected).angular
-truth = seen.truth - seen.truth.mean(axis=1, keepdims=True)
-relative = seen.beams / seen.beams.max(axis=0)
+observation, true = study.observed(selected), study.truth(selected).angular
+truth = observation.truth - observation.truth.mean(axis=1, keepdims=True)
+relative = observation.beams / observation.beams.max(axis=0)
 blurred = np.arange(2, min(relative.shape[1], true.cl.shape[1]))
 
 
@@ -151,14 +166,14 @@ def share_taken(remover):
     return np.average(np.sum(spaces**2, axis=2).T, axis=1, weights=weights)
 
 
-taken = {one.name: share_taken(one) for one in component}
-lost, left = {}, {}
-for one in component:
-    lost[one.name], left[one.name] = lost_and_left(one)
+taken = {remover.name: share_taken(remover) for remover in component}
+signal_lost, foreground = {}, {}
+for remover in component:
+    signal_lost[remover.name], foreground[remover.name] = lost_and_left(remover)
 
 # %% mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. PCA and FastICA coincide everywhere, and GMCA with them in the middle."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
-top = 1.05 * max(values.max() for values in lost.values())
+top = 1.05 * max(values.max() for values in signal_lost.values())
 panels = [
     shared
     | {
@@ -169,7 +184,7 @@ panels = [
     | limits
     for quantity, title, ylabel, limits in (
         (
-            lost,
+            signal_lost,
             r"signal lost, $q_\nu$",
             "share of the variance",
             {"ylim": (0, top), "legend": {"loc": "upper center"}},
@@ -181,10 +196,10 @@ panels = [
             {"ylim": (0, top), "legend": {"loc": "upper center"}},
         ),
         (
-            {name: np.maximum(values, 1e-9) for name, values in left.items()},
+            {name: np.maximum(values, 1e-9) for name, values in foreground.items()},
             r"foreground left, $f_\nu$",
             "variance over that of the truth",
-            {"yscale": "log", "ylim": (1e-3, 3 * max(values.max() for values in left.values()))},
+            {"yscale": "log", "ylim": (1e-3, 3 * max(values.max() for values in foreground.values()))},
         ),
     )
 ]
@@ -192,23 +207,42 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.9, 3.5)), beam=selected,
 
 # %%
 rows = {}
-for one in component:
-    r, q, f = found[one.name].correlation, lost[one.name], left[one.name]
-    rows[labels[one.name]] = {
+for remover in component:
+    name = remover.name
+    r, q, f = correlations[name], signal_lost[name], foreground[name]
+    rows[labels[name]] = {
         "lowest r": (r.min(), 0.02),
         "at": (freqs[r.argmin()], study.survey.channel_width, "MHz"),
         "mean q": (q.mean(), 0.003),
-        "correlation of q and h": (np.corrcoef(q, taken[one.name])[0, 1], 0.05),
+        "correlation of q and h": (np.corrcoef(q, taken[name])[0, 1], 0.05),
         "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
     }
 show_table(rows)
 
+# %% tags=["hide-input"]
+LOW_END = freqs < 1000
+q = signal_lost["sdecgmca"]
+quote(
+    diagnostics_f_pca=(foreground["pca"].max(), 0.3),
+    diagnostics_f_gmca=(foreground["gmca"].max(), 0.5),
+    diagnostics_f_pca_low_end=(foreground["pca"][LOW_END].mean(), 0.1),
+    diagnostics_f_pca_above=(foreground["pca"][~LOW_END].mean(), 0.01),
+    diagnostics_q_sd=(100 * np.median(q), 0.3, "%"),
+    diagnostics_q_least=(100 * n_sources / len(freqs), 0.1, "%"),
+    diagnostics_q_sd_most=(100 * q.max(), 3, "%"),
+    diagnostics_q_sd_at=(freqs[q.argmax()], study.survey.channel_width, "MHz"),
+    diagnostics_q_and_h=rows["SDecGMCA"]["correlation of q and h"],
+)
+
 # %% [markdown]
-# The methods fail for opposite reasons. **PCA, FastICA and GMCA leave foreground**, up to 7 times the variance of the signal (GMCA 12 times): most below 1000 MHz, where the Galaxy
-# is brightest and the beam widest, in step with the ripple, and some between 1230 and 1340 MHz and at the upper end.
-# **SDecGMCA leaves next to none** and loses signal instead: 3 to 4 % in most channels, as five sources must, but up to 70 % between 1370 and 1394 MHz. There its fourth
-# and fifth source, for which the sky has no foreground ({doc}`09_sdecgmca`), have found the structure of the nearest HI; $h_\nu$ says the same without the truth.
-# These channels, and two at 1342 and 1346 MHz, are where another method is the better one. With three sources its mean $r$ is 0.974 ({doc}`11_ns_scan`), and it is the highest in every channel.
+# The methods fail for opposite reasons. **PCA, FastICA and GMCA leave foreground**, up to {glue:text}`diagnostics_f_pca` times the variance of the signal (GMCA {glue:text}`diagnostics_f_gmca` times):
+# most below 1000 MHz, where the Galaxy is brightest and the beam widest, in step with the ripple (PCA there {glue:text}`diagnostics_f_pca_low_end` times in the mean, {glue:text}`diagnostics_f_pca_above` times
+# above), and again in a broad bump of the upper half and at the upper end.
+# **SDecGMCA leaves next to none** and loses signal instead: {glue:text}`diagnostics_q_sd` in the median channel, where sources spread evenly would take {glue:text}`diagnostics_q_least`, but up to
+# {glue:text}`diagnostics_q_sd_most`, at {glue:text}`diagnostics_q_sd_at`. There its fourth and fifth source, for which the sky has no foreground ({doc}`09_sdecgmca`), have found the
+# structure of the nearest HI; $h_\nu$ says the same without the truth, and goes with $q_\nu$ throughout (correlation {glue:text}`diagnostics_q_and_h`). Most of the few channels where another
+# method is the better one are at that end. With {glue:text}`11_ns_scan.ipynb::scan_best:s` sources, the best number in {doc}`11_ns_scan`, its mean $r$ is
+# {glue:text}`11_ns_scan.ipynb::scan_r_best:s`.
 #
 # ## Is the error the same in all channels?
 #
@@ -224,17 +258,17 @@ show_table(rows)
 # mean*: a method that loses the same share of power in every channel has none, however large the share. And it is a plain mean
 # of squares over channels, so that one channel far off outweighs a hundred that are right.
 
-# %% mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods on the oscillating beam (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. PCA and FastICA coincide."}}
+# %% mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. PCA and FastICA coincide."}}
 LOW, HIGH = 10, min(200, study.l_top)
 inside = (true.degrees >= 2) & (true.degrees <= study.l_top)
 degrees = true.degrees[inside]
 claimed = (degrees >= LOW) & (degrees <= HIGH)
 variances = {
-    name: error_variance(one.power_spectra.angular.cl[:, inside], true.cl[:, inside])
-    for name, one in found.items()
+    name: error_variance(assessed.power_spectra.angular.cl[:, inside], true.cl[:, inside])
+    for name, assessed in assessments.items()
 }
 curves = [(degrees, values, looks[name]) for name, values in variances.items()]
-near = [(degrees, variances[one.name], looks[one.name]) for one in component]
+near = [(degrees, variances[remover.name], looks[remover.name]) for remover in component]
 common = {"xlabel": styles.AXES["angular"]["xlabel"], "xscale": "log", "yscale": "log"}
 panels = []
 for title, shown, headroom in (("all six", curves, 1e4), ("the component methods", near, 30)):
@@ -253,40 +287,67 @@ for title, shown, headroom in (("all six", curves, 1e4), ("the component methods
 study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources)
 
 # %%
-highest = np.max([one.correlation for one in found.values()], axis=0)
+highest = np.max(list(correlations.values()), axis=0)
 smallest = np.min(list(variances.values()), axis=0)[claimed]
-rows = {}
-for name, one in found.items():
+rows, by_channel = {}, {}
+for name, assessed in assessments.items():
     variance = float(np.exp(np.log(variances[name][claimed]).mean()))
-    fractional = 1 - one.power_spectra.angular.cl[:, inside][:, claimed] / true.cl[:, inside][:, claimed]
-    squares = np.sort((fractional - fractional.mean(axis=0)) ** 2, axis=0)
-    best, least = one.correlation >= highest, variances[name][claimed] <= smallest
+    fractional = 1 - assessed.power_spectra.angular.cl[:, inside][:, claimed] / true.cl[:, inside][:, claimed]
+    squares = (fractional - fractional.mean(axis=0)) ** 2
+    by_channel[name], squares = squares.sum(axis=1), np.sort(squares, axis=0)
+    best, least = correlations[name] >= highest, variances[name][claimed] <= smallest
     rows[labels[name]] = {
-        "mean r": (one.correlation.mean(), 0.005),
+        "mean r": (correlations[name].mean(), 0.005),
         "channels where highest": (100 * best.mean(), 5, "%"),
         "variance of R_l": (variance, 0.1 * variance),
         "l where smallest": (100 * least.mean(), 5, "%"),
         "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
         "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
-        "settled": one.converged,
+        "settled": assessed.converged,
     }
 show_table(rows)
 
+# %% tags=["hide-input"]
+entries, _ = read_ledger(RESULTS / "claims_paper_templates.json")
+stored = {entry.claim["id"]: entry for entry in entries}
+sd, of_sd = rows["SDecGMCA"], by_channel["sdecgmca"]
+nearest = min(rows[label]["variance of R_l"][0] for label in ("PCA", "FastICA", "GMCA"))
+times_smaller = nearest / sd["variance of R_l"][0]
+in_two = [row["of it in two channels"][0] for row in rows.values()]
+quote(
+    diagnostics_r_sd=sd["mean r"],
+    diagnostics_r_pca=rows["PCA"]["mean r"],
+    diagnostics_r_gmca=rows["GMCA"]["mean r"],
+    diagnostics_highest=sd["channels where highest"],
+    diagnostics_smallest=sd["l where smallest"],
+    diagnostics_variance_ratio=(times_smaller, 0.2 * times_smaller),
+    diagnostics_in_two=(np.mean(in_two), 5, "%"),
+    diagnostics_top_share=(100 * of_sd.max() / of_sd.sum(), 5, "%"),
+    diagnostics_top_channel=(freqs[of_sd.argmax()], study.survey.channel_width, "MHz"),
+    diagnostics_paper_r_pca=(number_after("PCA", stored["A1"]), 0.005),
+    diagnostics_paper_r_gmca=(number_after("GMCA", stored["A1"]), 0.005),
+    diagnostics_paper_highest=(number_after("highest in", stored["A1"]), 1, "%"),
+    diagnostics_paper_smallest=(number_after("smallest at", stored["A2"]), 1, "%"),
+    diagnostics_paper_variance_pca=(number_after("PCA", stored["A2"]), 1),
+    diagnostics_paper_variance_gmca=(number_after("GMCA", stored["A2"]), 0.5),
+    diagnostics_paper_variance_sd=(number_after("SD", stored["A2"]), 0.0003),
+)
+
 # %% [markdown]
-# SDecGMCA's variance is the smallest at every $\ell$, in the mean by a factor of more than a hundred. Nearly half of the variance comes from two of the channels, for
-# every method. The step in the curve of SDecGMCA at $\ell \simeq 22$ is one of these, 1398 MHz: the nearest HI has little power on small scales, there about 1/30 of that
-# of other channels, so that the same foreground weighs more.
+# SDecGMCA's variance is the smallest at {glue:text}`diagnostics_smallest` of these multipoles, and in the mean {glue:text}`diagnostics_variance_ratio` times smaller than that of the next method. Much of the
+# variance comes from two of the channels, {glue:text}`diagnostics_in_two` in the mean over the methods. For SDecGMCA the one at {glue:text}`diagnostics_top_channel` makes
+# {glue:text}`diagnostics_top_share` of the squares, and the step in its curve at $\ell \simeq 22$: the nearest HI has little power on small scales, so that the same foreground weighs more.
 #
 # ## What to take away
 #
-# - **SDecGMCA has the highest correlation** on average, 0.957 against 0.83 for PCA and FastICA and 0.80 for GMCA, and in all but 5 % of the channels: not at *every* frequency, as the paper
-#   has it. The exceptions are at the upper end of the band, where two sources too many take HI.
-# - **It has the smallest variance of $R_\ell$** at every $\ell$ from 10 to the end, by a factor of more than a hundred on average. That holds as in the paper.
+# - **SDecGMCA has the highest correlation** on average, {glue:text}`diagnostics_r_sd` against {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA, and the highest in
+#   {glue:text}`diagnostics_highest` of the channels: not at *every* frequency, as the paper has it. Most exceptions are at the upper end of the band, where two sources too many take HI.
+# - **It has the smallest variance of $R_\ell$** at {glue:text}`diagnostics_smallest` of the multipoles from 10 to the end, by a factor of {glue:text}`diagnostics_variance_ratio` on average. That holds as in the paper.
 # - Neither number says why. The regression on the truth does: the other component methods leave foreground, SDecGMCA loses signal.
 # - Neither sees everything: $r$ is blind to a factor, the variance to an error that all channels share. Together with the mean ratios of {doc}`10_results` little can hide.
-#
-# With the real templates (`galaxy=templates`, same preset) the same methods come first: mean $r$ 0.959 against 0.754 for PCA and FastICA and 0.698 for GMCA, SDecGMCA highest in 97 % of the
-# channels (all but 1342 to 1354 MHz), variance of $R_\ell$ 0.008 against 14 and 4.4, and smallest at every $\ell$ again.
+# - **At the paper's size, with the real Galaxy**, the same methods come first: mean $r$ {glue:text}`17_paper_size.ipynb::paper_size_sd_r:s` against {glue:text}`diagnostics_paper_r_pca` for PCA and FastICA
+#   and {glue:text}`diagnostics_paper_r_gmca` for GMCA, SDecGMCA highest in {glue:text}`diagnostics_paper_highest` of the channels; mean variance of $R_\ell$ {glue:text}`diagnostics_paper_variance_sd` against
+#   {glue:text}`diagnostics_paper_variance_pca` and {glue:text}`diagnostics_paper_variance_gmca`, and smallest at {glue:text}`diagnostics_paper_smallest` of the multipoles.
 #
 # Three commands worth trying:
 #
