@@ -249,7 +249,7 @@ quote(
     polynomial_best_evolving=numbers["evolving: order of it"],
     polynomial_error_degraded=numbers[f"degraded: error of order {order}"],
     polynomial_lowest_degraded=numbers["degraded: lowest error"],
-    polynomial_top_left=(foreground_left[-1], 0.03),
+    polynomial_top_left=(foreground_left[-1], 0.02 * foreground_left[-1]),
     polynomial_top_lost=(signal_lost[-1], 0.02),
 )
 
@@ -258,7 +258,7 @@ quote(
 # for the other, close to the paper's. Beyond it another order takes more of the signal than of the foreground. For the degraded beam the error is then {glue:text}`polynomial_lowest_degraded` of the
 # truth, where it is {glue:text}`polynomial_error_degraded` at the order of this notebook. With the oscillating beam there is none: at the highest order shown,
 # three fifths of the number of channels, the foreground is still {glue:text}`polynomial_top_left` times the whole signal, of which
-# {glue:text}`polynomial_top_lost` is lost as well.
+# {glue:text}`polynomial_top_lost` is lost as well (all rms).
 
 # %% [markdown]
 # ## What to take away
