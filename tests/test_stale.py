@@ -52,7 +52,7 @@ CLAIMS = {
 OTHERS = {
     ("paper/claims/base.py", "bump"): {"11"} | JUDGED,
     ("paper/claims/base.py", "total"): JUDGED,
-    ("paper/ledger.py", "read_ledger"): {"15", "17"},
+    ("paper/ledger.py", "read_ledger"): {"11", "12", "13", "14", "15", "17"},
     ("removal/__init__.py", "create"): ANY_METHOD,
     ("instrument/beams/__init__.py", "named"): ANY_BEAM,
     ("removal/base.py", "ForegroundRemover.clean"): CLEANED,
