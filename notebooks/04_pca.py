@@ -109,7 +109,7 @@ remover = removers[selected][0]
 # degraded, the evolving and the oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues are
 # larger than any of HI plus noise. The figures below use the paper's 3, 4 and 5 components; where that is less, foreground is left in.
 
-# %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams, and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
+# %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
@@ -118,17 +118,17 @@ def eigenvalues(maps):
     return np.linalg.eigvalsh(channel_covariance(maps))[::-1][: len(rank)]
 
 
-observed = {name: eigenvalues(study.observed(beams[name]).maps) for name in beams}
-curves = [(rank, observed[name], styles.BEAM_STYLES[name] | {"marker": "."}) for name in beams]
+observed = {beam: eigenvalues(study.observed(beam).maps) for beam in removers}
+curves = [(rank, values, styles.beam_style(beam) | {"marker": "."}) for beam, values in observed.items()]
 truth = eigenvalues(study.observed(selected).truth)
-curves.append((rank, truth, {"color": "black", "linestyle": ":", "label": f"HI + noise ({beam})"}))
+curves.append((rank, truth, {"color": "black", "linestyle": ":", "label": f"HI + noise ({selected})"}))
 labels = {"xlabel": "component", "ylabel": r"eigenvalue [mK$^2$]", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
 
 # %% tags=["hide-input"]
 above = {
-    name: np.count_nonzero(observed[name] > eigenvalues(study.observed(beams[name]).truth)[0])
-    for name in beams
+    name: np.count_nonzero(observed[beam] > eigenvalues(study.observed(beam).truth)[0])
+    for name, beam in beams.items()
 }
 quote(
     pca_above_degraded=above["degraded"],
