@@ -76,12 +76,12 @@ Markdown(ledgers_table(ledgers))
 # difference, {glue:text}`paper_size_failed` are not. The verdicts of {glue:text}`paper_size_changed` differ from those at `laptop`, all others are the same. The picture is that of
 # {doc}`15_claims`, with four times the pixels and twice the channels to find the foreground with. Numbers below are of the first realisation at both sizes.
 #
-# - **SDecGMCA comes closer to the truth.** On the oscillating beam its $C/C_0$ is within 5 % at {glue:text}`paper_size_sd_within` of the multipoles
+# - **SDecGMCA comes closer to the truth.** On the oscillating beam its *C*/*C*₀ is within 5 % at {glue:text}`paper_size_sd_within` of the multipoles
 #   ({glue:text}`paper_size_sd_within_laptop` at `laptop`) and furthest off by {glue:text}`paper_size_sd_off`; the paper has less than 5 % (O3). The mean Pearson correlation rises
 #   from {glue:text}`paper_size_sd_r_laptop` to {glue:text}`paper_size_sd_r`. It still has no excess and no peak (O2, O4 to O6), and still does best with
 #   {glue:text}`paper_size_sd_best` sources (N1 to N3).
 # - **PCA and FastICA on the evolving beam** are off by {glue:text}`paper_size_pca_off` at most, where they were by {glue:text}`paper_size_pca_off_laptop` (E2); the paper has about 10 %.
-# - **GMCA leaves more.** On the evolving beam it is off by {glue:text}`paper_size_gmca_off` above $k_\nu = 0.1$ ({glue:text}`paper_size_gmca_off_laptop` at `laptop`; E4); on the
+# - **GMCA leaves more.** On the evolving beam it is off by {glue:text}`paper_size_gmca_off` above *k* = 0.1 / MHz ({glue:text}`paper_size_gmca_off_laptop` at `laptop`; E4); on the
 #   oscillating one, by a factor of {glue:text}`paper_size_gmca_peak` at the peak ({glue:text}`paper_size_gmca_peak_laptop`).
 # - **The parametric fit** fails by a factor of {glue:text}`paper_size_par_least` at the least, where the paper has more than 100 and `laptop` {glue:text}`paper_size_par_least_laptop` (E1).
 # - **Masking of peaks matters for SDecGMCA.** Without it, its total error is {glue:text}`paper_size_sd_unmasked` times what it is with it, at `laptop` {glue:text}`paper_size_sd_unmasked_laptop` times.
@@ -154,10 +154,10 @@ quote(
 # are the same, so what differs is the foreground's doing. The verdicts of {glue:text}`paper_size_drawn_changed` do:
 #
 # - **The evolving beam is harder.** PCA and FastICA are off by {glue:text}`paper_size_drawn_pca_off` at most ({glue:text}`paper_size_pca_off` on the real Galaxy); GMCA's excess at
-#   $10 < \ell < 40$, {glue:text}`paper_size_gmca_excess` there, is {glue:text}`paper_size_drawn_gmca_excess` here, as in the paper (E3). The parametric fit fails by a factor of
+#   10 < ℓ < 40, {glue:text}`paper_size_gmca_excess` there, is {glue:text}`paper_size_drawn_gmca_excess` here, as in the paper (E3). The parametric fit fails by a factor of
 #   {glue:text}`paper_size_drawn_par_least` at the least ({glue:text}`paper_size_par_least`), which is the paper's more than 100 (E1).
-# - **The oscillating beam** leaves PCA and FastICA with a mean excess of {glue:text}`paper_size_drawn_pca_excess` at $\ell < 10$ ({glue:text}`paper_size_pca_excess`), less than what counts
-#   as one (O2), and GMCA with the highest peak of the three ledgers, {glue:text}`paper_size_drawn_gmca_peak` times the truth near $k_\nu = 0.31$ ({glue:text}`paper_size_gmca_peak`).
+# - **The oscillating beam** leaves PCA and FastICA with a mean excess of {glue:text}`paper_size_drawn_pca_excess` at ℓ < 10 ({glue:text}`paper_size_pca_excess`), less than what counts
+#   as one (O2), and GMCA with the highest peak of the three ledgers, {glue:text}`paper_size_drawn_gmca_peak` times the truth near *k* = 0.31 / MHz ({glue:text}`paper_size_gmca_peak`).
 # - **SDecGMCA** is nearly the same on both: within 5 % at {glue:text}`paper_size_drawn_sd_within` of the multipoles, mean Pearson correlation {glue:text}`paper_size_drawn_sd_r`,
 #   {glue:text}`paper_size_drawn_sd_best` sources best, {glue:text}`paper_size_drawn_sd_flagged` of its lines flagged and {glue:text}`paper_size_drawn_sd_in_plane` of them within 15° of the plane.
 #   Its residual is the smallest at {glue:text}`paper_size_drawn_sd_smallest` of the multipoles, no longer at all of them (A2).

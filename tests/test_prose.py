@@ -130,6 +130,8 @@ DEFINED = {
         "10 %": "a grey band, and what counts as hardly moving",
     },
     "notebooks/17_paper_size.py": {
+        "0.1": "edge of claim E4, 1/MHz",
+        "0.31": "where the ripple shows, 1/MHz",
         "1 MHz": "channels of the paper",
         "5 %": "what the paper has, and the mark of claim O3",
         "10 %": "what the paper has",
