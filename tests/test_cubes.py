@@ -1,6 +1,7 @@
 """Cubes of one's own: whatever way they are stored, the same maps come in, and come back as they were."""
 
 import json
+from functools import partial
 
 import h5py
 import healpy as hp
@@ -11,7 +12,7 @@ from click.testing import CliRunner
 
 from himap import removal
 from himap.cli.main import main
-from himap.cubes import beams_of, clean_cube, read_cube, report, save_cleaned, suggestion
+from himap.cubes import beams_of, clean_cube, cleaning, read_cube, report, save_cleaned, suggestion
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
@@ -320,6 +321,17 @@ class TestSuggestion:
             means = found.angular.mean[inside], expected.angular.mean[inside]
             assert means[0] == pytest.approx(means[1], rel=tolerance)
             assert np.array_equal(found.frequency.power, expected.frequency.power)
+
+    def test_peaks_and_modes_are_found_once_for_all_numbers(self, maps, tmp_path, monkeypatch):
+        np.save(tmp_path / "a.npy", maps)
+        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        calls = []
+        for name in ("mask_peaks", "analysed"):
+            work = getattr(cleaning, name)
+            counted = partial(lambda name, work, *args: calls.append(name) or work(*args), name, work)
+            monkeypatch.setattr(cleaning, name, counted)
+        suggestion.suggest(cube, "sdecgmca", n_sources=range(1, 4), beams=beams_of(cube, "evolving"))
+        assert sorted(calls) == ["analysed", "mask_peaks"]
 
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
         falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))

@@ -12,7 +12,7 @@ from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.paper import pipeline
-from himap.removal.pca import PCA
+from himap.removal import PCA, SDecGMCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
 from himap.sky.point_sources import point_sources
@@ -81,6 +81,16 @@ def test_the_reading_of_the_ripple_reaches_the_maps():
     )
     assert not np.allclose(first.beams, second.beams, rtol=1e-3)
     assert not np.array_equal(first.maps, second.maps)
+
+
+def test_the_analysis_of_an_observation_is_shared(monkeypatch):
+    """By methods and numbers of sources; maps with their peaks have one of their own."""
+    pipeline.cleaned(CASE, SDecGMCA(n_sources=2))
+    monkeypatch.setattr(pipeline, "analysed", None)
+    pipeline.cleaned(CASE, SDecGMCA(n_sources=3))
+    pipeline.cleaned(CASE, PCA(n_sources=3), mask_peaks=False)  # needs none
+    with pytest.raises(TypeError):
+        pipeline.cleaned(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
 
 
 def test_cleaning_recovers_the_signal():

@@ -9,7 +9,8 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, sparse_sources
 
 from himap.errors import InputError
 from himap.maps import sphere
-from himap.removal import harmonic
+from himap.maps.blocked import centred
+from himap.removal import analysis, harmonic
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
@@ -189,3 +190,15 @@ def test_bad_parameters(options, message):
 def test_noise_for_another_number_of_channels(problem):
     with pytest.raises(InputError, match="one value or 8, one for each channel, got 3"):
         SDecGMCA(noise=(1, 2, 3)).clean(problem[0], freqs=FREQS, beams=BEAMS)
+
+
+def test_modes_at_hand_are_not_made_again(problem, monkeypatch):
+    """The same foreground from modes that are passed, and no analysis of the maps."""
+    maps = problem[0].astype(np.float32)
+    method, given = SDecGMCA(n_sources=4), {"freqs": FREQS, "beams": BEAMS}
+    expected = method.clean(maps, **given).residual
+    modes = analysis.analysed(centred(maps))
+    monkeypatch.setattr(analysis, "analysed", None)
+    assert np.array_equal(method.clean(maps, **given, modes=modes).residual, expected)
+    with pytest.raises(TypeError):
+        method.clean(maps, **given)
