@@ -4,7 +4,7 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["starlet_bands", "starlet_filters", "starlets"]
+__all__ = ["cubic_b_spline", "starlet_bands", "starlet_filters", "starlets"]
 
 
 def starlet_filters(n_scales, lmax):
@@ -15,7 +15,7 @@ def starlet_filters(n_scales, lmax):
     phi_(j - 1) - phi_j (Starck et al. 2006, Sect. 3), so that all add up to 1 at every l.
     """
     scale = 2.0 ** np.arange(1, n_scales + 1)[:, None]
-    low_passes = 1.5 * _b_spline(2 * scale * np.arange(lmax + 1) / lmax)
+    low_passes = 1.5 * cubic_b_spline(2 * scale * np.arange(lmax + 1) / lmax)
     low_passes = np.vstack([np.ones(lmax + 1), low_passes])
     return np.vstack([low_passes[:-1] - low_passes[1:], low_passes[-1]])
 
@@ -50,6 +50,6 @@ def starlets(maps, n_scales):
     return scales
 
 
-def _b_spline(x):
+def cubic_b_spline(x):
     """The cubic B-spline of x >= 0, which ends at x = 2."""
     return np.where(x < 1, 2 / 3 - x**2 + x**3 / 2, np.clip(2 - x, 0, None) ** 3 / 6)

@@ -45,6 +45,11 @@ class AngularPower:
         """C_l averaged over channels, (n_l,)."""
         return self.cl.mean(axis=0)
 
+    def upto(self, lmax):
+        """The same to `lmax`, or as it is for None."""
+        inside = slice(None) if lmax is None else self.degrees <= lmax
+        return AngularPower(degrees=self.degrees[inside], cl=self.cl[:, inside])
+
 
 @dataclass(frozen=True, kw_only=True)
 class FrequencyPower:

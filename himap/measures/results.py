@@ -28,6 +28,7 @@ class Residual:
     converged: bool
     n_iterations: int
     flagged: np.ndarray | None
+    lmax: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +56,9 @@ class Assessment:
         and of the truth; None unless asked for.
     converged, n_iterations
         As in `Residual`.
+    truth
+        `PowerSpectra` of the truth cut at the same multipole, where what is left ends at one; all else is
+        then measured against that truth. None where the whole truth is the measure.
     """
 
     power_spectra: PowerSpectra
@@ -64,6 +68,7 @@ class Assessment:
     masked_truth: PowerSpectra | None
     converged: bool
     n_iterations: int
+    truth: PowerSpectra | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ import numpy as np
 from himap.errors import InputError
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.degraded import Degraded
-from himap.instrument.noise import noise_maps
+from himap.instrument.noise import noise_maps, noise_sigma
 from himap.instrument.observe import observe
 from himap.maps import sphere
 from himap.maps.blocked import centred
@@ -41,6 +41,7 @@ __all__ = [
     "cleaned",
     "components",
     "components_of_sky",
+    "cut_truth",
     "foreground_modes_of_sky",
     "foregrounds",
     "hi",
@@ -186,6 +187,7 @@ def cleaned(case, remover, mask_peaks=True):
         observed.maps,
         freqs=observed.freqs,
         beams=observed.beams,
+        noise=noise_sigma(case.survey),
         rng=case.survey.rng(f"removal {remover.name}"),
         separate_on=_basis(case, mask_peaks) if mask_peaks else None,
         modes=analysis(case, mask_peaks) if remover.needs_modes else None,
@@ -198,6 +200,7 @@ def cleaned(case, remover, mask_peaks=True):
         converged=separation.converged,
         n_iterations=separation.n_iterations,
         flagged=separation.flagged,
+        lmax=separation.lmax,
     )
 
 
@@ -217,11 +220,7 @@ def truth_alms(case):
 @product
 def true_spectra(case):
     """The `PowerSpectra` of the truth."""
-    cl = sphere.power_spectrum(truth_alms(case))
-    return PowerSpectra(
-        angular=AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl),
-        frequency=frequency_power(observation(case).truth, case.survey.channel_width),
-    )
+    return _spectra(observation(case).truth, truth_alms(case), case.survey.channel_width, None)
 
 
 @product
@@ -233,29 +232,56 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     (paper, Sect. 5.1).
     """
     residual, truth = cleaned.once(case, remover, mask_peaks), observation(case).truth
-    errors = diagnostics.line_errors(residual.maps, truth)
-    alms = truth_alms(case)
+    maps, alms, lmax = residual.maps, truth_alms(case), residual.lmax
+    if lmax is not None:
+        maps, (truth, alms) = _cut(maps, lmax), cut_truth(case, lmax)
+    errors = diagnostics.line_errors(maps, truth)
     width = case.survey.channel_width
     masked = masked_truth = None
     if post_mask:
         mask = ~diagnostics.flagged_lines(errors)
-        pair = angular_power_pair(residual.maps, truth, mask=mask, truth_alms=alms)
+        pair = angular_power_pair(maps, truth, mask=mask, truth_alms=alms)
         masked, masked_truth = (
-            PowerSpectra(angular=angular, frequency=frequency_power(maps, width, mask=mask))
-            for angular, maps in zip(pair, (residual.maps, truth), strict=True)
+            PowerSpectra(angular=angular.upto(lmax), frequency=frequency_power(cube, width, mask=mask))
+            for angular, cube in zip(pair, (maps, truth), strict=True)
         )
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=recovered_angular_power(residual.maps, truth, alms),
-            frequency=frequency_power(residual.maps, width),
+            angular=recovered_angular_power(maps, truth, alms).upto(lmax),
+            frequency=frequency_power(maps, width),
         ),
-        correlation=diagnostics.correlation(residual.maps, truth),
+        correlation=diagnostics.correlation(maps, truth),
         line_errors=errors,
         masked=masked,
         masked_truth=masked_truth,
         converged=residual.converged,
         n_iterations=residual.n_iterations,
+        truth=None if lmax is None else _spectra(truth, alms, width, lmax),
     )
+
+
+def cut_truth(case, lmax):
+    """(maps, coefficients to 3 nside - 1) of the truth cut at `lmax`; not kept."""
+    alms = truth_alms(case)
+    alms[:, sphere.alm_degree(case.survey.lmax) > lmax] = 0
+    return _maps(alms, case.survey.nside, "truth"), alms
+
+
+def _cut(maps, lmax):
+    """Maps (n_channels, n_pix) without what they hold beyond `lmax`."""
+    alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
+    return sphere.synthesise_cube(alms, sphere.nside_of(maps), n_channels=len(maps), label="maps to lmax")
+
+
+def _maps(alms, nside, label):
+    return sphere.synthesise_cube(alms, nside, n_channels=len(alms), label=label)
+
+
+def _spectra(maps, alms, width, lmax):
+    """`PowerSpectra` of a cube whose coefficients are at hand, up to `lmax`."""
+    cl = sphere.power_spectrum(alms)
+    angular = AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl)
+    return PowerSpectra(angular=angular.upto(lmax), frequency=frequency_power(maps, width))
 
 
 def power_spectra(case, remover=None, mask_peaks=True):

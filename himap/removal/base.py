@@ -46,6 +46,8 @@ class Separation:
         (n_pix,) bool, the lines of sight whose own fit cannot be trusted; None where there is no such fit.
     remark
         What the user should know of the result, for a warning; empty if there is nothing.
+    lmax
+        Multipole at which what is left ends, since the method finds nothing beyond; None if it does not end.
     """
 
     foreground: np.ndarray
@@ -55,6 +57,7 @@ class Separation:
     n_iterations: int = 0
     flagged: np.ndarray | None = None
     remark: str = ""
+    lmax: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +94,8 @@ class ForegroundRemover(ABC):
         as a fit of power laws, sets it to False and gives the whole foreground.
     needs_beams
         Whether the method uses the beams; the others get None for them.
+    needs_noise
+        Whether the method uses the noise of the instrument.
     needs_whole_sky
         Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
     needs_modes
@@ -100,6 +105,7 @@ class ForegroundRemover(ABC):
     name: ClassVar[str]
     centred: ClassVar[bool] = True
     needs_beams: ClassVar[bool] = False
+    needs_noise: ClassVar[bool] = False
     needs_whole_sky: ClassVar[bool] = False
     needs_modes: ClassVar[bool] = False
 
@@ -110,7 +116,7 @@ class ForegroundRemover(ABC):
     def __post_init__(self):
         checked_fields(self)
 
-    def clean(self, maps, *, freqs, beams=None, rng=None, separate_on=None, modes=None):
+    def clean(self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None):
         """Find the foreground and subtract it.
 
         Parameters
@@ -121,6 +127,8 @@ class ForegroundRemover(ABC):
             Channel centres, MHz, ascending, (n_channels,).
         beams
             b_l, (n_channels, lmax + 1), for methods that use them: positive and finite.
+        noise
+            Noise of the instrument per pixel, mK, a number or (n_channels,), for methods that use it.
         rng
             numpy Generator, for methods that draw numbers.
         separate_on
@@ -149,13 +157,14 @@ class ForegroundRemover(ABC):
         self.check(len(maps))
         means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
         basis = centred(basis, means)
+        separate = self._separate
+        if self.needs_noise:
+            separate = partial(separate, noise=noise)
         if self.needs_modes:
             # Imported here: the others do without transforms, and to import these takes a second.
             from himap.removal.analysis import analysed
 
-            separate = partial(self._separate, modes=analysed(basis) if modes is None else modes)
-        else:
-            separate = self._separate
+            separate = partial(separate, modes=analysed(basis) if modes is None else modes)
         separation = separate(basis, freqs=freqs, beams=beams, rng=rng)
         self._check_result(separation, maps.shape)
         residual = np.empty(maps.shape, dtype=np.float32)

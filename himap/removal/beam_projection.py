@@ -7,7 +7,7 @@ from himap.maps.blocked import mixture, projection
 from himap.progress import progress
 from himap.removal import harmonic
 
-__all__ = ["through_beams"]
+__all__ = ["seen_through", "through_beams"]
 
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
@@ -46,6 +46,34 @@ def through_beams(maps, space, beams, modes):
     for pixels, mode in zip(progress(foreground, "foreground"), projected, strict=True):
         pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
     return mixture(spectra, foreground)
+
+
+def seen_through(sources, mixing, beams, nside):
+    """Maps of sources mixed and seen through beams, diag(beams_l) A S_l, (n_channels, n_pix) float32, mK.
+
+    Parameters
+    ----------
+    sources
+        Real modes, (n_sources, (lmax + 1)^2).
+    mixing
+        A, (n_channels, n_sources).
+    beams
+        b_l, (n_channels, lmax + 1).
+    nside
+        Of the maps.
+    """
+    bases = _bases(mixing, beams)
+    spectra = _common(bases)
+    within = np.einsum("cv,cl,cn->lvn", spectra, beams, mixing, optimize=True)
+    projected = np.empty((spectra.shape[1], sources.shape[1]))
+    for matrix, source, block in zip(
+        within, harmonic.blocks(sources), harmonic.blocks(projected), strict=True
+    ):
+        np.matmul(matrix, source, out=block)
+    maps = np.empty((len(projected), 12 * nside**2))
+    for pixels, mode in zip(progress(maps, "foreground"), projected, strict=True):
+        pixels[:] = sphere.synthesise(harmonic.from_modes(mode), nside)
+    return mixture(spectra, maps)
 
 
 def _bases(space, beams):

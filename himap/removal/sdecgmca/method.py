@@ -1,5 +1,6 @@
-"""Separation of sparse sources seen through beams (paper, Sect. 3.3; Carloni Gertosio & Bobin 2021, C21)."""
+"""SDecGMCA: separation of sparse sources seen through beams (paper, Sect. 3.3; C21)."""
 
+from collections import deque
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -7,51 +8,52 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.maps import sphere
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.beam_projection import through_beams
+from himap.removal.beam_projection import seen_through, through_beams
 from himap.removal.conventions import ordered
-from himap.removal.covariance import principal_axes
-from himap.removal.sdecgmca.mixture import BlurredMixture
-from himap.removal.sdecgmca.sparse_sources import SparseSources
+from himap.removal.sdecgmca.iteration import iterations, last_sources
+from himap.removal.sdecgmca.pixels import Grid, HEALPix
+from himap.removal.sdecgmca.problem import Problem
+from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
+from himap.removal.sdecgmca.scales import Scales
 
 __all__ = ["SDecGMCA"]
 
-_SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
-_ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
-_MOST_STABLE = 50  # iterations for that; the misfit settles in 3 to 20
-_LARGEST_RIDGE = 1e6  # relative to columns of unit length: where a source has no power it stays zero
-_CONDITION_LIMIT = 1 / np.finfo(np.float32).eps  # of A; beyond, sources of float32 maps have no digit left
+_PIXELS = {"grid": Grid, "healpix": HEALPix}
+_BY_READING = (*OPTIONS, "last_tolerance")
+
+
+def _option(name):
+    """A parameter that is as the reading has it unless given."""
+    option = OPTIONS[name]
+    return parameter(None, f"{option.question}; as the reading has it", choices=tuple(option.choices))
 
 
 @dataclass(frozen=True, kw_only=True)
 class SDecGMCA(ForegroundRemover):
-    """Sources sparse in starlets, at the resolution of the best beam: X_l = diag(H_l) A S_l + N_l (Eq. 22).
+    """Sparse component separation and deconvolution in turns: X_l = diag(H_l) A S_l + N_l (paper, Eq. 22).
 
-    H is the beam over the best beam of any channel, so at most 1. S is found from A by least squares at
-    every l, coefficients of S below a threshold are dropped, and A is found from what is kept, in turns. A
-    starts from the principal components of the data re-convolved to the worst beam. In the end the
-    foreground is H A S with S from least squares at every l of the maps, nothing dropped: it depends on A
-    only through the space that its columns span. The two iterations differ in how they find it.
+    A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
+    comes from A by least squares with a Tikhonov term epsilon at every l (Eq. 21 of C21), its starlet
+    coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and A
+    comes from S by least squares (C21, Eq. 14), columns of unit length. In the warm-up the share grows evenly
+    to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon follows the
+    spectra of the sources (#4) and large coefficients have lower thresholds. The foreground is H A S with the
+    last S without thresholds, up to `lmax`.
 
-    "published"
-        C21: S with a Tikhonov term epsilon (Eq. 25; C21, Eq. 21); the share of coefficients kept, among
-        those above `n_sigma` times the noise, grows evenly to `share` in `n_warmup` iterations; then
-        `n_refinement` more follow with reweighted thresholds and A from the detail scales only. A is fitted
-        to the data with the thresholded S (C21, Eq. 14). It separates the sources; but what a threshold takes
-        from one large source the others no longer cancel, and seen through beams it differs from channel to
-        channel. A goes to fit that, and the result moves with the noise level and other things of no account.
-    "stable"
-        A is corrected by what the residual of the *whole* sources holds of the thresholded ones
-        (`BlurredMixture.corrected`), so that no threshold can bias it, until the misfit settles. The result
-        hardly depends on noise level, threshold or start. Sources are given uncorrelated, not separated.
+    The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
+    `reading` is a set of them: "default", "letter" (every word of the text), "code" (the public code of C21,
+    which this follows step by step, as a test shows), "follow-up". The coefficient that is itself the
+    threshold stays whole, as in that code. There is no randomness.
 
-    Columns of A have unit length, and sources are ordered by variance. There is no randomness.
+    With ``beyond="cut"`` nothing is found beyond `lmax`, and all that is there goes with the foreground: the
+    maps that are left end at `lmax` (`Separation.lmax`), and are compared with a truth that ends there too.
     """
 
     name: ClassVar[str] = "sdecgmca"
     needs_beams: ClassVar[bool] = True
+    needs_noise: ClassVar[bool] = True
     needs_whole_sky: ClassVar[bool] = True
     needs_modes: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
@@ -59,35 +61,44 @@ class SDecGMCA(ForegroundRemover):
     share: float = parameter(
         0.3, "largest share K_max of significant coefficients kept", minimum=0, maximum=1, above=True
     )
+    reading: str = parameter("default", "of the paper's text", choices=tuple(READINGS))
     n_scales: int = parameter(5, "number of starlet detail scales", minimum=1, maximum=12)
-    lmax: int = parameter(200, "largest multipole that shapes A, at most 2 nside", minimum=4)
-    iteration: str = parameter(
-        "stable", "stable or published: how A is found", choices=("stable", "published")
+    lmax: int = parameter(200, "largest multipole of the inversion, at most 2 nside", minimum=4)
+    mixing_scales: str = _option("mixing_scales")
+    sign: str = _option("sign")
+    coefficients: str = _option("coefficients")
+    thresholds: str = _option("thresholds")
+    least_kept: int = _option("least_kept")
+    reweighted: bool = _option("reweighted")
+    wavelets: str = _option("wavelets")
+    floor: float = _option("floor")
+    resolution: str = _option("resolution")
+    start: str = _option("start")
+    last: str = _option("last")
+    last_coefficients: str = _option("last_coefficients")
+    beyond: str = _option("beyond")
+    pixels: str = parameter(
+        "grid", "where thresholds work: grid (exact transforms) or healpix", choices=tuple(_PIXELS)
     )
-    coefficients: str = parameter(
-        "spectrum",
-        "epsilon of the refinement: spectrum (#4) or matrix (#3)",
-        choices=("spectrum", "matrix"),
+    noise: float | tuple | None = parameter(
+        None, "noise per pixel, mK, or one for each channel; that of the instrument unless given"
     )
-    thresholds: str = parameter(
-        "analytic", "noise of the thresholds: analytic or mad", choices=("analytic", "mad")
-    )
-    nonnegative: bool = parameter(False, "set negative entries of A to zero", choices=(False, True))
-    reweighted: bool = parameter(True, "l1 reweighting in the refinement", choices=(True, False))
-    noise: float | tuple | None = parameter(None, "noise per pixel, mK, or one for each channel")
     n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
-    n_warmup: int = parameter(100, "iterations in which the share grows; half as many may follow", minimum=1)
-    n_refinement: int = parameter(25, "least number of refinements; as many may follow", minimum=1)
+    n_warmup: int = parameter(100, "iterations in which the share grows; 50 more may follow", minimum=1)
+    n_refinement: int = parameter(25, "least number of refinements, of at most 50", minimum=1, maximum=50)
     warmup_tolerance: float = parameter(1e-2, "relative change of S that ends the warm-up", minimum=0)
     tolerance: float = parameter(1e-4, "relative change of S that ends the refinement", minimum=0)
+    last_tolerance: float = parameter(
+        None, "relative change that ends the turns of the last S; as the reading has it", minimum=0
+    )
 
     def __post_init__(self):
+        options = resolved(self.reading, {name: getattr(self, name) for name in _BY_READING})
+        for name, value in options.items():
+            object.__setattr__(self, name, value)
         super().__post_init__()
         if self.noise is not None:
-            noise = np.asarray(self.noise)
-            if noise.dtype.kind not in "fiu" or noise.ndim > 1 or not ((noise > 0) & (noise < np.inf)).all():
-                raise InputError(f"noise must be above zero, in mK per pixel, got {self.noise!r}.")
-            object.__setattr__(self, "noise", tuple(noise.tolist()) if noise.ndim else float(noise))
+            object.__setattr__(self, "noise", _checked_noise(self.noise))
 
     def check(self, n_channels):
         super().check(n_channels)
@@ -96,135 +107,94 @@ class SDecGMCA(ForegroundRemover):
                 f"noise must be one value or {n_channels}, one for each channel, got {len(self.noise)}."
             )
 
-    def _separate(self, maps, *, freqs, beams, rng, modes):
+    def _separate(self, maps, *, freqs, beams, rng, modes, noise):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
-        data = modes.upto(lmax)
-        best = beams.max(axis=0)
-        relative = beams[:, : lmax + 1] / best[: lmax + 1]
-        mixing = _start(data, relative, self.n_sources)
-        mixture = BlurredMixture(data, relative)
-        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1]))
-        iteration = self._stable if self.iteration == "stable" else self._published
-        mixing, converged, n_iterations = iteration(mixture, mixing)
-        mixing, sources = ordered(mixing, _least_squares(mixture, mixing))
-        condition = np.linalg.cond(mixing)
-        too_close = f"the mixing matrix is near-degenerate (condition {condition:.0e}): use fewer sources"
+        windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
+        problem = Problem(
+            modes=modes.upto(lmax),
+            beams=windows[:, : lmax + 1],
+            noise=self._noise_per_mode(noise, *maps.shape),
+            floor=self.floor,
+        )
+        scales = Scales(
+            lmax,
+            self.n_scales,
+            pixels=_PIXELS[self.pixels](lmax, nside),
+            wavelets=self.wavelets,
+            n_sigma=self.n_sigma,
+            least_kept=self.least_kept,
+            analytic=self.thresholds == "analytic",
+        )
+        start = problem.start(self.n_sources, self.start)
+        steps = enumerate(iterations(self, problem, scales, start), 1)
+        ((n_iterations, step),) = deque(steps, maxlen=1)
+        sources, foreground = self._last(maps, problem, scales, step, windows, modes)
+        mixing, sources = ordered(step.mixing, sources)
         return Separation(
-            foreground=through_beams(maps, mixing, beams / best, modes),
+            foreground=foreground,
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
-            converged=converged,
+            converged=step.settled,
             n_iterations=n_iterations,
-            remark=too_close if condition > _CONDITION_LIMIT else "",
+            lmax=lmax if self.beyond == "cut" else None,
         )
 
-    def _noise_power(self, mixture, mixing, n_pix):
-        """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
-        if self.noise is None:
-            return mixture.residual_noise(mixing, _least_squares(mixture, mixing))
-        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
+    def _last(self, maps, problem, scales, step, windows, modes):
+        """The last S, real modes to the l that it is found to, and the foreground (n_channels, n_pix)."""
+        if self.beyond == "regularised":
+            top = min(3 * sphere.nside_of(maps), windows.shape[1]) - 1
+            problem = Problem(
+                modes=modes.upto(top),
+                beams=windows[:, : top + 1],
+                noise=problem.noise,
+                floor=problem.floor,
+            )
+        mixing = step.mixing
+        sources = last_sources(self, problem, scales, mixing, step.sources)
+        nside = sphere.nside_of(maps)
+        if self.beyond == "cut":
+            return sources, maps - _left(problem, mixing, sources, nside)
+        if self.beyond == "regularised":
+            return sources, seen_through(sources, mixing, problem.beams, nside)
+        # All l by projection, and up to lmax what the last S is more than that.
+        foreground = through_beams(maps, mixing, windows, modes)
+        if self.last != "unregularised":
+            more = sources - problem.sources(problem.inverses(mixing, 0))
+            foreground += seen_through(more, mixing, problem.beams, nside)
+        return sources, foreground
 
-    def _stable(self, mixture, mixing):
-        """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
-        sparse = self._sparse(mixture)
-        exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
-        misfit = None
-        for count in progress(range(_MOST_STABLE), "sdecgmca"):
-            inverses = harmonic.safe_inverse(mixture.matrices(mixing))
-            sources = harmonic.project(inverses, mixture.modes)
-            residual = mixture.residual(mixing, sources)
-            previous, misfit = misfit, np.vdot(residual, residual)
-            settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
-            if settled or misfit <= exact:
-                return _uncorrelated(mixing, sources), True, count
-            kept = sparse(sources, mixture.noise_of(inverses), self.share)
-            mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
-        return mixing, False, _MOST_STABLE
-
-    def _published(self, mixture, mixing):
-        """A after warm-up and refinement, whether S settled, iterations."""
-        sparse = self._sparse(mixture)
-        sources, n_iterations = None, 0
-        for refining, least, most, tolerance in (
-            (False, self.n_warmup, self.n_warmup * 3 // 2, self.warmup_tolerance),
-            (True, self.n_refinement, self.n_refinement * 2, self.tolerance),
-        ):
-            for count in progress(range(1, most + 1), "refinement" if refining else "warm-up"):
-                share = self.share if refining else self.share * min(1, count / least)
-                previous = sources
-                mixing, sources = self._iterated(mixture, sparse, mixing, previous, share, refining)
-                n_iterations += 1
-                settled = previous is not None and _change(previous, sources) < tolerance
-                if count >= least and settled:
-                    break
-        return mixing, settled, n_iterations
-
-    def _iterated(self, mixture, sparse, mixing, previous, share, refining):
-        """One iteration: A, and the thresholded S with its smooth scale."""
-        matrices = mixture.matrices(mixing)
-        if refining and self.coefficients == "spectrum":
-            ridge = self._ridge_of_spectra(mixture.noise, previous)
-        else:
-            ridge = self._ridge_of_matrices(matrices, mixing)
-        inverses = harmonic.safe_inverse(matrices, ridge)
-        sources = harmonic.project(inverses, mixture.modes)
-        kept = sparse(sources, mixture.noise_of(inverses), share, reweighted=refining and self.reweighted)
-        thresholded = kept + sparse.coarse(sources)
-        if refining:
-            fitted = mixture.fit(kept, sparse.detail)
-        else:
-            fitted = mixture.fit(thresholded, np.ones_like(sparse.detail))
-        return self._normalised(fitted, mixing), thresholded
-
-    def _ridge_of_matrices(self, matrices, mixing):
-        """epsilon = max(0, c - lambda_min(W_l^T W_l) / lambda_min(A^T A)) (C21, strategy 3)."""
-        smallest = np.linalg.svd(matrices, compute_uv=False)[:, -1] ** 2
-        limit = np.linalg.svd(mixing, compute_uv=False)[-1] ** 2
-        if limit == 0:
-            return None
-        epsilon = np.maximum(0, self.regularisation - smallest / limit)
-        return np.repeat(epsilon[:, None], mixing.shape[1], axis=1)
-
-    def _ridge_of_spectra(self, noise, sources):
-        """epsilon = c times noise over C_l of each source (C21, strategy 4)."""
-        power = np.stack([np.mean(block**2, axis=1) for block in harmonic.blocks(sources)])
-        level = self.regularisation * np.mean(noise)
-        return level / np.maximum(power, level / _LARGEST_RIDGE) if level else None
-
-    def _normalised(self, fitted, mixing):
-        """`fitted` with columns of unit length; the column of a source that vanished stays as in `mixing`."""
-        if self.nonnegative:
-            fitted = np.maximum(fitted * np.where(fitted.sum(axis=0) < 0, -1, 1), 0)
-        length = np.linalg.norm(fitted, axis=0)
-        return np.where(length > 0, fitted / np.where(length > 0, length, 1), mixing)
-
-    def _sparse(self, mixture):
-        analytic = self.thresholds == "analytic"
-        return SparseSources(mixture.lmax, self.n_scales, n_sigma=self.n_sigma, analytic=analytic)
+    def _noise_per_mode(self, noise, n_channels, n_pix):
+        """Variance per mode and channel, (n_channels,), or None if it is neither known nor needed."""
+        noise = self.noise if self.noise is not None else noise
+        if noise is not None:
+            return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))
+        needs = {
+            "thresholds": self.thresholds == "analytic",
+            "coefficients": self.coefficients == "spectrum",
+            "last_coefficients": self.last_coefficients == "spectrum" and self.last != "unregularised",
+        }
+        asking = ", ".join(f"{name}={getattr(self, name)!r}" for name, needed in needs.items() if needed)
+        if asking:
+            raise InputError(
+                f"sdecgmca needs the noise of the instrument for {asking}: give noise=, mK per pixel, as one "
+                "number or one for each channel."
+            )
+        return None
 
 
-def _start(modes, relative, n_sources):
-    """Principal components of the data re-convolved to the worst beam at every l, (n_channels, n_sources)."""
-    ratios = relative.min(axis=0) / relative
-    covariance = np.zeros((len(modes), len(modes)))
-    for ratio, block in zip(ratios.T, harmonic.blocks(modes), strict=True):
-        convolved = ratio[:, None] * block
-        covariance += convolved @ convolved.T
-    return principal_axes(covariance, n_sources)
+def _left(problem, mixing, sources, nside):
+    """Maps of X_l - diag(H_l) A S_l up to lmax, (n_channels, n_pix) float32."""
+    modes = problem.modes.copy()
+    matrices = problem.beams.T[:, :, None] * mixing
+    for matrix, source, block in zip(matrices, *map(harmonic.blocks, (sources, modes)), strict=True):
+        block -= matrix @ source
+    alms = (harmonic.from_modes(mode).astype(np.complex64) for mode in modes)
+    return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label="what is left")
 
 
-def _change(previous, sources):
-    """Relative change of the sources, for the stopping rules (paper, Sect. 3.3)."""
-    size = np.linalg.norm(sources)
-    return np.linalg.norm(sources - previous) / size if size else 0.0
-
-
-def _uncorrelated(mixing, sources):
-    """The columns of A, orthonormal, turned so that their sources are uncorrelated."""
-    return mixing @ np.linalg.eigh(sources @ sources.T)[1]
-
-
-def _least_squares(mixture, mixing):
-    """Sources of A by least squares at every l, as real modes."""
-    return harmonic.project(harmonic.safe_inverse(mixture.matrices(mixing)), mixture.modes)
+def _checked_noise(noise):
+    values = np.asarray(noise)
+    if values.dtype.kind not in "fiu" or values.ndim > 1 or not ((values > 0) & (values < np.inf)).all():
+        raise InputError(f"noise must be above zero, in mK per pixel, got {noise!r}.")
+    return tuple(values.tolist()) if values.ndim else float(values)

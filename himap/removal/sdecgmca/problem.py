@@ -1,0 +1,109 @@
+"""What SDecGMCA solves in turns for A and for S: X_l = diag(H_l) A S_l + N_l (paper, Eq. 22)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap.removal import harmonic
+from himap.removal.covariance import principal_axes
+
+__all__ = ["Problem"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Data of all channels, and what they are seen through.
+
+    Attributes
+    ----------
+    modes
+        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2).
+    beams
+        H_l, (n_channels, lmax + 1).
+    noise
+        Variance of the noise per mode and channel, (n_channels,); None where it is not known.
+    floor
+        Eigenvalues of the normal equations below this share of the largest are raised to it.
+    """
+
+    modes: np.ndarray
+    beams: np.ndarray
+    noise: np.ndarray | None
+    floor: float
+
+    @property
+    def lmax(self):
+        """Largest multipole."""
+        return self.beams.shape[1] - 1
+
+    def normal(self, mixing):
+        """A^T H_l^2 A, (n_l, n_sources, n_sources)."""
+        n = mixing.shape[1]
+        products = (mixing[:, :, None] * mixing[:, None, :]).reshape(len(mixing), -1)
+        return (self.beams.T**2 @ products).reshape(-1, n, n)
+
+    def inverses(self, mixing, epsilon):
+        """(A^T H_l^2 A + diag(epsilon_l))^-1 A^T H_l (paper, Eq. 21), (n_l, n_sources, n_channels).
+
+        `epsilon` is (n_l, n_sources), or 0.
+        """
+        normal = self.normal(mixing)
+        normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
+        return _inverse(normal, self.floor) @ (self.beams.T[:, None, :] * mixing.T)
+
+    def sources(self, inverses):
+        """S_l of every l, real modes (n_sources, (lmax + 1)^2)."""
+        return harmonic.project(inverses, self.modes)
+
+    def source_noise(self, inverses):
+        """Variance of the noise of those sources per mode, (n_l, n_sources)."""
+        return inverses**2 @ self.noise
+
+    def fit(self, sources, window):
+        """A by least squares of window_l X_l = H_l A S_l, channel by channel (C21, Eq. 14).
+
+        `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
+        """
+        gram = harmonic.cross_products(sources, sources)
+        n = len(sources)
+        normal = (self.beams**2 @ gram.reshape(-1, n * n)).reshape(-1, n, n)
+        cross = np.einsum("cl,lcn->cn", self.beams * window, harmonic.cross_products(self.modes, sources))
+        return np.einsum("cmn,cn->cm", _inverse(normal, self.floor), cross)
+
+    def of_matrices(self, mixing, strength):
+        """epsilon_l = max(0, c - lambda_min(A^T H_l^2 A) / lambda_min(A^T A)), (n_l, 1) (C21, #3)."""
+        limit = np.linalg.eigvalsh(mixing.T @ mixing)[0]
+        smallest = np.linalg.eigvalsh(self.normal(mixing))[:, 0]
+        ratio = smallest / limit if limit > 0 else np.ones(len(smallest))
+        return np.maximum(0, strength - ratio)[:, None]
+
+    def of_spectra(self, sources, strength):
+        """epsilon_l = c noise / C_l of each source, (n_l, n_sources) (C21, strategy #4)."""
+        spectra = np.stack([np.mean(block**2, axis=1) for block in harmonic.blocks(sources)])
+        spectra = np.maximum(spectra, np.maximum(_FAINTEST * spectra.max(axis=0), np.finfo(float).tiny))
+        return strength * np.mean(self.noise) / spectra
+
+    def start(self, n_sources, which):
+        """A from the principal components of the data at one resolution, (n_channels, n_sources).
+
+        `which` is "lowest", that of the widest beam at every l, or "first", that of the first channel, in
+        which C21's code counts coefficients of m > 0 once where the sum over m has them twice.
+        """
+        seen = self.beams[0] if which == "first" else self.beams.min(axis=0)
+        covariance = np.zeros((len(self.modes), len(self.modes)))
+        for ratio, block in zip((seen / self.beams).T, harmonic.blocks(self.modes), strict=True):
+            convolved = ratio[:, None] * block
+            if which == "first":
+                convolved[:, 1:] /= np.sqrt(2)
+            covariance += convolved @ convolved.T
+        return principal_axes(covariance, n_sources)
+
+
+_FAINTEST = 1e-20  # of the largest C_l of a source: C21's code divides by no less
+
+
+def _inverse(matrices, floor):
+    """Inverses of symmetric matrices (n, m, m), eigenvalues raised to `floor` times the largest."""
+    values, vectors = np.linalg.eigh(matrices)
+    values = np.maximum(values, np.maximum(floor * values[:, -1:], np.finfo(float).tiny))
+    return (vectors / values[:, None, :]) @ np.swapaxes(vectors, -1, -2)

@@ -1,0 +1,177 @@
+"""Readings of the paper's SDecGMCA: where its text leaves a choice, each choice by name, and sets of them.
+
+`OPTIONS` is what there is to choose, and `READINGS` are the sets. The letter is every word of the paper's
+text; the code is what the public code of Carloni Gertosio & Bobin (2021, C21) does; the follow-up is what
+the public code of the paper's first author does since. The default is the one nearest to the text that does
+not fail, which the book shows.
+"""
+
+from dataclasses import dataclass
+
+from himap.errors import InputError
+
+__all__ = ["OPTIONS", "READINGS", "Option", "resolved"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """One choice that the paper's text leaves, or makes.
+
+    Attributes
+    ----------
+    question
+        What is to be decided.
+    choices
+        {value: what it means}.
+    word
+        What the paper says about it.
+    """
+
+    question: str
+    choices: dict
+    word: str
+
+
+OPTIONS = {
+    "mixing_scales": Option(
+        question="what A is fitted to",
+        choices={"detail": "the detail scales of data and sources", "all": "all multipoles of both"},
+        word="Sect. 3.3 (iv): a least squares “over all spherical harmonics”",
+    ),
+    "sign": Option(
+        question="sign of A",
+        choices={"free": "as it comes", "nonnegative": "negative entries set to zero"},
+        word="Sect. 3.3 (iv): “negative entries are set to zero”",
+    ),
+    "coefficients": Option(
+        question="epsilon in the refinement",
+        choices={"spectrum": "from the spectra of the sources (#4)", "matrix": "from A and the beams (#3)"},
+        word="Sect. 3.3: “for the refinement phase, we use Strategy #4”",
+    ),
+    "thresholds": Option(
+        question="noise of the thresholds",
+        choices={
+            "mad": "median absolute deviation of each scale",
+            "analytic": "that of the instrument, carried through the inversion",
+        },
+        word="not said",
+    ),
+    "least_kept": Option(
+        question="fewest coefficients that a scale of a source keeps",
+        choices={5: "five", 0: "none"},
+        word="Sect. 3.3 (iii): the active support grows “from 0”",
+    ),
+    "reweighted": Option(
+        question="lower thresholds of large coefficients (l1 reweighting) in the refinement",
+        choices={True: "yes, with a memory that starts empty", False: "no"},
+        word="Sect. 3.3 (iii): “an l1 reweighting step is applied”",
+    ),
+    "wavelets": Option(
+        question="low passes of the starlets",
+        choices={
+            "cascade": "those of the starlet transform, one after the other",
+            "ratio": "the ratio of two that follow each other, each on the map itself",
+        },
+        word="Sect. 3.3 (iii): “isotropic undecimated wavelet (starlet) basis”",
+    ),
+    "floor": Option(
+        question="smallest eigenvalue of the normal equations, relative to the largest",
+        choices={1e-9: "1e-9", 1e-14: "rounding"},
+        word="not said",
+    ),
+    "resolution": Option(
+        question="what H is",
+        choices={"beam": "the beam", "best": "the beam relative to that of the best channel"},
+        word="Sect. 3.3: H is “the beam transfer function”",
+    ),
+    "start": Option(
+        question="channel to whose resolution the data of the first A are brought",
+        choices={
+            "lowest": "that of the widest beam, found at every l",
+            "first": "the first one, each coefficient with m > 0 counted once",
+        },
+        word="Sect. 3.3 (i): “the lowest-resolution channel”",
+    ),
+    "last": Option(
+        question="the last S",
+        choices={
+            "once": "Eq. 21 once, with epsilon from the last iteration's sources",
+            "repeated": "Eq. 21 with #3, then with epsilon from its own S until that settles",
+            "thresholded": "the same with thresholds",
+            "unregularised": "least squares without epsilon",
+        },
+        word="Eq. 21: S with its epsilon; how often is not said",
+    ),
+    "last_coefficients": Option(
+        question="epsilon of the last S",
+        choices={"spectrum": "from the spectra of the sources (#4)", "matrix": "from A and the beams (#3)"},
+        word="not said",
+    ),
+    "beyond": Option(
+        question="foreground beyond lmax",
+        choices={
+            "cut": "none is found: what is left, and the truth it is compared with, end at lmax",
+            "regularised": "the regularised inversion carried on to l = 3 nside",
+            "projection": "least squares without epsilon",
+        },
+        word="Sect. 3.3: “restricted to l <= 200”; Sect. 4.2: curves are cut there",
+    ),
+}
+"""{field of `SDecGMCA`: `Option`}."""
+
+_CODE = {
+    "mixing_scales": "detail",
+    "sign": "free",
+    "coefficients": "spectrum",
+    "thresholds": "mad",
+    "least_kept": 5,
+    "reweighted": True,
+    "wavelets": "ratio",
+    "floor": 1e-9,
+    "resolution": "best",
+    "start": "first",
+    "last": "repeated",
+    "last_coefficients": "spectrum",
+    "beyond": "cut",
+    "last_tolerance": 1e-4,
+}
+
+READINGS = {
+    "default": _CODE | {"resolution": "beam", "start": "lowest"},
+    "letter": _CODE
+    | {
+        "mixing_scales": "all",
+        "sign": "nonnegative",
+        "least_kept": 0,
+        "wavelets": "cascade",
+        "floor": 1e-14,
+        "resolution": "beam",
+        "start": "lowest",
+        "last": "once",
+    },
+    "code": _CODE,
+    "follow-up": _CODE
+    | {"coefficients": "matrix", "resolution": "beam", "beyond": "regularised", "last_tolerance": 1e-6},
+}
+"""{name: {field of `SDecGMCA`: value}}."""
+
+
+def resolved(reading, given):
+    """`given` {field: value or None} with what is None taken from `reading`.
+
+    Raises
+    ------
+    InputError
+        No such reading, or options that exclude each other.
+    """
+    if reading not in READINGS:
+        raise InputError(
+            f"reading must be one of {', '.join(READINGS)}, got {reading!r}; see the chapter on readings."
+        )
+    options = {name: READINGS[reading][name] if value is None else value for name, value in given.items()}
+    if options["beyond"] == "regularised" and options["last"] in ("unregularised", "thresholded"):
+        raise InputError(
+            f"beyond='regularised' carries the regularised last S on, and last={options['last']!r} has none; "
+            "take last='once' or 'repeated', or beyond='projection' or 'cut'."
+        )
+    return options

@@ -1,0 +1,139 @@
+"""Thresholds on the starlet scales of the sources (paper, Sect. 3.3, iii; C21, Sect. 3)."""
+
+import numpy as np
+
+from himap.maps import sphere
+from himap.maps.starlets import cubic_b_spline, starlet_filters
+from himap.removal import harmonic
+
+__all__ = ["Scales", "low_passes"]
+
+_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
+_SMALLEST = 1e-20
+
+
+def low_passes(n_scales, lmax, kind):
+    """Low passes of the starlet scales, fine to coarse, (n_scales, lmax + 1).
+
+    "cascade" are those of the starlet transform, phi_j(l) = (3/2) b(2^(j + 1) l / lmax) for j = 1, 2, ...
+    with b the cubic B-spline. "ratio" are phi_j / phi_(j - 1), which the transform applies to the last smooth
+    map and C21's code to the map itself, so that its scales are wider.
+    """
+    if kind == "cascade":
+        return 1 - np.cumsum(starlet_filters(n_scales, lmax)[:-1], axis=0)
+    degrees = np.arange(lmax + 1)
+    filters = np.empty((n_scales, lmax + 1))
+    for scale, low_pass in zip(2 ** np.arange(n_scales), filters, strict=True):
+        smooth, last = (1.5 * cubic_b_spline(factor * scale * degrees / lmax) for factor in (4, 2))
+        low_pass[:] = smooth / (last + 1e-6)
+        low_pass[lmax // (2 * scale) :] = 0
+    return filters
+
+
+class Scales:
+    """Soft thresholds on the detail scales of sources given as real modes.
+
+    Parameters
+    ----------
+    lmax, n_scales
+        Largest multipole, and number of detail scales.
+    pixels
+        A `Grid` or `HEALPix`.
+    wavelets
+        As `low_passes` has it.
+    n_sigma
+        k: a coefficient below k times the noise of its scale is noise.
+    least_kept
+        Of the others a share is kept, but at least so many.
+    analytic
+        Whether the noise is that of the instrument; else the median absolute deviation of the scale.
+    """
+
+    def __init__(self, lmax, n_scales, *, pixels, wavelets, n_sigma, least_kept, analytic):
+        self.pixels, self.n_sigma, self.least_kept, self.analytic = pixels, n_sigma, least_kept, analytic
+        self.low_passes = low_passes(n_scales, lmax, wavelets)
+        self.detail = 1 - self.low_passes[-1]
+        self.bands = -np.diff(np.vstack([np.ones(lmax + 1), self.low_passes]), axis=0)
+        degree = sphere.alm_degree(lmax)
+        self._kept = [degree <= np.flatnonzero(low_pass).max() for low_pass in self.low_passes]
+        self._filters = [
+            low_pass[degree[kept]] for low_pass, kept in zip(self.low_passes, self._kept, strict=True)
+        ]
+
+    def __call__(self, sources, noise, share, memory=None):
+        """Sources after the thresholds, with their smooth scale, and what is remembered of them.
+
+        Parameters
+        ----------
+        sources
+            Real modes, (n_sources, (lmax + 1)^2).
+        noise
+            Variance of the noise of each source per mode, (n_l, n_sources); None without `analytic`.
+        share
+            Of the coefficients above the noise, the largest `share` stay; 1 keeps them all.
+        memory
+            Thresholded coefficients of the last iteration, (n_sources, n_scales, n_pix): the threshold of a
+            coefficient is divided by 1 + |its last value| / (k noise) (Candes et al. 2008), so that large
+            ones lose less. None for plain thresholds; zeros at the start.
+
+        Returns
+        -------
+        sources, memory
+            In the shapes of those given; the memory is None without one.
+        """
+        kept = np.empty_like(sources)
+        remembered = None if memory is None else np.empty_like(memory)
+        levels = self._levels(noise) if self.analytic else [None] * len(sources)
+        for n, (alm, level) in enumerate(zip(harmonic.from_modes(sources), levels, strict=True)):
+            last = None if memory is None else memory[n]
+            scales, smooth = self._thresholded(alm, level, share, last)
+            kept[n] = self.pixels.analyse(scales.sum(axis=0) + smooth)
+            if remembered is not None:
+                remembered[n] = scales
+        return kept, remembered
+
+    def empty_memory(self, n_sources):
+        """A memory of nothing, (n_sources, n_scales, n_pix)."""
+        n_pix = len(self.pixels.synthesise(np.zeros(1)))
+        return np.zeros((n_sources, len(self.low_passes), n_pix))
+
+    def _levels(self, noise):
+        """Standard deviation of the noise of each source in each scale, (n_sources, n_scales)."""
+        n_modes = 2 * np.arange(len(noise)) + 1
+        return np.sqrt((self.bands**2 * n_modes) @ noise / (4 * np.pi)).T
+
+    def _thresholded(self, alm, level, share, last):
+        """Detail scales of one source after the thresholds, (n_scales, n_pix), and the smooth rest."""
+        scales = []
+        finer = self.pixels.synthesise(alm)
+        for j, (kept, low_pass) in enumerate(zip(self._kept, self._filters, strict=True)):
+            smooth = self.pixels.synthesise(alm[kept] * low_pass)
+            scale = finer - smooth
+            sigma = self._deviation(scale) if level is None else level[j]
+            self._shrink(scale, sigma, share, None if last is None else last[j])
+            scales.append(scale)
+            finer = smooth
+        return np.array(scales), finer
+
+    def _deviation(self, scale):
+        return _NORMAL * _median(np.abs(scale - _median(scale)))
+
+    def _shrink(self, scale, sigma, share, last):
+        """Soft threshold of one scale (n_pix,) in place; a coefficient equal to the threshold stays."""
+        sizes = np.abs(scale)
+        threshold = self.n_sigma * sigma
+        if share < 1:
+            n_kept = max(int(share * np.count_nonzero(sizes > threshold)), self.least_kept)
+            threshold = np.partition(sizes, -n_kept)[-n_kept] if n_kept else np.inf
+        if last is not None:
+            threshold = threshold / (1 + np.abs(last) / max(self.n_sigma * sigma, _SMALLEST))
+        scale[sizes < threshold] = 0
+        above = sizes > threshold
+        scale -= above * np.sign(scale) * np.where(np.isinf(threshold), 0, threshold)
+
+
+def _median(values):
+    """The median, as numpy's, without its search for NaN."""
+    middle = len(values) // 2
+    parted = np.partition(values, middle)
+    return parted[middle] if len(values) % 2 else (parted[middle] + parted[:middle].max()) / 2
