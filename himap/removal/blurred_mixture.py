@@ -31,17 +31,21 @@ class BlurredMixture:
         """The same data with another noise."""
         return type(self)(self.modes, self.beams, noise)
 
-    def start(self, n_sources):
-        """Principal axes of the data re-convolved to the worst beam at every l, (n_channels, n_sources).
+    def at_worst_beam(self):
+        """Sum over all modes of X X^T, X re-convolved to the worst beam at every l, (n_channels, n_channels).
 
-        There a source has one map again, and the axes are those of its spectra (paper, Sect. 3.3).
+        There a source has one map again, and as many eigenvalues stand out as there are spectra.
         """
         ratios = self.beams.min(axis=0) / self.beams
-        covariance = np.zeros((len(self.modes), len(self.modes)))
+        products = np.zeros((len(self.modes), len(self.modes)))
         for ratio, block in zip(ratios.T, blocks(self.modes), strict=True):
             convolved = ratio[:, None] * block
-            covariance += convolved @ convolved.T
-        return principal_axes(covariance, n_sources)
+            products += convolved @ convolved.T
+        return products
+
+    def start(self, n_sources):
+        """Principal axes of the data re-convolved to the worst beam, (n_channels, n_sources)."""
+        return principal_axes(self.at_worst_beam(), n_sources)
 
     def matrices(self, mixing):
         """W_l = diag(H_l) A, (n_l, n_channels, n_sources)."""
