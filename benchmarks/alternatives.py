@@ -210,6 +210,7 @@ _ALTERNATIVES = {
     "fastica": beside_fastica,
     "gmca": beside_gmca,
     "sdecgmca": beside_sdecgmca,
+    "beam_subspace": beside_sdecgmca,
     "polynomial": beside_polynomial,
     "parametric": beside_parametric,
 }

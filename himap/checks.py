@@ -13,6 +13,7 @@ __all__ = [
     "checked_field",
     "checked_fields",
     "checked_freqs",
+    "checked_noise",
     "parameter",
     "real_array",
     "whole_number",
@@ -83,6 +84,16 @@ def checked_beams(label, beams, n_channels):
             f"l = {degree} and {len(bad) - 1} more like it; end the b_l below that l."
         )
     return beams
+
+
+def checked_noise(label, noise):
+    """`noise` per pixel, mK, finite and above zero: a float, a tuple with one for each channel, or None."""
+    if noise is None:
+        return None
+    values = real_array(label, noise)
+    if values.ndim > 1 or not ((values > 0) & (values < np.inf)).all():
+        raise InputError(f"{label} must be above zero, in mK per pixel, got {noise!r}.")
+    return tuple(values.tolist()) if values.ndim else float(values)
 
 
 def whole_number(label, value, low, high):

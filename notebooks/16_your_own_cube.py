@@ -137,14 +137,14 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# The methods that take every line of sight as it comes do not mind the gap. GMCA and SDecGMCA transform whole maps; on a part of the sky they say so before any work.
+# The methods that take every line of sight as it comes do not mind the gap. GMCA and the two methods that know the beam, SDecGMCA and BeamSubspace, transform whole maps; on a part of the sky they say so before any work.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
 cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 windows = beams_of(cube, selected)
 try:
-    clean_cube(cube, "sdecgmca", beams=windows, n_sources=3)
+    clean_cube(cube, "beam_subspace", beams=windows, n_sources=3)
 except InputError as error:
     print(error)
 
@@ -200,12 +200,13 @@ show_table(rows)
 # - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
 # - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the three views agree, and the table says
 #   that they are right. One source fewer leaves the ripple of the oscillating beam; each one more costs some signal at large scales.
-# - **A method that knows the beam** needs fewer sources ({doc}`11_ns_scan`), but the whole sky.
+# - **A method that knows the beam**, such as BeamSubspace, spends no sources on what the beam adds ({doc}`11_ns_scan` scans it with `-p method=beam_subspace`), but
+#   needs the whole sky. For such a method `suggest` counts eigenvalues at one resolution, where the beam adds none.
 #
 # Three commands worth trying:
 #
 # ```sh
 # himap run 16_your_own_cube -p missing=0.6                    # less than half of the sky
 # himap run 16_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
-# himap suggest cube.h5 --method fastica -o how_many.html      # another method, on a cube of yours
+# himap suggest cube.h5 --method beam_subspace --beam meerkat  # a method that knows the beam, on a cube of yours
 # ```

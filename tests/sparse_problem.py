@@ -30,3 +30,14 @@ def make_problem(rng, nside=NSIDE):
         for row, beam in zip(mixing, beams, strict=True)
     ]
     return np.array(maps), mixing, harmonic.to_modes(alms), beams
+
+
+def noisy(maps, decibel, rng):
+    """Maps with white noise at a signal-to-noise ratio in dB."""
+    return maps + maps.std() * 10 ** (-decibel / 20) * rng.standard_normal(maps.shape)
+
+
+def largest_angle(one, two):
+    """Sine of the largest angle between the spaces that two sets of columns span."""
+    one, two = np.linalg.qr(one)[0], np.linalg.qr(two)[0]
+    return np.linalg.norm(two - one @ (one.T @ two), 2)

@@ -1,18 +1,16 @@
 """Cubes of one's own: whatever way they are stored, the same maps come in, and come back as they were."""
 
 import json
-from functools import partial
 
 import h5py
 import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from click.testing import CliRunner
+from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap import removal
-from himap.cli.main import main
-from himap.cubes import beams_of, clean_cube, cleaning, read_cube, report, save_cleaned, suggestion
+from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
@@ -20,34 +18,16 @@ from himap.maps import sphere
 from himap.removal.peaks import mask_peaks
 
 METHODS = removal.available()
-NSIDE = 16
-N_PIX = 12 * NSIDE**2
-FREQS = np.linspace(950, 1050, 24)
 
 
 @pytest.fixture
 def maps(rng):
-    """Two power laws and noise, mK, RING, by frequency; (24, 3072) float32."""
-    amplitudes = 1e3 * np.exp(rng.standard_normal((2, N_PIX)))
-    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
-    return (spectra @ amplitudes + rng.standard_normal((len(FREQS), N_PIX))).astype(np.float32)
+    return power_law_maps(rng)
 
 
 @pytest.fixture
 def shuffled(rng):
     return rng.permutation(len(FREQS))
-
-
-def write_hdf5(path, maps, **attributes):
-    with h5py.File(path, "w") as file:
-        file.create_dataset("sky/cube", data=maps)
-        file.create_dataset("sky/freq", data=FREQS)
-        file.attrs.update(attributes)
-    return path
-
-
-def himap(*words):
-    return CliRunner().invoke(main, [str(word) for word in words])
 
 
 class TestReading:
@@ -115,7 +95,7 @@ class TestCleaning:
     def test_the_same_as_the_library_call(self, maps, tmp_path):
         cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING"))
         masked = mask_peaks(maps, FREQS).maps
-        for name, seen in (("pca", None), ("sdecgmca", beams_of(cube, "evolving"))):
+        for name, seen in (("pca", None), ("beam_subspace", beams_of(cube, "evolving"))):
             cleaned = clean_cube(cube, name, beams=seen, n_sources=2)
             expected = removal.create(name, n_sources=2).clean(
                 maps, freqs=FREQS, beams=seen, separate_on=masked
@@ -152,6 +132,17 @@ class TestCleaning:
             assert json.loads(file.attrs["parameters"])["order"] == 4
         page = (tmp_path / "c.html").read_text()
         assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
+
+    def test_by_a_method_that_knows_the_beam(self, maps, tmp_path):
+        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+        options = ["--method", "beam_subspace", "--beam", "oscillating", "-p", "n_sources=2"]
+        done = himap("clean", path, *options, "-o", tmp_path / "c.h5")
+        assert done.exit_code == 0, done.output
+        cube = read_cube(path)
+        expected = clean_cube(cube, "beam_subspace", beams=beams_of(cube, "oscillating"), n_sources=2)
+        with h5py.File(tmp_path / "c.h5") as file:
+            assert file.attrs["method"] == "beam_subspace"
+            assert np.array_equal(file["residual"], expected.residual)
 
     @pytest.mark.parametrize("nest", [False, True])
     def test_microkelvin_with_another_name_comes_back_as_microkelvin(self, nest, maps, tmp_path):
@@ -234,7 +225,7 @@ MALFORMED = {
     "an unknown method": ("good.h5", ["--method", "magic"], "unknown method"),
     "an unknown parameter": ("good.h5", ["-p", "n_sorces=3"], "did you mean n_sources"),
     "more sources than channels": ("good.h5", ["-p", "n_sources=30"], "at most the number of channels"),
-    "no beam": ("good.h5", ["--method", "sdecgmca"], "give --beam"),
+    "no beam": ("good.h5", ["--method", "beam_subspace"], "give --beam"),
     "an unknown beam": ("good.h5", ["--method", "sdecgmca", "--beam", "square"], "unknown beam"),
     "beams for other channels": ("good.h5", ["--method", "sdecgmca", "--beam", "three.txt"], "got (3,)"),
     "a dish of no size": ("good.h5", ["--beam", "evolving", "--dish", "0"], "diameter in m"),
@@ -290,76 +281,3 @@ def test_malformed_input_is_one_clear_error_and_leaves_nothing(case, pantry):
 def test_the_help_lists_what_there_is():
     out = " ".join(himap("clean", "--help").output.split())
     assert all(name in out for name in (*beams.available(), *METHODS))
-
-
-class TestSuggestion:
-    """On skies whose number of foreground components is known."""
-
-    @pytest.mark.parametrize("n_components", [2, 4])
-    def test_all_views_find_the_number(self, n_components, rng, tmp_path):
-        smooth = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
-        bright = smooth @ (1e3 * rng.standard_normal((n_components, N_PIX)))
-        np.save(tmp_path / "a.npy", bright + rng.standard_normal((24, N_PIX)))
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        found = suggestion.suggest(cube, "pca", n_sources=range(1, 8))
-        assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
-        assert found.range == (n_components, n_components)
-        assert f"n_sources = {n_components}," in suggestion.advice(found)
-
-    @pytest.mark.parametrize("share", [0, 0.3])
-    def test_spectra_beside_those_of_another_number(self, share, maps, rng, tmp_path):
-        """From the few spectra by which two cleaned cubes differ, as if each were analysed anew."""
-        maps[:, rng.random(N_PIX) < share] = np.nan
-        np.save(tmp_path / "a.npy", maps)
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = report.SpectraBeside(three)
-        for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
-            found, expected = beside(cleaned), report.spectra_of(cleaned)
-            inside = expected.angular.degrees <= 2 * NSIDE
-            assert found.angular.degrees == pytest.approx(expected.angular.degrees)
-            means = found.angular.mean[inside], expected.angular.mean[inside]
-            assert means[0] == pytest.approx(means[1], rel=tolerance)
-            assert np.array_equal(found.frequency.power, expected.frequency.power)
-
-    def test_peaks_and_modes_are_found_once_for_all_numbers(self, maps, tmp_path, monkeypatch):
-        np.save(tmp_path / "a.npy", maps)
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        calls = []
-        for name in ("mask_peaks", "analysed"):
-            work = getattr(cleaning, name)
-            counted = partial(lambda name, work, *args: calls.append(name) or work(*args), name, work)
-            monkeypatch.setattr(cleaning, name, counted)
-        suggestion.suggest(cube, "sdecgmca", n_sources=range(1, 4), beams=beams_of(cube, "evolving"))
-        assert sorted(calls) == ["analysed", "mask_peaks"]
-
-    def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
-        falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))
-        np.save(tmp_path / "a.npy", (np.linalg.qr(rng.standard_normal((24, 24)))[0] @ falling).astype("f4"))
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        found = suggestion.suggest(cube, "pca", n_sources=range(1, 4))
-        assert found.range is None and "try larger ones" in suggestion.advice(found)
-
-    def test_from_the_shell(self, maps, tmp_path):
-        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
-        page = tmp_path / "n.html"
-        done = himap("suggest", path, "--to", 4, "-o", page)
-        assert done.exit_code == 0 and "Consider n_sources = 2," in done.output
-        assert page.read_text().count("<img alt=") == 1
-        again = himap("suggest", path, "-o", page)
-        assert again.exit_code == 2 and "give --overwrite" in again.output
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            (["--from", 5, "--to", 5], "--to must be more than --from"),
-            (["--method", "polynomial"], "no parameter 'n_sources'"),
-            (["--method", "sdecgmca"], "give --beam"),
-            (["--to", 30], "at most the number of channels"),
-            (["-o", "n.txt"], "is a .html file"),
-        ],
-    )
-    def test_what_it_refuses(self, options, message, maps, tmp_path):
-        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
-        done = himap("suggest", path, *options)
-        assert done.exit_code == 2 and message in done.output

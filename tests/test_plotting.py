@@ -106,13 +106,26 @@ def test_figures_are_left_to_the_caller():
 
 
 def test_every_method_and_beam_has_a_style():
-    """Of the paper; a method that somebody adds gets its name and the next colour."""
-    assert {method.name for method in methods_for(Degraded())} == set(styles.METHOD_STYLES)
+    """Of those that come with himap; a method that somebody adds gets its name and a grey of its own."""
+    assert {method.name for method in methods_for(Degraded())} | {"beam_subspace"} == set(
+        styles.METHOD_STYLES
+    )
     assert set(beams.available()) == {*styles.BEAM_STYLES, "file"}
     for of in (styles.METHOD_STYLES, styles.BEAM_STYLES):
         looks = [(style["color"], style["linestyle"]) for style in of.values()]
         assert len({colour for colour, _ in looks}) == len(looks)
         assert len({line for _, line in looks}) == len(looks)
+
+
+def test_the_seventh_method_is_darker_than_the_others():
+    """So it stands apart in grey too, between these and the black of the truth."""
+    weights = 0.299, 0.587, 0.114
+    grey = {
+        name: np.dot(matplotlib.colors.to_rgb(style["color"]), weights)
+        for name, style in styles.METHOD_STYLES.items()
+    }
+    own = grey.pop("beam_subspace")
+    assert 0.1 < own < min(grey.values()) - 0.1
 
 
 def test_a_sequence_gets_lighter_and_neighbours_differ_in_their_dashes():

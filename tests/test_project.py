@@ -210,7 +210,7 @@ def test_requirements_have_both_bounds():
 def test_readme_example_runs(tmp_path, monkeypatch, rng):
     example = "\n".join(blocks((ROOT / "README.md").read_text(), "python"))
     freqs = np.linspace(900, 1400, 20)
-    foreground = np.outer((freqs / 900) ** -2.7, rng.lognormal(size=192))
+    foreground = (freqs[:, None] / 900) ** np.array([-2.1, -2.7, -3.2]) @ rng.lognormal(size=(3, 192))
     hi = 1e-3 * rng.standard_normal((20, 192))
     np.save(tmp_path / "maps.npy", foreground + hi)
     np.save(tmp_path / "freqs.npy", freqs)

@@ -34,6 +34,7 @@ METHODS = {
     ("removal/gmca.py", "GMCA._separate"): {"06"} | ALL_SIX | ANY_METHOD,
     ("removal/polynomial.py", "Polynomial._separate"): {"07"} | ALL_SIX | ANY_METHOD,
     ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY_METHOD,
+    ("removal/beam_subspace.py", "BeamSubspace._separate"): ANY_METHOD,
     ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"09"} | ALL_SIX | ANY_METHOD,
 }
 BEAMS = {

@@ -73,7 +73,7 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
 
     \b
-    himap clean cube.h5 --method sdecgmca --beam oscillating -p n_sources=5 -o cleaned.h5
+    himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.cube import read_truth
@@ -116,6 +116,7 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
 
     \b
     himap suggest cube.h5 --method pca -o how_many.html
+    himap suggest cube.h5 --method beam_subspace --beam oscillating
     """
     from himap.cubes import suggestion
     from himap.cubes.writing import check_page

@@ -2,7 +2,8 @@
 
 Eigenvalues
     Of the channel covariance: HI and noise decline slowly and evenly with the number of the component,
-    foregrounds stand above that line.
+    foregrounds stand above that line. For a method that knows the beam the covariance is that of maps at one
+    resolution, of the worst channel, where the components that a changing beam adds are none.
 Information criterion
     Bayesian (BIC), for any method: ln of the variance left, in the mean over channels, plus ln(n_pix) / n_pix
     for each number in the mixing matrix and the sources, over the number of channels. It falls while a source
@@ -22,6 +23,7 @@ from himap.cubes.report import SpectraBeside
 from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.progress import progress
+from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.covariance import channel_covariance
 
 __all__ = ["Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
@@ -40,7 +42,7 @@ class Suggestion:
     n_sources
         The numbers that were tried, (n,).
     eigenvalues, line
-        Of the channel covariance and the line of HI and noise below them, (n_channels,), mK^2.
+        Of the channel covariance, and the line of HI and noise below them, (n_channels,), mK^2.
     n_bright
         How many eigenvalues stand above the line.
     criterion
@@ -49,6 +51,8 @@ class Suggestion:
         Largest relative change of C_l and P(k), in the mean over scales, to the next n_s, (n - 1,).
     stable
         The first number from which the spectra hardly move to the next, or None.
+    knows_beam
+        Whether the method does.
     """
 
     n_sources: np.ndarray
@@ -58,6 +62,7 @@ class Suggestion:
     criterion: np.ndarray
     change: np.ndarray
     stable: int | None
+    knows_beam: bool
 
     @property
     def range(self):
@@ -73,7 +78,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     """Which numbers of sources to consider for a cube, without the truth.
 
     Recommended is the range of what the three views say: eigenvalues that stand out, the least criterion, and
-    the first number from which both spectra move by less than 10 % to the next.
+    the first number from which both spectra move by less than 10 % to the next. For a method that knows the
+    beam, eigenvalues are those of the maps at the resolution of the worst channel, to l = 2 nside.
 
     Parameters
     ----------
@@ -101,9 +107,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     counts = np.array(list(n_sources))
     if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
-    method_for(cube, method, n_sources=int(counts[-1]), **parameters)  # refused now, not after the others
-    values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
-    line = _line(values)
+    # Refused now, not after the others.
+    knows_beam = method_for(cube, method, n_sources=int(counts[-1]), **parameters).needs_beams
     basis = Basis(cube, peaks=peaks)
     variances, spectra, spectra_of = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
@@ -112,17 +117,28 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
     change = np.array([_change(fewer, more) for fewer, more in zip(spectra[:-1], spectra[1:], strict=True)])
-    n_bright = int(np.argmin(values > _STANDS_OUT * line))
+    values = _eigenvalues(cube, basis, beams if knows_beam else None)
+    line = _line(values)
     stable = change < _STABLE
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
         line=line,
-        n_bright=n_bright,
+        n_bright=int(np.argmin(values > _STANDS_OUT * line)),
         criterion=_criterion(np.array(variances), counts, cube.maps.shape[1]),
         change=change,
         stable=int(counts[stable.argmax()]) if stable.any() else None,
+        knows_beam=knows_beam,
     )
+
+
+def _eigenvalues(cube, basis, beams):
+    """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given."""
+    if beams is None or not cube.whole_sky:
+        return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
+    lmax = min(2 * cube.nside, beams.shape[1] - 1)
+    mixture = BlurredMixture(basis.modes.upto(lmax), beams[:, : lmax + 1])
+    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
 
 
 def _line(values):
@@ -154,9 +170,10 @@ def _change(fewer, more):
 def advice(suggestion):
     """The recommendation of a `Suggestion` in words."""
     if suggestion.range is None:
+        other = "" if suggestion.knows_beam else ", or a method that knows the beam"
         return (
             f"No number from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]} leaves both spectra "
-            "as they are with one more: try larger ones, or a method that knows the beam."
+            f"as they are with one more: try larger ones{other}."
         )
     low, high = suggestion.range
     return f"Consider n_sources = {low if low == high else f'{low} to {high}'}, and look at the page of each."
@@ -169,7 +186,7 @@ def views_figure(suggestion):
     blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
     panels = [
         {
-            "title": "Eigenvalues",
+            "title": "Eigenvalues" + (" at one resolution" if suggestion.knows_beam else ""),
             "xlabel": "component",
             "ylabel": r"variance [mK$^2$]",
             "xscale": "log",

@@ -1,7 +1,7 @@
 """Colours, lines and axis labels: the same for the same thing throughout figures, reports and notebooks.
 
-Colours are those of Okabe and Ito, which stay apart for colour-blind readers; lines differ in style too, so
-they stay apart in grey.
+Colours are those of Okabe and Ito, which stay apart for colour-blind readers, and an indigo darker than them
+all for the method that is not the paper's; lines differ in style too, so they stay apart in grey.
 """
 
 import matplotlib
@@ -14,6 +14,7 @@ __all__ = [
     "CHANNELS",
     "COLOURS",
     "GREEN",
+    "INDIGO",
     "METHOD_STYLES",
     "ORANGE",
     "PURPLE",
@@ -32,6 +33,7 @@ BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS = (
     "#56B4E9",
     "#D55E00",
 )
+INDIGO = "#332288"
 
 CHANNELS = "frequency [MHz]"
 """Label of an axis of channels."""
@@ -57,8 +59,14 @@ METHOD_STYLES = {
     "sdecgmca": {"label": "SDecGMCA", "color": VERMILION, "linestyle": "-", "linewidth": 2},
     "polynomial": {"label": "polynomial", "color": PURPLE, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
     "parametric": {"label": "parametric", "color": SKY_BLUE, "linestyle": (0, (8, 3))},
+    "beam_subspace": {
+        "label": "BeamSubspace",
+        "color": INDIGO,
+        "linestyle": (0, (10, 1.5, 1, 1.5)),
+        "linewidth": 2,
+    },
 }
-"""Line style of every method of the paper; the order is that of the legends."""
+"""Line style of every method that comes with himap: the paper's six and BeamSubspace."""
 
 BEAM_STYLES = {
     "degraded": {"label": "degraded", "color": BLUE, "linestyle": "-"},
@@ -68,7 +76,7 @@ BEAM_STYLES = {
 }
 """Line style of every beam that comes with himap."""
 
-_OTHER = {"color": "0.35", "linestyle": (0, (8, 2, 1, 2))}
+_OTHER = {"color": "0.35", "linestyle": (0, (6, 1, 1, 1, 1, 1, 1, 1))}
 _DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 
 

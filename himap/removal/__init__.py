@@ -1,4 +1,4 @@
-"""Foreground removal: one file per published method, behind one interface.
+"""Foreground removal: one file per method, behind one interface.
 
 Every file of this package is found by itself, so a new method is one new file.
 """

@@ -1,0 +1,119 @@
+"""The space of the blurred spectra, found without thresholds in the way: himap's own method."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from himap.checks import checked_noise
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.progress import progress
+from himap.removal import harmonic
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.beam_projection import through_beams
+from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.conventions import ordered
+from himap.removal.sparse_sources import SparseSources
+
+__all__ = ["BeamSubspace"]
+
+_SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
+_ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
+_MOST_ITERATIONS = 50  # the misfit settles in 3 to 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamSubspace(ForegroundRemover):
+    """The few spectra that, blurred by the beam of every channel, hold the foreground.
+
+    Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 22), the start and the sparsity in
+    starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); how A is found is not. H is the beam
+    over the best beam of any channel, so at most 1. In turns S comes from A by plain least squares at every
+    l, and A from S, channel by channel, by one Newton step towards
+
+        sum_l H_l (X_l - H_l A S_l) T_l^T = 0,
+
+    T being the detail scales of S less what is below their thresholds. The *whole* sources are subtracted, so
+    T only says where to look, and whatever a threshold takes away, without noise the true A stays as it is.
+    (In a fit of X with T alone bright sources no longer cancel where one of them was cut, each channel sees
+    what is left through another beam, and A goes to describe that.) So the result hardly depends on noise
+    level, threshold or start. The turns end when the misfit settles.
+
+    The foreground is H A S with S from least squares at every l of the maps (`through_beams`): it depends on
+    A only through the space that its columns span. They are orthonormal; the sources are uncorrelated and
+    ordered by variance, not separated. There is no randomness.
+    """
+
+    name: ClassVar[str] = "beam_subspace"
+    needs_beams: ClassVar[bool] = True
+    needs_whole_sky: ClassVar[bool] = True
+    needs_modes: ClassVar[bool] = True
+    n_sources: int = parameter(3, "number of spectra", minimum=1)
+    share: float = parameter(
+        0.3, "share of the significant coefficients that A is found from", minimum=0, maximum=1, above=True
+    )
+    n_scales: int = parameter(5, "number of starlet detail scales", minimum=1, maximum=12)
+    lmax: int = parameter(200, "largest multipole that shapes A, at most 2 nside", minimum=4)
+    thresholds: str = parameter(
+        "analytic", "noise of the thresholds: analytic or mad", choices=("analytic", "mad")
+    )
+    noise: float | tuple | None = parameter(None, "noise per pixel, mK, or one for each channel")
+    n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        object.__setattr__(self, "noise", checked_noise("noise", self.noise))
+
+    def check(self, n_channels):
+        super().check(n_channels)
+        if isinstance(self.noise, tuple) and len(self.noise) != n_channels:
+            raise InputError(
+                f"noise must be one value or {n_channels}, one for each channel, got {len(self.noise)}."
+            )
+
+    def _separate(self, maps, *, freqs, beams, rng, modes):
+        nside = sphere.nside_of(maps)
+        lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
+        best = beams.max(axis=0)
+        mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
+        mixing = mixture.start(self.n_sources)
+        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1]))
+        mixing, converged, n_iterations = self._settled(mixture, mixing)
+        mixing, sources = ordered(mixing, mixture.sources(mixing))
+        return Separation(
+            foreground=through_beams(maps, mixing, beams / best, modes),
+            mixing=mixing,
+            sources=sphere.synthesise(harmonic.from_modes(sources), nside),
+            converged=converged,
+            n_iterations=n_iterations,
+        )
+
+    def _noise_power(self, mixture, mixing, n_pix):
+        """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
+        if self.noise is None:
+            return mixture.residual_noise(mixing, mixture.sources(mixing))
+        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
+
+    def _settled(self, mixture, mixing):
+        """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
+        analytic = self.thresholds == "analytic"
+        sparse = SparseSources(mixture.lmax, self.n_scales, n_sigma=self.n_sigma, analytic=analytic)
+        exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
+        misfit = None
+        for count in progress(range(_MOST_ITERATIONS), self.name):
+            inverses = harmonic.safe_inverse(mixture.matrices(mixing))
+            sources = harmonic.project(inverses, mixture.modes)
+            residual = mixture.residual(mixing, sources)
+            previous, misfit = misfit, np.vdot(residual, residual)
+            settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
+            if settled or misfit <= exact:
+                return _uncorrelated(mixing, sources), True, count
+            kept = sparse(sources, mixture.noise_of(inverses), self.share)
+            mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
+        return mixing, False, _MOST_ITERATIONS
+
+
+def _uncorrelated(mixing, sources):
+    """The columns of A, orthonormal, turned so that their sources are uncorrelated."""
+    return mixing @ np.linalg.eigh(sources @ sources.T)[1]

@@ -1,0 +1,156 @@
+"""BeamSubspace: exact where it can be, and unmoved by what is of no account."""
+
+import numpy as np
+import pytest
+from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy, sparse_sources
+
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.blocked import centred
+from himap.removal import analysis
+from himap.removal.base import SeparationWarning
+from himap.removal.beam_subspace import BeamSubspace
+from himap.removal.gmca import GMCA
+from himap.removal.pca import PCA
+
+FREQS = np.linspace(900, 1400, 8)
+
+
+@pytest.fixture
+def problem(rng):
+    return make_problem(rng)[:3]
+
+
+def separated(maps, beams=BEAMS, **options):
+    return BeamSubspace(**{"n_sources": 4} | options).clean(maps, freqs=FREQS, beams=beams).separation
+
+
+class TestExactness:
+    def test_of_a_noise_free_sky_nothing_is_left(self, problem):
+        """With as many spectra as sources or more; what is left is the error of transforms at this nside."""
+        maps = problem[0]
+        methods = PCA(n_sources=4), *(BeamSubspace(n_sources=n) for n in (3, 4, 5))
+        blind, three, four, five = (
+            method.clean(maps, freqs=FREQS, beams=BEAMS).residual.std() / maps.std() for method in methods
+        )
+        assert max(four, five) < 1e-3
+        assert min(blind, three) > 0.03
+
+    def test_of_a_noise_free_sky_the_space_is_exact(self, problem):
+        maps, mixing, _ = problem
+        found = separated(maps)
+        assert found.converged
+        assert largest_angle(found.mixing, mixing) < 1e-4
+
+    def test_it_finds_the_space_under_noise(self, problem, rng):
+        maps, mixing, _ = problem
+        seen = noisy(maps, 30, rng)
+        blind = PCA(n_sources=4).clean(seen, freqs=FREQS).separation
+        angle = largest_angle(separated(seen).mixing, mixing)
+        assert angle < 0.1
+        assert angle < 0.5 * largest_angle(blind.mixing, mixing)
+
+    def test_through_one_beam_it_finds_what_gmca_finds(self, problem, rng):
+        """The same space of spectra as GMCA in pixels, whose noise is the only difference."""
+        maps = noisy(problem[1] @ sphere.synthesise(sparse_sources(rng), NSIDE), 30, rng)
+        ours = separated(maps, np.ones((8, 3 * NSIDE)))
+        theirs = GMCA(n_sources=4).clean(maps, freqs=FREQS).separation
+        assert largest_angle(ours.mixing, theirs.mixing) < 0.05
+
+    def test_spectra_are_orthonormal_and_sources_uncorrelated(self, problem, rng):
+        found = separated(noisy(problem[0], 30, rng))
+        assert found.mixing.T @ found.mixing == pytest.approx(np.eye(4), abs=1e-10)
+        products = np.cov(found.sources)
+        variances = np.diag(products)
+        assert (np.diff(variances) < 0).all()
+        off = products / np.sqrt(np.outer(variances, variances)) - np.eye(4)
+        assert np.abs(off).max() < 0.02  # the sums over modes vanish, those over pixels nearly
+
+
+class TestStability:
+    def test_it_does_not_feel_noise_level_or_threshold(self, problem, rng):
+        seen = noisy(problem[0], 30, rng)
+        options = ({"noise": 0.1}, {"noise": 0.1001}, {"noise": 0.1, "share": 0.35}, {"thresholds": "mad"})
+        first, *others = (separated(seen, **kw).mixing for kw in options)
+        angles = [largest_angle(first, space) for space in others]
+        assert angles[0] < 1e-3
+        assert max(angles) < 0.05
+
+    @pytest.mark.parametrize(
+        "options",
+        [
+            {"thresholds": "mad"},
+            {"share": 1.0},
+            {"n_scales": 2},
+            {"lmax": 12},
+            {"n_sigma": 10.0},
+            {"noise": tuple(np.linspace(0.1, 4, 8))},
+        ],
+    )
+    def test_every_parameter_is_used(self, problem, rng, options):
+        """They move the space a little, but they move it."""
+        seen = noisy(problem[0], 30, rng)
+        assert 1e-6 < largest_angle(separated(seen).mixing, separated(seen, **options).mixing) < 0.2
+
+    def test_rounding_does_not_end_it_early(self, problem, rng, monkeypatch):
+        """Signal a hundred thousand times fainter than the sky, as HI is, is still no rounding."""
+        seen = noisy(problem[0], 100, rng)
+        as_it_is = separated(seen)
+        monkeypatch.setattr("himap.removal.beam_subspace._ROUNDING", 0.0)
+        never = separated(seen)
+        assert as_it_is.n_iterations == never.n_iterations > 1
+        assert np.array_equal(as_it_is.foreground, never.foreground)
+
+    def test_equal_channels_are_no_trouble(self, rng):
+        """Data of rank one with three sources asked for: no NaN, no singular matrix, nothing left."""
+        maps = np.ones((8, 1)) * np.exp(rng.standard_normal(12 * NSIDE**2))
+        cleaned = BeamSubspace(n_sources=3).clean(maps, freqs=FREQS, beams=np.ones((8, 3 * NSIDE)))
+        assert np.isfinite(cleaned.separation.sources).all()
+        assert np.abs(cleaned.residual).max() < 1e-5 * maps.max()
+
+    def test_not_settling_is_a_warning_and_a_flag(self, problem, rng, monkeypatch):
+        monkeypatch.setattr("himap.removal.beam_subspace._MOST_ITERATIONS", 1)
+        with pytest.warns(SeparationWarning, match="beam_subspace: stopped after 1 iterations"):
+            found = separated(noisy(problem[0], 10, rng))
+        assert not found.converged and found.n_iterations == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"thresholds": None}, "thresholds must be analytic or mad"),
+        ({"noise": -1}, "noise must be above zero, in mK per pixel, got -1"),
+        ({"noise": (0.1, np.nan)}, "noise must be above zero"),
+        ({"noise": "white"}, "noise must be real numbers"),
+        ({"noise": ((0.1, 0.2), 0.3)}, "noise must be one array"),
+        ({"share": 0}, "share .* must be above 0"),
+        ({"share": 1.5}, "at most 1"),
+        ({"lmax": 2}, "at least 4"),
+    ],
+)
+def test_bad_parameters(options, message):
+    with pytest.raises(InputError, match=message):
+        BeamSubspace(**options)
+
+
+def test_noise_as_an_array_is_noise_as_a_tuple():
+    """Methods are keys of what is stored."""
+    one, two = BeamSubspace(noise=np.full(8, 0.1)), BeamSubspace(noise=(0.1,) * 8)
+    assert one == two and hash(one) == hash(two)
+
+
+def test_noise_for_another_number_of_channels(problem):
+    with pytest.raises(InputError, match="one value or 8, one for each channel, got 3"):
+        separated(problem[0], noise=(1, 2, 3))
+
+
+def test_modes_at_hand_are_not_made_again(problem, monkeypatch):
+    """The same foreground from modes that are passed, and no analysis of the maps."""
+    maps = problem[0].astype(np.float32)
+    method, given = BeamSubspace(n_sources=4), {"freqs": FREQS, "beams": BEAMS}
+    expected = method.clean(maps, **given).residual
+    modes = analysis.analysed(centred(maps))
+    monkeypatch.setattr(analysis, "analysed", None)
+    assert np.array_equal(method.clean(maps, **given, modes=modes).residual, expected)
+    with pytest.raises(TypeError):
+        method.clean(maps, **given)
