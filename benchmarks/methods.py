@@ -24,6 +24,7 @@ import numpy as np
 from benchmarks.alternatives import Run, alternatives, timed
 from benchmarks.cases import case_options
 from himap import removal
+from himap.instrument.noise import noise_sigma
 from himap.paper import pipeline
 from himap.paper.methods import sdecgmca_for, table_1
 from himap.removal.base import SeparationWarning
@@ -82,9 +83,7 @@ def methods(beam):
         if hasattr(method, "n_sources"):
             method = replace(method, n_sources=table_1(beam)["n_sources"])
         removers[name] = method
-    del removers[SDecGMCA.name]
-    for iteration in ("stable", "published"):
-        removers[f"{SDecGMCA.name}, {iteration}"] = sdecgmca_for(beam, iteration=iteration)
+    removers[SDecGMCA.name] = sdecgmca_for(beam)
     return removers
 
 
@@ -94,7 +93,8 @@ def measure(label, remover, data):
     if remover is None:
         work = partial(mask_peaks, maps, data.freqs)
     else:
-        given = {"freqs": data.freqs, "beams": data.beams, "rng": data.survey.rng(f"removal {remover.name}")}
+        given = {"freqs": data.freqs, "beams": data.beams, "noise": noise_sigma(data.survey)}
+        given["rng"] = data.survey.rng(f"removal {remover.name}")
         work = partial(remover.clean, maps, **given, separate_on=masked)
     memory_before, cpu = peak_memory(), time.process_time()
     with warnings.catch_warnings(record=True) as caught:

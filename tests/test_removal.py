@@ -21,6 +21,8 @@ BEAMS = np.ones((len(FREQS), 24))
 METHODS = removal.available()
 # They look at the sky as a sky, not as a bag of pixels.
 SPATIAL = {name for name in METHODS if REGISTRY[name].needs_whole_sky}
+# The paper's method shrinks its sources before A is found, and its last S has a Tikhonov term (Eq. 21).
+INEXACT = {"sdecgmca"}
 
 
 @pytest.fixture
@@ -40,7 +42,8 @@ def sky(toy, rng):
 
 def clean(name, maps, **options):
     method = removal.create(name)
-    return method.clean(maps, freqs=FREQS, beams=BEAMS, rng=np.random.default_rng(1), **options)
+    seen = {"freqs": FREQS, "beams": BEAMS, "noise": 1.0}
+    return method.clean(maps, **seen, rng=np.random.default_rng(1), **options)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -68,7 +71,11 @@ class TestContract:
         assert cleaned.residual + cleaned.foreground == pytest.approx(sky, rel=3e-7)
 
     def test_exact_on_a_noise_free_low_rank_sky(self, name, toy):
-        assert np.abs(clean(name, toy).residual).max() < 3e-7 * np.abs(toy).max()
+        residual = clean(name, toy).residual
+        if name in INEXACT:
+            assert residual.std() < 2e-3 * toy.std()
+        else:
+            assert np.abs(residual).max() < 3e-7 * np.abs(toy).max()
 
     def test_pixel_order_is_irrelevant(self, name, sky, rng):
         if name in SPATIAL:
@@ -88,7 +95,8 @@ class TestContract:
     def test_separating_on_other_maps(self, name, sky, toy):
         """The foreground found in one cube, its means included, is subtracted from another."""
         cleaned = clean(name, sky + np.float32(50), separate_on=toy)
-        assert cleaned.residual == pytest.approx(sky + 50 - toy, abs=6e-7 * float(sky.max()))
+        alone = clean(name, toy).foreground
+        assert cleaned.residual == pytest.approx(sky + 50 - alone, abs=6e-7 * float(sky.max()))
 
     def test_memory_mapped_input(self, name, sky, tmp_path):
         np.save(tmp_path / "sky.npy", sky)
@@ -113,12 +121,12 @@ class TestContract:
 
     def test_unsorted_frequencies(self, name, sky):
         with pytest.raises(InputError, match="ascending"):
-            removal.create(name).clean(sky, freqs=FREQS[::-1], beams=BEAMS)
+            removal.create(name).clean(sky, freqs=FREQS[::-1], beams=BEAMS, noise=1.0)
 
     def test_bad_frequencies(self, name, sky):
         for freqs in (FREQS - FREQS[0], FREQS * 1e6, np.where(FREQS > 1000, np.nan, FREQS)):
             with pytest.raises(InputError, match="freqs"):
-                removal.create(name).clean(sky, freqs=freqs, beams=BEAMS)
+                removal.create(name).clean(sky, freqs=freqs, beams=BEAMS, noise=1.0)
 
     def test_masked_maps(self, name, sky):
         with pytest.raises(InputError, match="masked values"):
@@ -149,7 +157,19 @@ class TestContract:
             (np.where(holes == 0, np.nan, 1), "got nan in channel 3"),
         ):
             with pytest.raises(InputError, match=message):
-                method.clean(sky, freqs=FREQS, beams=beams)
+                method.clean(sky, freqs=FREQS, beams=beams, noise=1.0)
+
+    def test_noise_where_it_is_needed(self, name, sky):
+        method = removal.create(name)
+        given = {"freqs": FREQS, "beams": BEAMS, "rng": np.random.default_rng(1)}
+        if not method.needs_noise:
+            assert np.array_equal(method.clean(sky, **given).residual, clean(name, sky).residual)
+            return
+        with pytest.raises(InputError, match="needs the noise of the instrument"):
+            method.clean(sky, **given)
+        for noise, message in ((0, "above zero"), ([1.0, 2.0], r"one value or 30"), ("low", "real numbers")):
+            with pytest.raises(InputError, match=message):
+                method.clean(sky, **given, noise=noise)
 
 
 DIGESTS = """
@@ -163,10 +183,10 @@ freqs, beams = np.linspace(900, 1400, 40), gaussian_beam(np.deg2rad(np.linspace(
 sky = (freqs[:, None] / 1000) ** np.array([-2.1, -2.8]) @ np.exp(8 + rng.standard_normal((2, 3072)))
 sky += rng.standard_normal(sky.shape)
 runs = [(name, {}) for name in removal.available()]
-runs.append(("sdecgmca", {"iteration": "published", "n_warmup": 8, "n_refinement": 2}))
+runs.append(("sdecgmca", {"reading": "letter", "n_warmup": 8, "n_refinement": 2}))
 for name, options in runs:
     method = removal.create(name, **options)
-    cleaned = method.clean(sky, freqs=freqs, beams=beams, rng=np.random.default_rng(1))
+    cleaned = method.clean(sky, freqs=freqs, beams=beams, noise=1.0, rng=np.random.default_rng(1))
     print(name, hashlib.sha256(cleaned.residual.tobytes()).hexdigest())
 """
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, parameter
+from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, checked_noise, parameter
 from himap.errors import InputError
 from himap.maps.blocked import centred
 
@@ -154,6 +154,7 @@ class ForegroundRemover(ABC):
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
+        noise = self._own_noise(noise, len(maps))
         self.check(len(maps))
         means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
         basis = centred(basis, means)
@@ -182,6 +183,14 @@ class ForegroundRemover(ABC):
                 "himap.instrument.beams makes those of the paper."
             )
         return checked_beams("beams", beams, n_channels)
+
+    def _own_noise(self, noise, n_channels):
+        noise = checked_noise("noise", noise)
+        if isinstance(noise, tuple) and len(noise) != n_channels:
+            raise InputError(
+                f"noise must be one value or {n_channels}, one for each channel, got {len(noise)}."
+            )
+        return noise
 
     def _check_result(self, separation, shape):
         """Hold a method to what it promises, and pass on what it says of its result."""

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from himap.checks import checked_noise
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
@@ -97,15 +99,11 @@ class SDecGMCA(ForegroundRemover):
         for name, value in options.items():
             object.__setattr__(self, name, value)
         super().__post_init__()
-        if self.noise is not None:
-            object.__setattr__(self, "noise", _checked_noise(self.noise))
+        object.__setattr__(self, "noise", checked_noise("noise", self.noise))
 
     def check(self, n_channels):
         super().check(n_channels)
-        if isinstance(self.noise, tuple) and len(self.noise) != n_channels:
-            raise InputError(
-                f"noise must be one value or {n_channels}, one for each channel, got {len(self.noise)}."
-            )
+        self._own_noise(self.noise, n_channels)
 
     def _separate(self, maps, *, freqs, beams, rng, modes, noise):
         nside = sphere.nside_of(maps)
@@ -126,9 +124,12 @@ class SDecGMCA(ForegroundRemover):
             least_kept=self.least_kept,
             analytic=self.thresholds == "analytic",
         )
-        start = problem.start(self.n_sources, self.start)
-        steps = enumerate(iterations(self, problem, scales, start), 1)
-        ((n_iterations, step),) = deque(steps, maxlen=1)
+        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
+        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
+        with threadpool_limits(1, user_api="blas"):
+            start = problem.start(self.n_sources, self.start)
+            steps = enumerate(iterations(self, problem, scales, start), 1)
+            ((n_iterations, step),) = deque(steps, maxlen=1)
         sources, foreground = self._last(maps, problem, scales, step, windows, modes)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(
@@ -191,10 +192,3 @@ def _left(problem, mixing, sources, nside):
         block -= matrix @ source
     alms = (harmonic.from_modes(mode).astype(np.complex64) for mode in modes)
     return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label="what is left")
-
-
-def _checked_noise(noise):
-    values = np.asarray(noise)
-    if values.dtype.kind not in "fiu" or values.ndim > 1 or not ((values > 0) & (values < np.inf)).all():
-        raise InputError(f"noise must be above zero, in mK per pixel, got {noise!r}.")
-    return tuple(values.tolist()) if values.ndim else float(values)

@@ -5,11 +5,9 @@ import numpy as np
 from himap.maps import sphere
 from himap.maps.starlets import cubic_b_spline, starlet_filters
 from himap.removal import harmonic
+from himap.removal.sdecgmca.selection import deviation, shrink
 
 __all__ = ["Scales", "low_passes"]
-
-_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
-_SMALLEST = 1e-20
 
 
 def low_passes(n_scales, lmax, kind):
@@ -55,7 +53,7 @@ class Scales:
         self.detail = 1 - self.low_passes[-1]
         self.bands = -np.diff(np.vstack([np.ones(lmax + 1), self.low_passes]), axis=0)
         degree = sphere.alm_degree(lmax)
-        self._kept = [degree <= np.flatnonzero(low_pass).max() for low_pass in self.low_passes]
+        self._kept = [degree <= np.flatnonzero(low_pass).max(initial=0) for low_pass in self.low_passes]
         self._filters = [
             low_pass[degree[kept]] for low_pass, kept in zip(self.low_passes, self._kept, strict=True)
         ]
@@ -109,31 +107,8 @@ class Scales:
         for j, (kept, low_pass) in enumerate(zip(self._kept, self._filters, strict=True)):
             smooth = self.pixels.synthesise(alm[kept] * low_pass)
             scale = finer - smooth
-            sigma = self._deviation(scale) if level is None else level[j]
-            self._shrink(scale, sigma, share, None if last is None else last[j])
+            cut = self.n_sigma * (deviation(scale) if level is None else level[j])
+            shrink(scale, cut, share, self.least_kept, smooth if last is None else last[j], last is not None)
             scales.append(scale)
             finer = smooth
         return np.array(scales), finer
-
-    def _deviation(self, scale):
-        return _NORMAL * _median(np.abs(scale - _median(scale)))
-
-    def _shrink(self, scale, sigma, share, last):
-        """Soft threshold of one scale (n_pix,) in place; a coefficient equal to the threshold stays."""
-        sizes = np.abs(scale)
-        threshold = self.n_sigma * sigma
-        if share < 1:
-            n_kept = max(int(share * np.count_nonzero(sizes > threshold)), self.least_kept)
-            threshold = np.partition(sizes, -n_kept)[-n_kept] if n_kept else np.inf
-        if last is not None:
-            threshold = threshold / (1 + np.abs(last) / max(self.n_sigma * sigma, _SMALLEST))
-        scale[sizes < threshold] = 0
-        above = sizes > threshold
-        scale -= above * np.sign(scale) * np.where(np.isinf(threshold), 0, threshold)
-
-
-def _median(values):
-    """The median, as numpy's, without its search for NaN."""
-    middle = len(values) // 2
-    parted = np.partition(values, middle)
-    return parted[middle] if len(values) % 2 else (parted[middle] + parted[:middle].max()) / 2
