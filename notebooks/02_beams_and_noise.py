@@ -54,7 +54,7 @@ dish = sky.dish_diameter
 
 def stamped(figure, **parameters):
     """The figure with a line that says where it comes from."""
-    return plotting.stamp(figure, Provenance.of(sky, galaxy=galaxy, preset=preset, parameters=parameters))
+    return plotting.stamp(figure, Provenance.of(sky, galaxy=milky_way, preset=preset, parameters=parameters))
 
 
 # %% [markdown]

@@ -115,7 +115,7 @@ quote(
 # %% [markdown]
 # A quarter of the sky lies within 15° of the plane. Of all methods but SDecGMCA at least {glue:text}`post_others_in_plane` of the flagged lines of sight do: there the
 # foreground is brightest, and there they leave it. What SDecGMCA gets wrong is spread over the sky, in patches, with some excess
-# in the plane: {glue:text}`post_in_plane` lie there. With the real Galaxy it is {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane_laptop:s` at `laptop` and
+# in the plane: {glue:text}`post_in_plane` lie there. With the real Galaxy (templates, nside 64) it is {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane_laptop:s` at `laptop` and
 # {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane:s` at the paper's size ({doc}`17_paper_size`).
 
 
@@ -429,7 +429,7 @@ quote(
 # - Without their flagged lines of sight PCA and GMCA are off in $C_\ell$ by {glue:text}`post_angular_pca_after` and {glue:text}`post_angular_gmca_after`, where they were by {glue:text}`post_angular_pca` and
 #   {glue:text}`post_angular_gmca`. Their peak at $k_\nu = 0.31$ gets lower, and stays.
 # - SDecGMCA needs no such mask: without it, off by {glue:text}`post_angular_sd`, it is closer than they are with it.
-# - At the paper's size, with the real Galaxy, the mask leaves {glue:text}`post_paper_pca` of PCA's error in $C_\ell$ up to 200, and {glue:text}`post_paper_sd` of that of SDecGMCA.
+# - At the paper's size, with the real Galaxy (templates, nside 64), the mask leaves {glue:text}`post_paper_pca` of PCA's error in $C_\ell$ up to 200, and {glue:text}`post_paper_sd` of that of SDecGMCA.
 #
 # Three commands worth trying:
 #
