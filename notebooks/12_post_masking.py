@@ -119,7 +119,7 @@ quote(
 # {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane:s` at the paper's size ({doc}`17_paper_size`).
 
 
-# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles, as many of all as the legend says; where it is not all, evenly from the largest error to the smallest (the paper's Fig. 5, left). Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed. Of the flagged lines the numbers beside the picture are percentiles."}}
+# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed. Of the flagged lines the numbers beside the picture are percentiles."}}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
 
 
