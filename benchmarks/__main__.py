@@ -59,7 +59,7 @@ def _about(preset, case, started):
     size = {name: getattr(case.survey, name) for name in ("nside", "n_channels", "box_cells")}
     provenance = Provenance.of(
         case.survey,
-        galaxy=case.galaxy.source,
+        galaxy=case.galaxy,
         preset=preset,
         parameters={"beam": str(case.beam)},
         started=started,

@@ -10,13 +10,16 @@ import csv
 import io
 import json
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from himap.companion.figures import figures
 from himap.companion.notebook_files import STAMP, read_notebook
+from himap.errors import InputError
 from himap.outputs import whole_file
+from himap.sky.galaxy import Galaxy
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine
 
@@ -29,7 +32,7 @@ def main(copies, target):
     rows = []
     for copy in sorted(copies, key=lambda path: Path(path).name):
         stamp = read_notebook(copy).metadata[STAMP]
-        made = {name: value for name, value in stamp["parameters"].items() if name not in PLACES}
+        made = without_places(stamp["parameters"])
         for figure in figures(copy):
             if figure.paper:
                 with whole_file(Path(target, f"{figure.name}.png")) as temporary:
@@ -41,6 +44,15 @@ def main(copies, target):
         raise click.ClickException("none of these notebooks has a figure of the paper.")
     with whole_file(Path(target, "figures.json")) as temporary:
         temporary.write_text(json.dumps({"figures": rows}, separators=(",", ":")) + "\n")
+
+
+def without_places(parameters):
+    """Parameters that mean something elsewhere; of templates that are still there, with their nside."""
+    made = {name: value for name, value in parameters.items() if name not in PLACES}
+    if "template_dir" in parameters:
+        with suppress(InputError):
+            made["galaxy"] = Galaxy(source="templates", template_dir=parameters["template_dir"]).label
+    return made
 
 
 def curves(figure):

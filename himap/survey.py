@@ -40,6 +40,12 @@ class Survey:
     t_obs: float = parameter(20_000.0, "total observing time, h", minimum=0, above=True)
     t_instr: float = parameter(25.0, "instrumental temperature, K", minimum=0)
     f_sky: float = parameter(1.0, "observed fraction of the sky", minimum=0, maximum=1, above=True)
+    noise_reading: str = parameter(
+        "deviation",
+        "sigma_N of the noise formula is a deviation or variance of pixels; as the latter its value in mK is "
+        "one in mK^2, whose root is the noise, which depends on the unit",
+        choices=("deviation", "variance"),
+    )
     seed: int = parameter(2025, "seed of every random stream", minimum=0, maximum=2**63)
 
     def __post_init__(self):
@@ -108,7 +114,7 @@ class Survey:
     @property
     def sky(self):
         """This survey with the default instrument: all that a simulated sky depends on."""
-        instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky")
+        instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky", "noise_reading")
         return replace(self, **{name: getattr(Survey, name) for name in instrument})
 
     def rng(self, component):

@@ -48,9 +48,10 @@ from himap.survey import Survey
 sky = Survey.preset(preset, **survey)
 freqs = sky.freqs
 middle = sky.n_channels // 2
+milky_way = Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales)
 
 
-def stamped(figure, source=galaxy):
+def stamped(figure, source=milky_way):
     """The figure with a line that says where it comes from."""
     return plotting.stamp(figure, Provenance.of(sky, galaxy=source, preset=preset))
 
@@ -137,14 +138,13 @@ stamped(
 # {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. Here the parameter `galaxy` chooses among
 #
 # - `pysm3`, the paper's maps, which PySM downloads at first use;
-# - `templates`, FITS maps of your own, of any resolution. Maps coarser than the simulation are refined in harmonic space, on the logarithm of the
+# - `templates`, FITS maps of your own, of any resolution, or PySM's at the one that `himap templates FOLDER --nside 64` asks for. Maps coarser than the simulation are refined in harmonic space, on the logarithm of the
 #   temperature so that nothing rings below zero, and small scales are added as a Gaussian field that continues the template's spectrum, modulated by the
 #   large-scale brightness {cite:p}`miville2007,thorne2017`;
 # - `synthetic`, the default, which needs nothing: a Galaxy of discs seen from inside, radio loops and lognormal structure, calibrated on the
 #   statistics of the real maps.
 
 # %% mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron at 408 MHz, its spectral index, and free-free emission at 30 GHz (logarithmic but for the index), and the point sources at 1.4 GHz."}}
-milky_way = Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales)
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
 titles = ["synchrotron, 408 MHz", "synchrotron index", "free-free, 30 GHz", "point sources, 1.4 GHz"]
 values = [
@@ -164,7 +164,7 @@ stamped(
 # %% [markdown]
 # How good is the stand-in? {numref}`fig-galaxy-beside` shows it beside the real maps. A run with the real templates, or with PySM, makes this
 # picture anew; the one here was made by
-# `himap run 01_simulations -p galaxy=templates -p template_dir=FOLDER` with PySM's maps at nside 64.
+# `himap run 01_simulations -p galaxy=templates -p template_dir=FOLDER` with PySM's maps at nside 64, which `himap templates FOLDER` writes.
 # {numref}`fig-galaxy-statistics` compares the statistics that the synthetic Galaxy was calibrated on: medians over bands of latitude, and $C_\ell$. It lacks the
 # coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and a single seed scatters around the mean of many.
 #
@@ -229,10 +229,11 @@ else:
     for theirs, ours in zip(
         (synchrotron, free_free), Galaxy().components(sky.nside, sky.rng("galaxy")), strict=True
     ):
-        pair = {f"{theirs.name}: {galaxy}": theirs.amplitude, f"{theirs.name}: synthetic": ours.amplitude}
+        label = f"{theirs.name}: {milky_way.label}"
+        pair = {label: theirs.amplitude, f"{theirs.name}: synthetic": ours.amplitude}
         maps |= pair
         span |= dict.fromkeys(pair, np.percentile(ours.amplitude, (1, 99)))
-    beside = stamped(plotting.sky_maps(maps, log=True, span=span), f"{galaxy} and synthetic")
+    beside = stamped(plotting.sky_maps(maps, log=True, span=span), f"{milky_way.label} and synthetic")
 beside
 
 # %% [markdown]

@@ -54,7 +54,7 @@ dish = sky.dish_diameter
 
 def stamped(figure, **parameters):
     """The figure with a line that says where it comes from."""
-    return plotting.stamp(figure, Provenance.of(sky, galaxy=galaxy, preset=preset, parameters=parameters))
+    return plotting.stamp(figure, Provenance.of(sky, galaxy=milky_way, preset=preset, parameters=parameters))
 
 
 # %% [markdown]
@@ -71,7 +71,7 @@ def stamped(figure, **parameters):
 # - **Evolving**: the width that diffraction gives, $\mathrm{FWHM} = \lambda / D$ with $D = 13.5$ m.
 # - **Degraded**: the maps of the evolving beam, smoothed once more so that every channel has the resolution of the worst
 #   one, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. Signal *and noise* are smoothed: what a careful analyst does to real
-#   data, at the price of resolution.
+#   data, at the price of resolution. (The paper adds white noise after all smoothing; that is the beam `degraded:noise=white`.)
 # - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, which is not a power law but wiggles, because the
 #   primary and secondary reflectors interfere,
 #
@@ -163,7 +163,8 @@ stamped(plotting.lines(panels), ripple=ripple)
 # with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The system temperature *falls* with frequency,
 # and so does the beam area, faster: the noise per beam rises. As in the paper this is taken as the noise of a
 # *pixel*, whatever its size, so coarser maps have more noise power, $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$; keep that in mind
-# when presets are compared. Channels wider than the paper's 1 MHz have less noise each.
+# when presets are compared. Channels wider than the paper's 1 MHz have less noise each. The paper also calls $\sigma_N$ a variance:
+# `noise_reading=variance` takes it as one, in mK² ({doc}`../book/conventions`).
 
 # %% mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise of a pixel and channel (right). The dashed line is the noise for the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})

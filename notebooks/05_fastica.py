@@ -281,5 +281,5 @@ show(study.band_numbers(removers))
 # ```sh
 # himap run 05_fastica -p contrast=cube                          # another measure of non-Gaussianity: other sources, the same maps
 # himap run 05_fastica -p beam=oscillating -p n_sources=5
-# himap run 05_fastica -p galaxy=templates -p template_dir=DIR   # the real Galaxy, from FITS templates in DIR
+# himap run 05_fastica -p galaxy=templates -p template_dir=DIR   # the real Galaxy, from `himap templates DIR`
 # ```

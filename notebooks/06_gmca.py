@@ -343,5 +343,5 @@ quote(gmca_iterations=(study.cleaned(selected, remover).n_iterations, 10))
 # ```sh
 # himap run 06_gmca -p penalty=l0                                # hard thresholds
 # himap run 06_gmca -p beam=oscillating -p n_sources=6           # one source more
-# himap run 06_gmca -p galaxy=templates -p template_dir=DIR      # the real Galaxy, from FITS templates in DIR
+# himap run 06_gmca -p galaxy=templates -p template_dir=DIR      # the real Galaxy, from `himap templates DIR`
 # ```

@@ -163,7 +163,7 @@ quote(
 # - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
 #
 # This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`17_paper_size` has the
-# paper's size, with the real Galaxy and with this one.
+# paper's size, with the real Galaxy (templates, nside 64) and with this one.
 #
 # Three commands worth trying:
 #

@@ -74,7 +74,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # %% [markdown]
 # ## The ledger
 #
-# On the real Galaxy (FITS templates), at half the paper's resolution in pixels and in frequency (`laptop`: nside 128, 250 channels). It was made by
+# On the real Galaxy (`templates` of nside 64, as `himap templates FOLDER` writes them), at half the paper's resolution in pixels and in frequency (`laptop`: nside 128, 250 channels). It was made by
 #
 # ```sh
 # himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER

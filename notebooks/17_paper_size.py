@@ -22,10 +22,12 @@
 #
 # The chapters of this book are kept at the preset `quick`, so that anyone can run them again in minutes, and the ledger is measured at `laptop`, on
 # {glue:text}`paper_size_realisations` realisations. This page shows the claims and the figures at the paper's own size, `nside` 256 and 500 channels of 1 MHz, on one
-# realisation, with the real Galaxy and with the synthetic one that needs no downloads. The HI box has 1024³ cells where the paper's has 2048³: a cell of it is
+# realisation, with the real Galaxy and with the synthetic one that needs no downloads. The real one are templates of nside 64, refined by small scales that are drawn
+# (`himap templates FOLDER` writes the files, {doc}`../book/conventions`), where the paper has PySM's own of nside 512. The HI box has 1024³ cells where the paper's has 2048³: a cell of it is
 # {glue:text}`paper_size_cell` wide, a pixel at the far end {glue:text}`paper_size_pixel`.
 #
 # ```sh
+# himap templates FOLDER --nside 64
 # himap claims --preset paper -p n_realisations=1 -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # ```
@@ -72,7 +74,7 @@ Markdown(ledgers_table(ledgers))
 # (changes)=
 # ### What changes with the size
 #
-# With the real Galaxy, of the {glue:text}`paper_size_claims` claims {glue:text}`paper_size_reproduced` are reproduced at the paper's size, {glue:text}`paper_size_different` with a
+# With the real Galaxy (templates, nside 64), of the {glue:text}`paper_size_claims` claims {glue:text}`paper_size_reproduced` are reproduced at the paper's size, {glue:text}`paper_size_different` with a
 # difference, {glue:text}`paper_size_failed` are not. The verdicts of {glue:text}`paper_size_changed` differ from those at `laptop`, all others are the same. The picture is that of
 # {doc}`15_claims`, with four times the pixels and twice the channels to find the foreground with. Numbers below are of the first realisation at both sizes.
 #
@@ -190,7 +192,7 @@ quote(
 # (sizes)=
 # ## The figures
 #
-# Each figure of the paper at its own size, with the real and with the synthetic Galaxy; the chapter that is named with it has it at the preset `quick`, and says what it shows. A click leads to
+# Each figure of the paper at its own size, with the real Galaxy (templates, nside 64) and with the synthetic one; the chapter that is named with it has it at the preset `quick`, and says what it shows. A click leads to
 # the picture in full size. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %%

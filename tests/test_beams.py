@@ -199,6 +199,17 @@ def test_degraded_beam_is_the_worst_everywhere():
     assert found.resmoothing[0] == pytest.approx(1)
 
 
+def test_degraded_beam_without_smoothing_of_the_noise():
+    """The same b_l from the sky to the maps, and nothing after the noise."""
+    white = named("degraded:noise=white")
+    assert white == Degraded(noise="white") and str(Degraded(noise="smoothed")) == "degraded"
+    found = white.of_survey(SURVEY)
+    assert found.resmoothing is None
+    assert found.total == pytest.approx(Degraded().of_survey(SURVEY).total, rel=1e-10)
+    with pytest.raises(InputError, match="noise must be smoothed or white, got 'none'"):
+        named("degraded:noise=none")
+
+
 @pytest.mark.parametrize("beam", [Evolving(), Oscillating()], ids=str)
 def test_other_beams_are_the_telescopes_alone(beam):
     found = beam.of_survey(SURVEY)

@@ -19,6 +19,7 @@ import collect_figures
 from himap.companion.figures import Figure, figures
 from himap.companion.notebook_files import STAMP, read_notebook, write_notebook
 from himap.figures.numbers import QUOTED
+from himap.maps.healpix_files import write_maps
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -52,6 +53,15 @@ def test_what_made_a_figure_stays_with_it_but_no_path(gathered):
         with Image.open(folder / f"{row['name']}.png") as picture:
             assert picture.width > 500
     assert "somewhere" not in (folder / "figures.json").read_text()
+
+
+def test_templates_that_are_there_tell_their_nside(tmp_path):
+    for name in ("synchrotron_408MHz", "synchrotron_beta", "freefree_30GHz"):
+        pixels = np.full((1, 12 * 8**2), 1.0)
+        write_maps(tmp_path / f"{name}.fits", pixels, names=["T"], unit="K", nested=False)
+    parameters = {"preset": "paper", "galaxy": "templates", "template_dir": str(tmp_path)}
+    made = collect_figures.without_places(parameters)
+    assert made == {"preset": "paper", "galaxy": "templates (nside 8)"}
 
 
 def test_numbers_are_those_of_the_notebook(gathered):

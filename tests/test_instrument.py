@@ -41,6 +41,22 @@ def test_noise_scales_as_the_radiometer_equation_says(change, factor):
     assert after / before == pytest.approx(factor, rel=1e-6)
 
 
+def test_noise_formula_as_a_variance():
+    """Its number in mK, taken in mK^2: 0.033 becomes 0.18."""
+    deviation, variance = (noise_sigma(Survey(noise_reading=one)) for one in ("deviation", "variance"))
+    assert np.array_equal(deviation, noise_sigma(Survey()))
+    assert variance**2 == pytest.approx(deviation, rel=1e-12)
+    wide = noise_sigma(Survey(noise_reading="variance", f_sky=0.25))
+    assert variance / wide == pytest.approx(np.sqrt(2), rel=1e-12)
+
+
+@pytest.mark.parametrize("reading", ["deviation", "variance"])
+def test_noise_maps_obey_the_reading(reading, rng):
+    survey = replace(SURVEY, noise_reading=reading)
+    sigma = noise_maps(survey, rng).std(axis=1)
+    assert sigma == pytest.approx(noise_sigma(survey), rel=0.06)
+
+
 def test_noise_maps(rng):
     maps = noise_maps(SURVEY, rng)
     assert maps.dtype == np.float32
@@ -66,6 +82,26 @@ def test_observation(cubes, beam):
     assert seen.maps - seen.truth == pytest.approx(expected, rel=1e-4, abs=0.02)
     assert np.array_equal(seen.freqs, SURVEY.freqs)
     assert seen.beams.shape == (SURVEY.n_channels, SURVEY.lmax + 1)
+
+
+@pytest.mark.parametrize("reading", ["smoothed", "white"])
+def test_noise_of_the_degraded_case(reading, rng):
+    """C_l of the noise: flat where it is white, else with the square of the later smoothing."""
+    survey = Survey(nside=16, n_channels=60, box_cells=16)
+    nothing = np.zeros((survey.n_channels, survey.n_pix), dtype=np.float32)
+    windows, noise = Degraded(noise=reading).of_survey(survey), noise_maps(survey, rng)
+    seen = observe(nothing, nothing, noise, windows, survey)
+    white = noise_sigma(survey)[:, None] ** 2 * 4 * np.pi / survey.n_pix
+    resmoothing = Degraded().of_survey(survey).resmoothing
+    expected = white * (resmoothing**2 if reading == "smoothed" else np.ones_like(resmoothing))
+    cl = np.array([sphere.power_spectrum(sphere.analyse(channel)) for channel in seen.truth])
+    degree = np.arange(survey.lmax + 1)
+    for low, high in ((2, 8), (8, 16), (16, 24), (24, 32)):  # to 2 nside, where the pixels begin to matter
+        inside = (degree >= low) & (degree < high)
+        weight = np.where(inside, 2 * degree + 1, 0)
+        assert (cl / expected).mean(axis=0) @ weight / weight.sum() == pytest.approx(1, abs=0.05)
+    assert np.array_equal(seen.truth, noise) == (reading == "white")
+    assert np.array_equal(seen.maps, seen.truth)
 
 
 def test_foregrounds_as_spectra_times_maps(cubes, rng):

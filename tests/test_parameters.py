@@ -101,6 +101,16 @@ def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
             check_parameters(alone, bad)
 
 
+def test_survey_fields_that_are_texts():
+    texts = {"noise_reading": "variance", "nside": "32"}
+    checked = check_parameters(DECLARED, parse_texts(DECLARED, texts))
+    assert checked == {"survey": {"seed": 1, "noise_reading": "variance", "nside": 32}}
+    assert "noise_reading: str = (preset)  sigma_N of the noise formula" in describe_parameters(DECLARED)
+    for bad in ("power", "1"):
+        with pytest.raises(InputError, match="noise_reading must be deviation or variance"):
+            check_parameters(DECLARED, parse_texts(DECLARED, {"noise_reading": bad}))
+
+
 @pytest.mark.parametrize(
     "given, preset, message",
     [

@@ -83,6 +83,22 @@ def test_the_reading_of_the_ripple_reaches_the_maps():
     assert not np.array_equal(first.maps, second.maps)
 
 
+def test_readings_of_the_noise_share_the_sky():
+    """They change the noise alone, in the maps and in the spectra of the truth alike."""
+    loud = replace(SMALL, noise_reading="variance")
+    others = [replace(CASE, beam=Degraded(noise="white")), replace(CASE, survey=loud)]
+    before = pipeline.observation(CASE)
+    for case in others:
+        assert pipeline.hi_alms_of_sky.is_cached(case.survey.sky)
+        seen = pipeline.observation(case)
+        assert seen.maps - seen.truth == pytest.approx(before.maps - before.truth, abs=0.02)
+        assert seen.truth[-1].std() > 1.01 * before.truth[-1].std()
+        alms = sphere.analyse(seen.truth[-1] - seen.truth[-1].mean(dtype=float), n_iter=sphere.N_ITER_FLAT)
+        inside = slice(2, 2 * SMALL.nside)
+        expected = sphere.power_spectrum(alms)[inside]
+        assert pipeline.true_spectra(case).angular.cl[-1, inside] == pytest.approx(expected, rel=0.03)
+
+
 def test_the_analysis_of_an_observation_is_shared(monkeypatch):
     """By methods and numbers of sources; maps with their peaks have one of their own."""
     pipeline.cleaned(CASE, SDecGMCA(n_sources=2))

@@ -87,6 +87,28 @@ def test_lines_takes_points_and_legends():
     assert drawn[0].lines[1].get_linestyle() == "None"
 
 
+def test_a_bundle_is_all_its_curves_with_one_name():
+    """All are drawn, below the curves and faint; the legend shows one, and the numbers are percentiles."""
+    x, ys = np.arange(3.0), np.outer(np.arange(101.0), [1, 2, -1])
+    style = {"color": "red", "alpha": 0.02, "linewidth": 0.5, "label": "all 101"}
+    panel = {"bundles": [(x, ys, style)], "curves": [(x, x, {"label": "one"})], "title": "P"}
+    figure = plotting.lines([panel])
+    (axes, *_) = figure.axes
+    (bundle,) = axes.collections
+    assert np.array_equal([segment[:, 1] for segment in bundle.get_segments()], ys)
+    assert bundle.get_rasterized() and bundle.get_alpha() == 0.02
+    assert all(bundle.get_zorder() < line.get_zorder() for line in axes.lines)
+    assert axes.get_ylim()[0] <= -100 and axes.get_ylim()[1] >= 200
+    handles, labels = axes.get_legend_handles_labels()
+    assert labels == ["all 101", "one"] and handles[0].get_alpha() == 1
+    rows = figure._repr_mimebundle_()["text/csv"].splitlines()[1:]
+    kept = [row for row in rows if row.startswith("P,all 101")]
+    assert len(rows) == 3 + len(kept) == 3 + 5 * 3
+    assert kept[3:6] == ["P,all 101: 5 %,0,5", "P,all 101: 5 %,1,10", "P,all 101: 5 %,2,-95"]
+    nothing = plotting.lines([panel | {"bundles": [(x, ys[:0], style)]}])
+    assert len(nothing._repr_mimebundle_()["text/csv"].splitlines()) == 4
+
+
 def test_image():
     figure = plotting.image(np.eye(4), x=np.arange(4.0), y=np.arange(4.0), xlabel="x", ylabel="y", unit="mK")
     assert figure.axes[0].images[0].get_extent() == [0, 3, 0, 3]

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from himap.errors import InputError
+from himap.figures import plotting
 from himap.instrument.beams import Degraded
+from himap.maps.healpix_files import write_maps
 from himap.paper.methods import TABLE_1, paper_beams
 from himap.paper.study import Study
 from himap.removal.pca import PCA
@@ -46,6 +48,15 @@ def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     )
     assert np.array_equal(with_mask, direct.residual)
     assert not np.array_equal(with_mask, without)
+
+
+def test_the_line_under_a_figure_tells_the_nside_of_templates(tmp_path):
+    for name, nside in (("synchrotron_408MHz", 8), ("synchrotron_beta", 4), ("freefree_30GHz", 8)):
+        pixels = np.full((1, 12 * nside**2), 1.0)
+        write_maps(tmp_path / f"{name}.fits", pixels, names=["T"], unit="K", nested=False)
+    study = Study(preset="ci", galaxy="templates", template_dir=str(tmp_path))
+    figure = study.stamped(plotting.lines([{"curves": [([0, 1], [0, 1], {})]}]))
+    assert "ci · templates (nside 4, 8) Galaxy · seed 2025" in figure.get_supxlabel()
 
 
 def test_figures_have_a_panel_for_each_beam_and_one_legend(study):

@@ -52,11 +52,19 @@ def test_overrides():
         ({"freq_max": 1500.0}, "at most 1420"),
         ({"f_sky": 0.0}, "above 0 and at most 1"),
         ({"seed": -1}, "at least 0"),
+        ({"noise_reading": "power"}, "noise_reading must be deviation or variance, got 'power'"),
     ],
 )
 def test_bad_values(values, message):
     with pytest.raises(InputError, match=message):
         Survey(**values)
+
+
+def test_the_sky_does_not_depend_on_the_instrument():
+    """Every field of the dish and of the noise goes back to its default, and no other."""
+    changed = {"dish_diameter": 20.0, "n_dishes": 64, "t_obs": 1e3, "t_instr": 20.0, "f_sky": 0.5}
+    survey = Survey.preset("ci", seed=3, **changed, noise_reading="variance")
+    assert survey.sky == Survey.preset("ci", seed=3)
 
 
 def test_unknown_names_list_what_exists():

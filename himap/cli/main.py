@@ -10,6 +10,7 @@ from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest
 from himap.cli.shared import SETTINGS, Commands, debug, named_values, workers
+from himap.cli.templates import templates
 from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.notebooks import find, notebooks
@@ -39,6 +40,7 @@ def main():
 main.add_command(cache_commands)
 main.add_command(clean)
 main.add_command(suggest)
+main.add_command(templates)
 
 
 @main.command("list")

@@ -7,6 +7,7 @@ Colours and lines are those of `himap.figures.styles`; maps use cividis, which i
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
@@ -24,6 +25,7 @@ __all__ = [
 ]
 
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
+_PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
 _RC = {
     "figure.dpi": 110,
     "font.size": 10,
@@ -180,7 +182,9 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
     ----------
     panels
         A list of dicts: "curves", a list of (x, y, style); optional "points", the same, drawn as
-        markers, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel, xscale, xlim...
+        markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of them one curve of many
+        that lie below the others, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel,
+        xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves.
     """
     rows = -(-len(panels) // columns)
     with plt.rc_context(_RC):
@@ -189,8 +193,12 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
             axes.set_visible(False)
         for axes, panel in zip(grid.flat, panels, strict=False):
             settings = {
-                key: value for key, value in panel.items() if key not in ("curves", "points", "legend")
+                key: value
+                for key, value in panel.items()
+                if key not in ("curves", "points", "bundles", "legend")
             }
+            for bundle in panel.get("bundles", []):
+                _draw_bundle(axes, *bundle)
             for x, y, style in panel["curves"]:
                 axes.plot(x, y, **style)
             for x, y, style in panel.get("points", []):
@@ -204,9 +212,27 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
     points = [
         (panel.get("title", ""), style.get("label", ""), x, y)
         for panel in panels
-        for x, y, style in [*panel["curves"], *panel.get("points", [])]
+        for x, y, style in [*panel["curves"], *panel.get("points", []), *_percentiles(panel)]
     ]
     return with_curves(_finished(figure), points)
+
+
+def _draw_bundle(axes, x, ys, style):
+    """Curves as one picture, so that thousands weigh no more than a few; the legend has one, not faint."""
+    points = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
+    look = {key: value for key, value in style.items() if key != "label"}
+    axes.add_collection(LineCollection(points, rasterized=True, zorder=1.5, **look))
+    axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})
+
+
+def _percentiles(panel):
+    """(x, y, style) of percentiles over the curves of each bundle."""
+    return [
+        (x, values, {"label": f"{style.get('label', '')}: {percent} %"})
+        for x, ys, style in panel.get("bundles", [])
+        if len(ys)
+        for percent, values in zip(_PERCENTILES, np.percentile(ys, _PERCENTILES, axis=0), strict=True)
+    ]
 
 
 def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):

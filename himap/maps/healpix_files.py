@@ -117,9 +117,9 @@ def write_maps(path, maps, *, names, unit, nested, cards=()):
     path, maps
         The file, and floats, changed in place: a cube may be too large for a copy.
     names, unit, nested
-        The columns, (n,), their one unit, and whether pixels are in NESTED order.
+        The columns, (n,), their one unit (None where they have none), and whether pixels are in NESTED order.
     cards
-        Further cards of the header, (key, value).
+        Further cards of the header, (key, value) or (key, value, comment).
     """
     maps[~np.isfinite(maps)] = hp.UNSEEN
     columns = {"column_names": names, "column_units": unit, "dtype": np.float32}

@@ -57,6 +57,11 @@ class Study:
         """2 nside: where the pixels of the maps end to matter."""
         return 2 * self.survey.nside
 
+    @cached_property
+    def milky_way(self):
+        """The `Galaxy`."""
+        return Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
+
     def case(self, beam):
         """The `Case` of one `Beam`.
 
@@ -65,8 +70,7 @@ class Study:
         InputError
             A survey field, a Galaxy or a beam that cannot be.
         """
-        galaxy = Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
-        return pipeline.Case(survey=self.survey, galaxy=galaxy, beam=beam, dimming=self.dimming)
+        return pipeline.Case(survey=self.survey, galaxy=self.milky_way, beam=beam, dimming=self.dimming)
 
     def observed(self, beam):
         """The `Observation` through one beam."""
@@ -125,8 +129,8 @@ class Study:
 
     def stamped(self, figure, **parameters):
         """The figure with a line that says where it comes from, `parameters` of the figure included."""
-        provenance = Provenance.of(self.survey, galaxy=self.galaxy, preset=self.preset, parameters=parameters)
-        return plotting.stamp(figure, provenance)
+        made = Provenance.of(self.survey, galaxy=self.milky_way, preset=self.preset, parameters=parameters)
+        return plotting.stamp(figure, made)
 
     def panel(self, kind, beam, curves, title):
         """One panel of `plotting.spectrum`: `kind` "angular" or "frequency", curves [(style, Comparison)]."""

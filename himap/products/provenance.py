@@ -35,7 +35,7 @@ class Provenance:
     overrides
         Survey fields that differ from it, and the parameters that were passed to `of`.
     galaxy
-        Which Galaxy: "synthetic", "templates", "pysm3", "none".
+        Which Galaxy: "synthetic", "templates (nside 64)", "pysm3", "none".
     seed
         Seed of all random streams.
     commit, dirty

@@ -1,31 +1,19 @@
 """The Galaxy: synchrotron and free-free emission from one of three sources (paper, Sects. 2.1.2-2.1.3)."""
 
-import logging
 import os
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from himap.errors import InputError
-from himap.maps import sphere
+from himap.sky.pysm import pysm_templates, pysm_version
 from himap.sky.synthetic import synthetic_galaxy
-from himap.sky.templates import (
-    EXPECTED_FILES,
-    Template,
-    digest_of,
-    find_templates,
-    positive,
-    read_templates,
-)
+from himap.sky.templates import EXPECTED_FILES, digest_of, find_templates, nsides_of, read_templates
 
 __all__ = ["SOURCES", "Galaxy"]
 
 SOURCES = ("synthetic", "templates", "pysm3")
 """Made on the spot; FITS files of a folder; PySM 3's models s1 and f1, the paper's own."""
-
-_PYSM_NSIDE = 512  # of the templates of s1 and f1
-_PYSM_MODELS = {"s1": "synchrotron", "f1": "free-free"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +61,17 @@ class Galaxy:
 
     @property
     def label(self):
-        """What figures say under them."""
-        return self.source
+        """What figures say under them: the source, and of templates their nside, where the real sky ends.
+
+        Raises
+        ------
+        InputError
+            A template that cannot be read.
+        """
+        if self.source != "templates":
+            return self.source
+        nsides = sorted(set(nsides_of(self.template_dir).values()))
+        return f"templates (nside {', '.join(map(str, nsides))})"
 
     def components(self, nside, rng):
         """Synchrotron and free-free, a list of two `PowerLaw`: amplitudes in mK, RING, Galactic.
@@ -92,9 +89,7 @@ class Galaxy:
         nside = int(nside)
         if self.source == "synthetic":
             return synthetic_galaxy(nside, rng)
-        templates = (
-            read_templates(self.template_dir) if self.source == "templates" else _pysm3_templates(nside)
-        )
+        templates = read_templates(self.template_dir) if self.source == "templates" else pysm_templates(nside)
         return [
             template.power_law(nside, stream, small_scales=self.small_scales)
             for template, stream in zip(templates, rng.spawn(len(templates)), strict=True)
@@ -105,49 +100,5 @@ class Galaxy:
         if self.source == "templates":
             return digest_of(self.template_dir)
         if self.source == "pysm3":
-            try:
-                return version("pysm3")
-            except PackageNotFoundError as error:
-                raise InputError(_no_pysm3("is not installed")) from error
+            return pysm_version()
         return ""
-
-
-def _no_pysm3(reason):
-    return (
-        f"the Galaxy source 'pysm3' needs the package pysm3 and its templates, but it {reason}. Install it "
-        "and go online once (PySM keeps what it downloads), or take source='synthetic', which needs nothing, "
-        "or source='templates' with FITS files of your own."
-    )
-
-
-def _pysm3_templates(nside):
-    """PySM's s1 and f1 at `nside`, or at their own resolution where that is coarser."""
-    try:
-        import pysm3  # slow to import, and only this source needs it
-    except ImportError as error:
-        raise InputError(_no_pysm3("cannot be imported")) from error
-    log = logging.getLogger("pysm3")
-    was_disabled, log.disabled = log.disabled, True  # it blames its version for a missing network
-    try:
-        sky = pysm3.Sky(nside=min(nside, _PYSM_NSIDE), preset_strings=list(_PYSM_MODELS))
-    except OSError as error:  # urllib's errors and timeouts are OSErrors
-        raise InputError(_no_pysm3(f"could not download its templates ({error})")) from error
-    finally:
-        log.disabled = was_disabled
-    return [
-        _pysm3_template(name, model, pysm3.units)
-        for name, model in zip(_PYSM_MODELS.values(), sky.components, strict=True)
-    ]
-
-
-def _pysm3_template(name, model, units):
-    """A PySM power-law model as a `Template`."""
-    amplitude = np.asarray(model.I_ref.to_value(units.mK_RJ), dtype=np.float64).reshape(-1)
-    sphere.nside_of(amplitude)
-    index = np.asarray(model.pl_index.value, dtype=np.float64)
-    return Template(
-        name=name,
-        amplitude=positive(amplitude, f"{name} of PySM"),
-        freq_ref=float(model.freq_ref_I.to_value(units.MHz)),
-        index=index.reshape(-1) if index.size > 1 else float(index.reshape(-1)[0]),
-    )

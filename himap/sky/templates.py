@@ -9,12 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, read_maps, temperature_unit, to_ring
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
 
-__all__ = ["EXPECTED_FILES", "Template", "digest_of", "find_templates", "positive", "read_templates"]
+__all__ = [
+    "EXPECTED_FILES",
+    "Template",
+    "digest_of",
+    "find_templates",
+    "nsides_of",
+    "positive",
+    "read_templates",
+]
 
 _FREQ = re.compile(r"(?<![\d.])(?<!\d[pe,.])(\d+(?:\.\d+)?)[ _-]?([mg])hz", re.IGNORECASE)
 _INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
@@ -91,6 +100,12 @@ def digest_of(folder):
         except OSError as error:
             raise InputError(f"the template {path} cannot be read ({error.strerror}).") from None
     return digest.hexdigest()
+
+
+def nsides_of(folder):
+    """nside of each template of a folder, {kind: nside}; kinds as in `find_templates`."""
+    files = find_templates(folder)
+    return {kind: sphere.nside_of(read_maps(path, n_maps=1).maps) for kind, path in files.items()}
 
 
 def find_templates(folder):

@@ -1,0 +1,171 @@
+"""The files that `himap templates` writes, of a PySM whose maps are known."""
+
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from astropy import units as u
+from click.testing import CliRunner
+from skies import lognormal
+
+from himap.cli.main import main
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.healpix_files import read_maps
+from himap.sky import pysm
+from himap.sky.emission import emission_maps
+from himap.sky.galaxy import Galaxy
+from himap.sky.pysm import write_templates
+from himap.sky.templates import nsides_of
+
+NSIDE = 16
+SYNCHROTRON = 20 * lognormal(NSIDE)  # K at 408 MHz
+INDEX = -3 + 0.1 * np.log(lognormal(NSIDE, 3))
+FREE_FREE = 1e-4 * lognormal(NSIDE, 2)  # K at 30 GHz
+FILES = [
+    "freefree_30GHz_K_nside16.fits",
+    "synchrotron_408MHz_K_nside16.fits",
+    "synchrotron_beta_nside16.fits",
+]
+
+
+@pytest.fixture
+def pysm3(monkeypatch):
+    """A stand-in for the module, with its Sky and the units that are asked of it."""
+    module = ModuleType("pysm3")
+    module.units = SimpleNamespace(mK_RJ=u.mK, MHz=u.MHz)
+    module.free_free_index = -2.14
+
+    def sky(*, nside, preset_strings):
+        assert (nside, preset_strings) == (NSIDE, ["s1", "f1"])
+        synchrotron = SimpleNamespace(
+            I_ref=1e6 * SYNCHROTRON * u.uK, freq_ref_I=0.408 * u.GHz, pl_index=INDEX * u.one
+        )
+        free_free = SimpleNamespace(
+            I_ref=1e6 * FREE_FREE * u.uK, freq_ref_I=30 * u.GHz, pl_index=module.free_free_index * u.one
+        )
+        return SimpleNamespace(components=[synchrotron, free_free])
+
+    module.Sky = sky
+    monkeypatch.setitem(sys.modules, "pysm3", module)
+    monkeypatch.setattr(pysm, "pysm_version", lambda: "3.4.6")
+    return module
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_files(pysm3, tmp_path):
+    paths = write_templates(tmp_path / "new" / "maps", NSIDE)
+    assert sorted(path.name for path in paths) == names(tmp_path / "new" / "maps") == FILES
+    free_free, synchrotron, index = (read_maps(tmp_path / "new" / "maps" / name) for name in FILES)
+    for file, pixels, unit in (
+        (synchrotron, SYNCHROTRON, "K_RJ"),
+        (free_free, FREE_FREE, "K_RJ"),
+        (index, INDEX, None),
+    ):
+        assert file.maps.shape == (1, 12 * NSIDE**2) and file.maps.dtype == np.float32
+        assert file.maps[0] == pytest.approx(pixels, rel=1e-6)
+        assert (file.units, file.nested, file.coordinates, file.partial) == ((unit,), False, "G", False)
+        assert file.header["PYSM3"] == "3.4.6"
+    assert nsides_of(tmp_path / "new" / "maps") == dict.fromkeys(("index", "synchrotron", "free-free"), NSIDE)
+
+
+def test_the_sky_of_the_files_is_the_closed_form(pysm3, tmp_path):
+    """T (nu / nu_0)^beta of both, and that of PySM itself."""
+    write_templates(tmp_path, NSIDE)
+    galaxy = Galaxy(source="templates", template_dir=str(tmp_path))
+    assert galaxy.label == "templates (nside 16)"
+    freqs = np.array([900.0, 1150.0, 1400.0])
+    seen = emission_maps(galaxy.components(NSIDE, np.random.default_rng(0)), freqs)
+    scale = freqs[:, None]
+    expected = 1e3 * (SYNCHROTRON * (scale / 408) ** INDEX + FREE_FREE * (scale / 30_000) ** -2.14)
+    assert seen == pytest.approx(expected, rel=1e-5)
+    direct = emission_maps(Galaxy(source="pysm3").components(NSIDE, np.random.default_rng(0)), freqs)
+    assert seen == pytest.approx(direct, rel=1e-5)
+
+
+def test_one_index_for_the_whole_sky(pysm3, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.modules[__name__], "INDEX", -3.0)
+    write_templates(tmp_path, NSIDE)
+    (index,) = read_maps(tmp_path / "synchrotron_beta_nside16.fits").maps
+    assert sphere.nside_of(index) == NSIDE and (index == -3).all()
+
+
+def test_another_free_free_index_has_no_place_in_files(pysm3, tmp_path):
+    pysm3.free_free_index = -2.1
+    with pytest.raises(InputError, match="free-free index of -2.14.*source='pysm3'"):
+        write_templates(tmp_path / "maps", NSIDE)
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_holds_something_is_left_as_it_is(pysm3, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="new or an empty folder, but .* holds notes.txt; give another"):
+        write_templates(tmp_path, NSIDE)
+    assert names(tmp_path) == ["notes.txt"]
+    write_templates(tmp_path / "maps", NSIDE)
+    with pytest.raises(InputError, match=f"holds {', '.join(FILES)}; give"):
+        write_templates(tmp_path / "maps", NSIDE)
+    with pytest.raises(InputError, match=r"notes.txt cannot be a folder of templates \(Not a directory\)"):
+        write_templates(tmp_path / "notes.txt", NSIDE)
+
+
+def test_three_files_or_none(pysm3, tmp_path, monkeypatch):
+    write_maps, written = pysm.write_maps, []
+
+    def fail_at_the_third(path, *args, **options):
+        if len(written) == 2:
+            raise OSError(28, "No space left on device")
+        written.append(path)
+        write_maps(path, *args, **options)
+
+    monkeypatch.setattr(pysm, "write_maps", fail_at_the_third)
+    with pytest.raises(InputError, match="cannot be written .No space left"):
+        write_templates(tmp_path / "maps", NSIDE)
+    assert len(written) == 2 and names(tmp_path / "maps") == []
+
+
+@pytest.mark.parametrize(
+    ("nside", "message"),
+    [
+        (48, "power of two, got 48; try 32 or 64"),
+        (1024, "between 4 and 512, got 1024"),
+        (2, "between 4 and 512"),
+    ],
+)
+def test_an_nside_that_cannot_be(pysm3, tmp_path, nside, message):
+    with pytest.raises(InputError, match=message):
+        write_templates(tmp_path / "maps", nside)
+    assert names(tmp_path) == []
+
+
+class TestCommand:
+    @staticmethod
+    def call(*arguments):
+        result = CliRunner().invoke(main, ["templates", *map(str, arguments)])
+        return result.exit_code, result.stdout, result.stderr
+
+    def test_files_are_named(self, pysm3, tmp_path):
+        code, out, err = self.call(tmp_path / "maps", "--nside", NSIDE)
+        assert (code, err) == (0, "") and names(tmp_path / "maps") == FILES
+        *paths, last = out.splitlines()
+        assert sorted(paths) == [str(tmp_path / "maps" / name) for name in FILES]
+        assert last.startswith(f"for -p galaxy=templates -p template_dir={tmp_path / 'maps'}  (")
+
+    def test_without_pysm3(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "pysm3", None)
+        code, out, err = self.call(tmp_path / "maps")
+        assert (code, out) == (2, "") and "pip install pysm3" in err and "Traceback" not in err
+        assert names(tmp_path) == []
+
+    def test_without_network(self, pysm3, tmp_path):
+        def sky(**options):
+            raise OSError("no route to host")
+
+        pysm3.Sky = sky
+        code, out, err = self.call(tmp_path / "maps")
+        assert (code, out) == (2, "") and "could not download its templates (no route to host)" in err
+        assert "go online once" in err and names(tmp_path) == []
