@@ -1,6 +1,6 @@
 """What is measured on a cleaned cube, and how it compares with the truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,6 +55,8 @@ class Assessment:
         and of the truth; None unless asked for.
     converged, n_iterations
         As in `Residual`.
+    mixing
+        The mixing matrix of the method, (n_channels, n_sources).
     """
 
     power_spectra: PowerSpectra
@@ -64,6 +66,7 @@ class Assessment:
     masked_truth: PowerSpectra | None
     converged: bool
     n_iterations: int
+    mixing: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +110,18 @@ class Comparison:
     def frequency_ratio(self):
         """P/P0, (n_k,)."""
         return diagnostics.ratio(self.frequency, self.true_frequency)
+
+    def in_bins_of(self, other):
+        """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""
+        width = other.degrees[1] - other.degrees[0]
+        inside = np.abs(self.degrees - other.degrees[:, None]) < width / 2
+        bins = inside[inside.sum(axis=1) == round(width)] / width
+        return replace(
+            self,
+            degrees=bins @ self.degrees,
+            angular=bins @ self.angular,
+            true_angular=bins @ self.true_angular,
+        )
 
     def total_error(self, definition="relative", *, lmax=200):
         """Mean squared error of C_l, l <= lmax, plus that of P(k); see `diagnostics.mean_squared_error`."""
