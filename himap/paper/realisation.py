@@ -105,10 +105,10 @@ class Realisation:
 
     def _beyond(self, beam):
         """Arguments of `pipeline.assessment` for SD beyond l = 200; itself where it has no such option."""
-        observed, method, *flags = self._calls(beam)["sdecgmca"]
-        if any(item.name == "beyond" for item in fields(method)):
-            method = self._in_place(observed.beam, beyond="regularised")
-        return observed, method, flags[0], flags[1]
+        own = observed, method, *_ = self._calls(beam)["sdecgmca"]
+        if not any(item.name == "beyond" for item in fields(method)):
+            return own
+        return observed, self._in_place(observed.beam, beyond="regularised"), True, False
 
     def _scan(self):
         """{n_sources: arguments of `pipeline.assessment`}."""

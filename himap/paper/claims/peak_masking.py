@@ -12,7 +12,7 @@ from himap.paper.claims.base import (
     listing_by_beam,
     total,
 )
-from himap.paper.claims.verdicts import MOST, RECOVERED, STRONG, Finding, Part, parts_of, void
+from himap.paper.claims.verdicts import MOST, NOTABLE, RECOVERED, STRONG, Finding, Part, parts_of, void
 from himap.paper.methods import BSS
 
 __all__ = ["broadband_bias", "excess_of_masking", "masked_peaks", "peaks_left_in"]
@@ -27,15 +27,15 @@ def _share(counts, name):
 
 @claim(
     "O8", "oscillating", "The excess at l < 10 is due to the peak masking, which takes ripples for peaks.",
-    number="share of masked voxels that are ripple", paper="most",
-    section="4.2", figure="1", notebook="03_peak_masking",
+    number="share of masked voxels that are ripple", paper="notable",
+    section="4.2", figure="1", notebook="10_results",
 )  # fmt: skip
 def excess_of_masking(realisation):
     """For the methods that have the excess of O2: without peak masking more than half of their mean C/C0 - 1
     at l < 10 is gone. What stands out of the first baseline in a masked voxel is HI, noise and foreground,
-    each less its own baseline; it is ripple if the foreground has the largest part in it. More than half of
-    the masked voxels are. Main parts: PCA/ICA, GMCA and SD as far as they have the excess; the voxels. It
-    does not apply if no method has it.
+    each less its own baseline; it is ripple if the foreground has the largest part in it. A notable share of
+    the masked voxels is, more than a fifth: most of them cannot be, for B3 says that they are HI. Main parts:
+    PCA/ICA, GMCA and SD as far as they have the excess; the voxels. It does not apply if no method has it.
     """
     with_masking = by_method(realisation.of("oscillating"), angular_mean(1, 10), BSS)
     without = by_method(realisation.of(LEFT_IN.format("oscillating")), angular_mean(1, 10), BSS)
@@ -50,7 +50,7 @@ def excess_of_masking(realisation):
         value=share,
         parts=(
             *parts_of(gone, lambda value: value > MOST, "excess gone without masking"),
-            Part(name="most masked voxels are ripple", held=share > MOST),
+            Part(name="ripple among the masked voxels", held=share > NOTABLE),
         ),
         sentence=f"{numbers} Of {sum(counts.values())} masked voxels {share:.0%} are ripple.",
     )

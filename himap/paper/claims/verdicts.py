@@ -57,7 +57,7 @@ CONSISTENT = 0.95
 """*Consistently*: at this share, or more, of the multipoles, k or channels."""
 
 NOTABLE = 0.2
-"""To improve *notably*: by more than this share of what it was."""
+"""*Notable*: more than this share of the whole, or of what it was."""
 
 REPRODUCED = "reproduced"
 IN_PART = "in part"
