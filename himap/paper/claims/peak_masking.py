@@ -25,6 +25,11 @@ def _share(counts, name):
     return counts[name] / max(sum(counts.values()), 1)
 
 
+def _with_peaks(realisation):
+    """The beams with which voxels are masked, a list."""
+    return [beam for beam in BEAMS if sum(realisation.masked_voxels(beam).values())]
+
+
 @claim(
     "O8", "oscillating", "The excess at l < 10 is due to the peak masking, which takes ripples for peaks.",
     number="share of masked voxels that are ripple", paper="notable",
@@ -62,15 +67,18 @@ def excess_of_masking(realisation):
 )  # fmt: skip
 def peaks_left_in(realisation):
     """Worse is a larger total MSE of both spectra, a ratio above 1: a main part for each beam and method,
-    PCA/ICA by the worse of the two. After a first ledger had been recorded this mark was moved from 1 to
-    1.001 once; it is back at 1, as the paper has it.
+    PCA/ICA by the worse of the two, as far as voxels are masked with that beam; it does not apply if none is
+    with any. After a first ledger had been recorded this mark was moved from 1 to 1.001 once; it is back at
+    1, as the paper has it.
     """
     ratios, parts = {}, ()
-    for beam in BEAMS:
+    for beam in _with_peaks(realisation):
         with_masking = by_method(realisation.of(beam), total)
         without = by_method(realisation.of(LEFT_IN.format(beam)), total)
         ratios[beam] = {name: without[name] / with_masking[name] for name in without}
         parts += parts_of(ratios[beam], lambda value: value > 1, f"worse, {beam} beam")
+    if not ratios:
+        return void("No voxel is masked.")
     return Finding(
         value=min(min(row.values()) for row in ratios.values()),
         parts=parts,
@@ -86,12 +94,12 @@ def peaks_left_in(realisation):
 def broadband_bias(realisation):
     """The bias is the distance of the median P/P0 at k > 0.1 from 1, which no peak of a few k moves. There is
     one where it is above 10 % without the masking; it is removed if more than half of it goes with the
-    masking. A main part for each beam and BSS method that has one, PCA/ICA by the worse of the two. It does
-    not apply if none has.
+    masking. A main part for each beam and BSS method that has one, PCA/ICA by the worse of the two, as far as
+    voxels are masked with that beam. It does not apply if none has.
     """
     median = frequency_median(LOW_K)
     parts, with_masking, without = (), {}, {}
-    for beam in BEAMS:
+    for beam in _with_peaks(realisation):
         with_masking[beam] = by_method(realisation.of(beam), median, BSS)
         without[beam] = by_method(realisation.of(LEFT_IN.format(beam)), median, BSS)
         bias = {name: abs(value - 1) for name, value in without[beam].items()}
@@ -101,6 +109,8 @@ def broadband_bias(realisation):
             if value > RECOVERED
         }
         parts += parts_of(gone, lambda share: share > MOST, f"less biased, {beam} beam")
+    if not without:
+        return void("No voxel is masked.")
     words = (
         f"Median P/P0 at k > 0.1 without masking: {listing_by_beam(without, '{:.4g}')}; "
         f"with it: {listing_by_beam(with_masking, '{:.4g}')}."
