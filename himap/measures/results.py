@@ -115,10 +115,11 @@ class Comparison:
         """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""
         width = other.degrees[1] - other.degrees[0]
         inside = np.abs(self.degrees - other.degrees[:, None]) < width / 2
-        bins = inside[inside.sum(axis=1) == round(width)] / width
+        whole = inside.sum(axis=1) == round(width)
+        bins = inside[whole] / width
         return replace(
             self,
-            degrees=bins @ self.degrees,
+            degrees=other.degrees[whole],
             angular=bins @ self.angular,
             true_angular=bins @ self.true_angular,
         )
