@@ -20,16 +20,19 @@
 # # What is reproduced
 #
 # {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a number can settle. This page has one row for each: what was measured, what the paper says, and a
-# verdict. A claim is broken into parts, for instance one for each method that it speaks of.
+# verdict. A claim is broken into parts, for instance one for each method that it speaks of. Those that the paper's sentence is about are *main* parts. PCA and FastICA
+# leave the same foreground and are one part, that of the worse of the two; SDecGMCA has a part of its own.
 #
 # - **Reproduced**: all parts hold.
-# - **Reproduced with a difference**: at least half of them do.
-# - **Not reproduced**: fewer.
+# - **In part** (5 of 7): all main parts hold, another does not.
+# - **Not reproduced**: a main part does not hold.
+# - **Does not apply**: what the claim speaks of does not occur, such as a peak to lower, or the maps do not hold the scales.
 #
 # HI, noise, point sources and the small scales of the Galaxy are random, and some claims hold in one realisation and not in the next. Every claim is
-# therefore judged on several seeds; its verdict is that of most of them, and the measured number is given with its range. How the words of the
+# therefore judged on several seeds; its verdict is that of most of them, of two that as many have the worse, and the measured number is given with its range. The first
+# seed is judged twice more, with SDecGMCA told a noise level 0.1 % lower and higher, which should change nothing. How the words of the
 # paper are read as numbers is said in each row (open "reading and numbers"). Those readings were written down before the
-# numbers were known, and none was changed afterwards to turn a verdict.
+# numbers were known. One was changed after a ledger had been recorded, and is back at what the paper says: B1.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -43,6 +46,9 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 n_sources_min: int = 2  # fewest sources of the scan
 n_sources_max: int = 20  # most sources of the scan
 n_realisations: int = 1  # seeds; 5 or more for verdicts that are worth something
+reading: str = "default"  # reading of what the paper leaves open about SDecGMCA
+method: str = "sdecgmca"  # what stands in the place of SDecGMCA
+nudged: bool = False  # judge the first seed with the noise level 0.1 % lower and higher too
 
 # %%
 import warnings
@@ -50,7 +56,7 @@ import warnings
 from himap.companion.notebooks import notebooks
 from himap.companion.stored import number_after
 from himap.figures.numbers import quote, show, show_table
-from himap.paper.ledger import RECORDED, evaluate, read_ledger, realisations
+from himap.paper.ledger import NUDGES, RECORDED, evaluate, read_ledger, realisations
 from himap.paper.ledger_table import LedgerTable, summary
 from himap.paper.methods import paper_beams
 from himap.removal.base import SeparationWarning
@@ -68,6 +74,8 @@ skies = realisations(
     n_sources_min=n_sources_min,
     n_sources_max=n_sources_max,
     n_realisations=n_realisations,
+    reading=reading,
+    method=method,
 )
 warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the methods say which do not settle
 
@@ -87,12 +95,13 @@ recorded, about = read_ledger(RECORDED)
 show(summary(recorded))
 
 # %% tags=["hide-input"]
-reproduced, different, failed, _ = summary(recorded).values()
+reproduced, in_part, failed, inapplicable = summary(recorded).values()
 quote(
     claims_total=len(recorded),
     claims_reproduced=reproduced,
-    claims_different=different,
+    claims_in_part=in_part,
     claims_failed=failed,
+    claims_inapplicable=inapplicable,
     claims_realisations=len(recorded[0].findings),
     claims_minutes=(about["seconds"] / 60, 10, "min"),
 )
@@ -126,7 +135,7 @@ LedgerTable(recorded, links)
 # **N1, N2, N3: three sources, not five.** The total error is least with three in every realisation, {glue:text}`claims_mse_three` of that with five. With two it is {glue:text}`claims_mse_two` times that
 # with five, from ten on at least {glue:text}`claims_mse_ten` times, as the paper says. {doc}`11_ns_scan` has the whole curve.
 #
-# **B1: peak masking hardly matters.** Without it the total errors of the other five methods change by {glue:text}`claims_unmasked` at most. That of SDecGMCA is
+# **B1: peak masking hardly matters.** With the oscillating beam, without it the total errors of the other five methods change by {glue:text}`claims_unmasked` at most. That of SDecGMCA is
 # {glue:text}`claims_sd_unmasked` of what it is with it; in {glue:text}`claims_sd_not_worse` of {glue:text}`claims_realisations` realisations it does not get worse. Which peaks the rule finds, and
 # which it misses, is in {doc}`03_peak_masking`.
 #
@@ -157,12 +166,15 @@ def value(claim, words, tolerance):
     return number_after(words, claims[claim]), tolerance
 
 
-def percent(claim, words, tolerance=1, *, whole=1):
-    """A share of `whole` that a claim names behind `words`, in percent."""
-    return 100 * number_after(words, claims[claim]) / whole, tolerance, "%"
+def percent(claim, words, tolerance=1, *, whole=1, since=""):
+    """A share of `whole` that a claim names behind `words`, and these behind `since`, in percent."""
+    return 100 * number_after(words, claims[claim], since=since) / whole, tolerance, "%"
 
 
-unmasked = [number_after(f"{name} ", claims["B1"]) for name in ("PCA", "ICA", "GMCA", "POL", "PAR")]
+left_in = "oscillating:"
+unmasked = [
+    number_after(f"{name} ", claims["B1"], since=left_in) for name in ("PCA", "ICA", "GMCA", "POL", "PAR")
+]
 quote(
     claims_pol_c=percent("D1", "POL"),
     claims_pol_p=value("D2", "POL", 0.1),
@@ -183,8 +195,8 @@ quote(
     claims_mse_two=value("N2", "n_s = 2", 1e7),
     claims_mse_ten=value("N2", "n_s >= 10, least", 0.1),
     claims_unmasked=(100 * max(abs(ratio - 1) for ratio in unmasked), 0.1, "%"),
-    claims_sd_unmasked=percent("B1", "SD"),
-    claims_sd_not_worse=claims["B1"].failed_parts().get("SD worse", 0),
+    claims_sd_unmasked=percent("B1", "SD", since=left_in),
+    claims_sd_not_worse=claims["B1"].failed_parts().get("SD worse, oscillating beam", 0),
     claims_in_plane_least=(100 * claims["M1"].values[1], 1, "%"),
     claims_in_plane_most=(100 * claims["M1"].values[2], 1, "%"),
     claims_peak_before=value("M2", "goes from", 0.001),
@@ -215,12 +227,12 @@ quote(
 # most claims, and quick enough to be run whenever the code changes. The book's other chapters use `quick`.
 
 # %%
-entries = evaluate(skies)
+entries = evaluate(skies, nudges=NUDGES if nudged else ())
 rows = {}
 for entry in entries:
     median = entry.values[0]
     number = (median, max(0.05 * abs(median), 0.01)) if median == median else "–"
-    rows[entry.claim["id"]] = {"verdict": entry.verdict, "measured": number, "paper": entry.claim["paper"]}
+    rows[entry.claim["id"]] = {"verdict": entry.label, "measured": number, "paper": entry.claim["paper"]}
 show_table(rows)
 
 # %% [markdown]

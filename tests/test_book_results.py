@@ -8,14 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
+from ledgers import entry
 from PIL import Image
 
 from himap.companion.notebooks import find
 from himap.companion.stored import RESULTS, extrapolated, number_after, read_stored, times_of_all
 from himap.companion.stored_tables import ledgers_table, pictures, short, steps_table
 from himap.errors import InputError
-from himap.paper.claims import CLAIMS
+from himap.paper.claims import CLAIMS, REPRODUCED
 from himap.paper.ledger import read_ledger
 from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
@@ -23,7 +25,7 @@ from himap.survey import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures
-SIGNS = {"reproduced": "✓", "reproduced with a difference": "≈", "not reproduced": "✗"}
+SIGNS = {"reproduced": "✓", "in part": "≈", "not reproduced": "✗", "does not apply": "–"}
 LARGER = {"nside": 512, "n_channels": 2000, "box_cells": 2048}
 
 
@@ -160,10 +162,13 @@ def test_ledgers_stand_side_by_side():
     assert head[3:] == [f"{about['preset']}, {about['galaxy']}" for _, about in columns]
     assert [row[0].strip("*") for row in rows] == list(CLAIMS)
     for n, (entries, _) in enumerate(columns):
-        for row, entry in zip(rows, entries, strict=True):
-            assert row[3 + n].startswith(f"{SIGNS[entry.verdict]} {entry.values[0]:.3g}")
-        verdicts = [entry.verdict for entry in entries]
-        assert last[3 + n] == " · ".join(f"{SIGNS[one]} {verdicts.count(one)}" for one in SIGNS)
+        for row, one in zip(rows, entries, strict=True):
+            number = "" if np.isnan(one.values[0]) else f"{one.values[0]:.3g}"
+            counts = one.label.removeprefix(one.verdict)
+            assert row[3 + n].startswith(f"{SIGNS[one.verdict]}{counts} {number}")
+        verdicts = [one.verdict for one in entries]
+        counted = [f"{sign} {verdicts.count(word)}" for word, sign in SIGNS.items() if word in verdicts]
+        assert last[3 + n] == " · ".join(counted)
 
 
 def test_every_figure_is_shown_with_what_made_it():
@@ -184,8 +189,18 @@ def test_numbers_are_found_in_what_a_claim_says():
     assert number_after("SD", entries["A1"]) == 0.9785  # "SD is highest" stands before it
     assert number_after("PAR in C", entries["O1"]) == 8.99e3
     assert number_after("", entries["M1"]) == 8.15
-    with pytest.raises(InputError, match="M1 has no number after 'POL'; it says: 8.15% of all"):
+    with pytest.raises(InputError, match="M1 has no number after 'POL'; it says: "):
         number_after("POL", entries["M1"])
+
+
+def test_numbers_of_one_beam_are_found_behind_its_name():
+    one = entry(REPRODUCED, id="B1")
+    said = replace(one.findings[0], sentence="Ratios: degraded: PCA 1, SD 2; evolving: PCA 3, SD 4e1.")
+    one = replace(one, findings={0: said})
+    assert number_after("PCA", one) == 1 and number_after("PCA", one, since="evolving:") == 3
+    assert number_after("SD", one, since="evolving:") == 40
+    with pytest.raises(InputError, match="B1 has no number after 'oscillating' and 'SD'; it says: Ratios"):
+        number_after("SD", one, since="oscillating")
 
 
 def test_a_ledger_measures_as_many_cubes_as_the_chapter_says():

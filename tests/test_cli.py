@@ -19,7 +19,7 @@ from himap.companion import notebooks, reproduce
 from himap.companion.staleness import ledger_code
 from himap.errors import InputError
 from himap.paper import ledger
-from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED
+from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.products import cache
 from himap.products.memory import LIMIT_VARIABLE
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
@@ -305,9 +305,9 @@ class TestClaims:
         monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
         seen = []
 
-        def evaluate(skies):
-            seen.append(skies)
-            return [entry(REPRODUCED, DIFFERENT), entry(FAILED, id="N1")]
+        def evaluate(skies, nudges):
+            seen.append((skies, nudges))
+            return [entry(REPRODUCED, IN_PART), entry(FAILED, id="N1")]
 
         monkeypatch.setattr(ledger, "evaluate", evaluate)
         return himap_command, seen
@@ -316,9 +316,9 @@ class TestClaims:
         himap_command, seen = command
         code, out, err = himap_command("claims", "--preset", "ci", "-p", "n_realisations=2", "-p", "seed=7")
         assert (code, err) == (0, "")
-        assert [sky.survey.seed for sky in seen[0]] == [7, 8]
-        assert re.search(r"^D1 +degraded +not reproduced +0/2|^D1 +degraded +reproduced", out, re.M)
-        assert "1 reproduced" in out or "1 not reproduced" in out
+        assert [sky.survey.seed for sky in seen[0][0]] == [7, 8]
+        assert re.search(r"^D1 +degraded +in part \(1 of 2\) +1/2", out, re.M)
+        assert "1 in part, 1 not reproduced" in out
         path = Path("results/claims_ci_n_realisations=2_seed=7.json")
         assert f"{path}  (" in out
         stored = json.loads(path.read_text())
@@ -328,12 +328,21 @@ class TestClaims:
     def test_five_seeds_unless_told_otherwise(self, command):
         himap_command, seen = command
         assert himap_command("claims", "--preset", "ci", "-o", "claims.json")[0] == 0
-        assert len(seen[0]) == 5
+        assert len(seen[0][0]) == 5 and seen[0][1] == ledger.NUDGES
         assert Path("claims.json").exists()
+
+    def test_without_nudges(self, command):
+        himap_command, seen = command
+        options = ("--preset", "ci", "-p", "n_realisations=1", "-p", "nudged=false")
+        assert himap_command("claims", *options)[0] == 0
+        assert seen[0][1] == ()
+        about = json.loads(next(Path("results").iterdir()).read_text())["about"]
+        assert ["nudged", False] in about["overrides"] and ["n_realisations", 1] in about["overrides"]
 
     @pytest.mark.parametrize(
         ("options", "message"),
         [
+            (["-p", "method=pca"], "in the place of SDecGMCA can stand"),
             (["-p", "n_realisation=2"], "did you mean n_realisations"),
             (["-p", "n_realisations=0"], "between 1 and 1000"),
             (["-p", "galaxy=templates"], "needs template_dir"),

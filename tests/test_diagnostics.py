@@ -5,6 +5,7 @@ import pytest
 
 from himap.errors import InputError
 from himap.measures import diagnostics
+from himap.measures.results import Comparison
 
 
 @pytest.fixture
@@ -86,3 +87,25 @@ def test_means_over_bands():
 def test_bands_without_values_are_left_out():
     means = diagnostics.band_means(np.arange(2, 9), np.ones(7), np.array([0.05, 0.2]), np.array([3.0, 5.0]))
     assert means == {"C/C0, 1 < l < 8": 1, "P/P0, 0.03 < k < 0.1": 3, "P/P0, k > 0.1": 5}
+
+
+def test_median_of_a_band_is_not_moved_by_a_peak():
+    k = np.arange(9.0)
+    ratios = np.where(k == 4, 1e6, k)
+    assert diagnostics.band_median(k, ratios, 1, 7) == 5
+    with pytest.raises(InputError, match="nothing lies between 10 and 20"):
+        diagnostics.band_median(k, ratios, 10, 20)
+
+
+def test_a_spectrum_in_the_bins_of_another():
+    """Bins of three from l = 3, the last of which the first spectrum does not cover."""
+    degrees = np.arange(2.0, 10)
+    rest = {"k": np.ones(1), "frequency": np.ones(1), "true_frequency": np.ones(1)}
+    whole = Comparison(degrees=degrees, angular=degrees**2, true_angular=degrees, **rest)
+    bins = np.array([4.0, 7.0, 10.0])
+    binned = whole.in_bins_of(Comparison(degrees=bins, angular=bins, true_angular=bins, **rest))
+    assert binned.degrees.tolist() == [4, 7]
+    assert binned.angular == pytest.approx([50 / 3, 149 / 3])
+    assert binned.angular_ratio == pytest.approx([50 / 12, 149 / 21])
+    same = whole.in_bins_of(whole)
+    assert np.array_equal(same.angular, whole.angular) and np.array_equal(same.degrees, degrees)

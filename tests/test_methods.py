@@ -1,7 +1,19 @@
 """The methods and beams as the paper uses them."""
 
+import pytest
+
+from himap.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Oscillating
-from himap.paper.methods import BSS, TABLE_1, each_beam, methods_for, paper_beams, sdecgmca_for, table_1
+from himap.paper.methods import (
+    BSS,
+    TABLE_1,
+    beam_aware_for,
+    each_beam,
+    methods_for,
+    paper_beams,
+    sdecgmca_for,
+    table_1,
+)
 from himap.removal import PCA
 
 
@@ -25,6 +37,14 @@ def test_six_methods():
     assert [one.name for one in six] == [*BSS, "polynomial", "parametric"]
     assert {one.n_sources for one in six if one.name in BSS} == {7}
     assert six[3].share == 0.4
+
+
+def test_what_cannot_stand_in_the_place_of_sdecgmca():
+    assert beam_aware_for(Evolving()) == sdecgmca_for(Evolving())
+    with pytest.raises(InputError, match="in the place of SDecGMCA can stand .*sdecgmca.*, got 'gmca'"):
+        methods_for(Evolving(), method="gmca")
+    with pytest.raises(InputError, match="sdecgmca has no option depth; it has n_sources,"):
+        sdecgmca_for(Evolving(), depth=2)
 
 
 def test_each_beam():

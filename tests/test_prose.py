@@ -125,6 +125,7 @@ DEFINED = {
         "10 %": "the mark of claims D1, D2 and G3",
         "15°": "what counts as in the plane, claim M1",
         "26 %": "of the sphere lies that near to the plane",
+        "0.1 %": "how much lower and higher the noise level is",
     },
     "notebooks/16_your_own_cube.py": {
         "10 %": "a grey band, and what counts as hardly moving",

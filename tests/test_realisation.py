@@ -1,13 +1,35 @@
 """What one realisation asks of the chain: cases, methods, and where lines of sight are left out."""
 
+from dataclasses import dataclass, replace
+
+import numpy as np
 import pytest
 
 from himap.errors import InputError
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
-from himap.paper.methods import BSS, TABLE_1
+from himap.instrument.noise import noise_sigma
+from himap.measures.power_spectra import AngularPower, FrequencyPower
+from himap.measures.results import PowerSpectra
+from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
+from himap.removal import SDecGMCA
 from himap.sky.dimming import Dimming
 from himap.survey import Survey
+
+
+@dataclass(frozen=True, kw_only=True)
+class Other:
+    """What may stand in the place of SDecGMCA."""
+
+    name = "other"
+    n_sources: int
+    depth: int = 1
+    noise: tuple | None = None
+    beyond: str = "nothing"
+
+    def check(self, n_channels):
+        pass
+
 
 SURVEY = Survey(nside=8, n_channels=30, box_cells=16)
 DIMMING = Dimming(weight=0.3)
@@ -20,7 +42,9 @@ def test_cases():
         "degraded": (Degraded(), None, True, False),
         "evolving": (Evolving(), None, True, False),
         "oscillating": (Oscillating(), None, True, True),
-        "peaks left in": (Oscillating(), None, False, False),
+        "degraded, peaks left in": (Degraded(), None, False, False),
+        "evolving, peaks left in": (Evolving(), None, False, False),
+        "oscillating, peaks left in": (Oscillating(), None, False, False),
         "dimmed": (Oscillating(), DIMMING, True, False),
     }
     assert {case.survey for case, *_ in SKY.cases.values()} == {SURVEY}
@@ -28,23 +52,78 @@ def test_cases():
 
 def test_another_beam_in_the_place_of_the_oscillating_one():
     cases = Realisation(survey=SURVEY, oscillating=MeerKAT()).cases
-    assert [str(case.beam) for case, *_ in cases.values()] == ["degraded", "evolving", *["meerkat"] * 3]
+    three = ["degraded", "evolving", "meerkat"]
+    assert [str(case.beam) for case, *_ in cases.values()] == [*three, *three, "meerkat"]
 
 
 def test_every_assessment_that_the_claims_need():
-    """Six methods on five cases, with the sources of Table 1, and the scan."""
+    """Six methods on seven cases, SDecGMCA beyond l = 200, with the sources of Table 1, and the scan."""
     *calls, two, three = SKY.assessments
-    assert len(calls) == 30
+    assert len(calls) == 6 * 7 + 3
     for case, method, *_ in calls:
         assert getattr(method, "n_sources", None) in (None, TABLE_1[case.beam.name]["n_sources"])
-    assert [peaks for _, _, peaks, _ in calls].count(False) == 6
+    assert [peaks for _, _, peaks, _ in calls].count(False) == 3 * 6
     assert [(call[1].name, call[1].n_sources) for call in (two, three)] == [("sdecgmca", 2), ("sdecgmca", 3)]
     assert two[0] == SKY.cases["oscillating"][0]
 
 
 def test_lines_of_sight_are_left_out_for_what_the_paper_speaks_of():
     masked = [(case, method.name) for case, method, _, post_mask in SKY.assessments if post_mask]
-    assert masked == [(SKY.cases["oscillating"][0], name) for name in BSS]
+    assert list(dict.fromkeys(masked)) == [(SKY.cases["oscillating"][0], name) for name in BSS]
+
+
+def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
+    """It has its own options, and those alone; in the claims it goes by the name of SDecGMCA."""
+    monkeypatch.setitem(BEAM_AWARE, "other", (Other, ("n_sources",)))
+    sky = replace(SKY, method="other", options=(("depth", 7),), noise_level=1.001)
+    told = tuple((1.001 * noise_sigma(SURVEY)).tolist())
+    for case in sky.cases:
+        method = sky._calls(case)["sdecgmca"][1]
+        assert (method.depth, method.noise, method.beyond) == (7, told, "nothing")
+    beyond = [call for call in sky.assessments if getattr(call[1], "beyond", "") == "regularised"]
+    assert [(case, *flags) for case, _, *flags in beyond] == [
+        (sky.cases[beam][0], True, False) for beam in ("degraded", "evolving", "oscillating")
+    ]
+    assert {call[1].depth for call in beyond} == {7}
+    assert [method.n_sources for _, method, *_ in sky.assessments[-2:]] == [2, 3]
+    assert not {SDecGMCA} & {type(method) for _, method, *_ in sky.assessments}
+
+
+def test_a_method_without_that_option_goes_on_as_it_is():
+    for beam in ("degraded", "evolving", "oscillating"):
+        assert SKY._beyond(beam) == SKY._calls(beam)["sdecgmca"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"method": "pca"}, "in the place of SDecGMCA can stand sdecgmca"),
+        ({"options": (("depth", 7),)}, "sdecgmca has no option depth; it has n_sources"),
+        ({"options": (("share", 7),)}, "share"),
+        ({"noise_level": 0.0}, "noise_level must be a factor above zero"),
+        ({"n_sources": (31,)}, "up to the 30 channels"),
+    ],
+)
+def test_what_cannot_stand_in_its_place(changed, message):
+    with pytest.raises(InputError, match=message):
+        replace(SKY, **changed)
+
+
+def test_the_noise_that_it_is_told_is_nothing_or_that_of_the_survey():
+    assert SKY._calls("degraded")["sdecgmca"][1].noise is None
+    nudged = replace(SKY, noise_level=0.999)
+    assert nudged._calls("degraded")["sdecgmca"][1].noise == pytest.approx(0.999 * noise_sigma(SURVEY))
+    others = [call for call in SKY.assessments if call[1].name != "sdecgmca"]
+    assert others == [call for call in nudged.assessments if call[1].name != "sdecgmca"]
+
+
+def test_a_truth_that_ends_before_the_maps_is_compared_as_far_as_it_goes():
+    degrees, k = np.arange(20.0), np.arange(4.0)
+    cl = np.where(degrees <= 12, 1.0, 0.0) * np.ones((30, 1))
+    power = PowerSpectra(
+        angular=AngularPower(degrees=degrees, cl=cl), frequency=FrequencyPower(k=k, power=np.ones(4))
+    )
+    assert SKY._comparison(power, power).degrees.tolist() == list(range(2, 13))
 
 
 @pytest.mark.parametrize("counts", [(), (0, 1), (30, 31)])

@@ -132,15 +132,17 @@ def times_of_all(steps, about, figures):
     return parts
 
 
-def number_after(words, entry):
-    """The number that follows `words` in what a claim says of its first realisation.
+def number_after(words, entry, *, since=""):
+    """The number that follows `words` in what a claim says of its first realisation, after `since`.
 
     Raises
     ------
     InputError
         It does not say these words, or no number behind them.
     """
-    found = re.search(re.escape(words) + _NUMBER, entry.sentence)
+    _, _, text = entry.sentence.partition(since) if since else ("", "", entry.sentence)
+    found = re.search(re.escape(words) + _NUMBER, text)
     if not found:
-        raise InputError(f"{entry.claim['id']} has no number after {words!r}; it says: {entry.sentence}")
+        place = f"{since!r} and {words!r}" if since else repr(words)
+        raise InputError(f"{entry.claim['id']} has no number after {place}; it says: {entry.sentence}")
     return float(found[1])

@@ -6,7 +6,7 @@ from himap.companion.captions import figure_order, plain_caption
 from himap.companion.notebooks import notebooks, notebooks_folder
 from himap.companion.stored import RESULTS, read_stored
 from himap.figures.tables import Table
-from himap.paper.ledger_table import BADGES, plain_rows
+from himap.paper.ledger_table import BADGES, measured, summary
 from himap.products.provenance import Provenance, duration
 
 __all__ = ["growth_table", "ledgers_table", "pictures", "short", "steps_table"]
@@ -78,26 +78,32 @@ def ledgers_table(ledgers):
     ledgers
         A list of (entries, about), as `himap.paper.ledger.read_ledger` gives them.
     """
-    rows = [plain_rows(entries) for entries, _ in ledgers]
+    columns = [entries for entries, _ in ledgers]
     made = [Provenance.of_stored(about) for _, about in ledgers]
-    columns = [f"{one.preset}, {one.galaxy}" for one in made]
+    names = [f"{one.preset}, {one.galaxy}" for one in made]
     table = _markdown(
-        ["Claim", "Measured", "The paper says", *columns],
-        [*map(_claim, zip(*rows, strict=True)), ["all", "", "", *map(_count, rows)]],
+        ["Claim", "Measured", "The paper says", *names],
+        [*map(_claim, zip(*columns, strict=True)), ["all", "", "", *map(_count, columns)]],
     )
-    notes = [f"*{column}: {one.footer()}*" for column, one in zip(columns, made, strict=True)]
+    notes = [f"*{name}: {one.footer()}*" for name, one in zip(names, made, strict=True)]
     return "\n\n".join([table, *notes])
 
 
-def _claim(rows):
+def _claim(entries):
     """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
-    id, beam, _, _, _, paper, number = rows[0]
-    return [f"**{id}**", f"{number} ({beam})", paper, *(f"{BADGES[row[2]][0]} {row[4]}" for row in rows)]
+    claim = entries[0].claim
+    cells = [f"{_signed(entry)} {measured(entry)}" for entry in entries]
+    return [f"**{claim['id']}**", f"{claim['number']} ({claim['beam']})", claim["paper"], *cells]
 
 
-def _count(rows):
-    verdicts = [row[2] for row in rows]
-    return " · ".join(f"{sign} {verdicts.count(one)}" for one, (sign, _) in BADGES.items() if one in verdicts)
+def _signed(entry):
+    """The sign of the verdict, and of one in part how many parts hold."""
+    return f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
+
+
+def _count(entries):
+    count = summary(entries)
+    return " · ".join(f"{sign} {count[one]}" for one, (sign, _) in BADGES.items() if count[one])
 
 
 def pictures(folders, results=None):

@@ -12,6 +12,7 @@ __all__ = [
     "band_max",
     "band_mean",
     "band_means",
+    "band_median",
     "correlation",
     "error_variance",
     "flagged_lines",
@@ -54,6 +55,11 @@ def ratio(recovered, true):
 def band_mean(x, values, low, high):
     """Mean of `values` where low < x < high."""
     return float(values[_inside(x, low, high)].mean())
+
+
+def band_median(x, values, low, high):
+    """Median of `values` where low < x < high."""
+    return float(np.median(values[_inside(x, low, high)]))
 
 
 def band_max(x, values, low, high):

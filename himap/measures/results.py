@@ -1,6 +1,6 @@
 """What is measured on a cleaned cube, and how it compares with the truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Assessment:
         and of the truth; None unless asked for.
     converged, n_iterations
         As in `Residual`.
+    mixing
+        The mixing matrix of the method, (n_channels, n_sources).
     truth
         `PowerSpectra` of the truth cut at the same multipole, where what is left ends at one; all else is
         then measured against that truth. None where the whole truth is the measure.
@@ -68,6 +70,7 @@ class Assessment:
     masked_truth: PowerSpectra | None
     converged: bool
     n_iterations: int
+    mixing: np.ndarray
     truth: PowerSpectra | None = None
 
 
@@ -112,6 +115,19 @@ class Comparison:
     def frequency_ratio(self):
         """P/P0, (n_k,)."""
         return diagnostics.ratio(self.frequency, self.true_frequency)
+
+    def in_bins_of(self, other):
+        """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""
+        width = other.degrees[1] - other.degrees[0]
+        inside = np.abs(self.degrees - other.degrees[:, None]) < width / 2
+        whole = inside.sum(axis=1) == round(width)
+        bins = inside[whole] / width
+        return replace(
+            self,
+            degrees=other.degrees[whole],
+            angular=bins @ self.angular,
+            true_angular=bins @ self.true_angular,
+        )
 
     def total_error(self, definition="relative", *, lmax=200):
         """Mean squared error of C_l, l <= lmax, plus that of P(k); see `diagnostics.mean_squared_error`."""

@@ -4,44 +4,48 @@ import html
 from collections import Counter
 
 from himap.figures.tables import HTML, Table
-from himap.paper.claims import DIFFERENT, FAILED, REPRODUCED, UNDECIDED
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
-__all__ = ["BADGES", "LedgerTable", "plain_rows", "summary"]
-
-VERDICTS = (REPRODUCED, DIFFERENT, FAILED, UNDECIDED)
+__all__ = ["BADGES", "HEADER", "LedgerTable", "measured", "plain_rows", "summary"]
 
 _SECTIONS = {
+    "1": "Sect. 1: the sky",
     "4.2": "Sect. 4.2: methods and beams",
     "4.3": "Sect. 4.3: the number of sources",
     "4.1, B": "Sect. 4.1 and App. B: masking of peaks",
     "5.1": "Sect. 5.1: lines of sight left out",
     "5.2": "Sect. 5.2: the Galaxy dimmed",
+    "6": "Sect. 6: conclusions",
     "A": "App. A: diagnostics",
 }
 BADGES = {
     REPRODUCED: ("✓", "#00664b"),
-    DIFFERENT: ("≈", "#8a5a00"),
+    IN_PART: ("≈", "#8a5a00"),
     FAILED: ("✗", "#a33c00"),
-    UNDECIDED: ("–", "#666666"),
+    INAPPLICABLE: ("–", "#666666"),
 }
 """{verdict: (sign, colour)}; dark enough for white letters, and told apart without colours by the sign."""
 
+HEADER = ("claim", "beam", "verdict", "in", "measured", "0.1 % of noise", "paper", "what is measured")
+"""Of the columns of `plain_rows`."""
+
 
 def summary(entries):
-    """{verdict: how many claims}, every verdict there."""
+    """{verdict: how many claims}, every verdict there, in the order of `BADGES`."""
     count = Counter(entry.verdict for entry in entries)
-    return {verdict: count[verdict] for verdict in VERDICTS}
+    return {verdict: count[verdict] for verdict in BADGES}
 
 
 def plain_rows(entries):
-    """Rows of text: id, beam, verdict, in how many realisations, measured, of the paper, what is measured."""
+    """Rows of text, columns as in `HEADER`."""
     return [
         (
             entry.claim["id"],
             entry.claim["beam"],
-            entry.verdict,
+            entry.label,
             f"{entry.agreeing}/{len(entry.findings)}",
-            _measured(entry),
+            measured(entry),
+            _nudged(entry),
             entry.claim["paper"],
             entry.claim["number"],
         )
@@ -71,15 +75,15 @@ class LedgerTable:
         for section, title in _SECTIONS.items():
             claims = [self._row(entry) for entry in self.entries if entry.claim["section"] == section]
             if claims:
-                rows += [["", HTML(f"<strong>{title}</strong>"), "", ""], *claims]
-        return Table(["", "claim", "verdict", "measured; paper"], rows).html()
+                rows += [["", HTML(f"<strong>{title}</strong>"), "", "", ""], *claims]
+        return Table(["", "claim", "verdict", "measured", "paper"], rows).html()
 
     def _row(self, entry):
         claim = {key: html.escape(value) for key, value in entry.claim.items()}
         sign, colour = BADGES[entry.verdict]
         badge = (
             f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
-            f'white-space:nowrap">{sign} {entry.verdict}</span>'
+            f'white-space:nowrap">{sign} {entry.label}</span>'
         )
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
@@ -88,7 +92,8 @@ class LedgerTable:
             f"{self._link(entry.claim)}<details><summary>reading and numbers</summary>{claim['reading']} "
             f"{html.escape(entry.sentence)}{_failed(entry)}</details></div>",
             f"{badge}<br>{entry.agreeing} of {len(entry.findings)} realisations",
-            f"{html.escape(_measured(entry))}; {claim['paper']}<br><em>{claim['number']}</em>",
+            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{_within_noise(entry)}",
+            claim["paper"],
         )
         return [HTML(cell) for cell in cells]
 
@@ -96,7 +101,8 @@ class LedgerTable:
         page, figure = claim["notebook"], claim["figure"]
         name = self.links.get(page, {}).get(figure, "")
         anchor = f"#{name}" if name else ""
-        return f'<a href="{page}.html{anchor}">Fig. {html.escape(figure)}</a>'
+        text = f"Fig. {html.escape(figure)}" if figure else "chapter"
+        return f'<a href="{page}.html{anchor}">{text}</a>'
 
 
 def _failed(entry):
@@ -106,7 +112,24 @@ def _failed(entry):
     return f"<br>Does not hold (in how many of {total} realisations): {'; '.join(parts)}" if parts else ""
 
 
-def _measured(entry):
+def _within_noise(entry):
+    """What a thousandth of the noise level changes, of the first realisation."""
+    if not entry.nudged:
+        return ""
+    others = entry.nudged_verdicts
+    verdicts = f"; also {' and '.join(others)}" if others else ""
+    return f"<br>0.1 % of noise level: {_nudged(entry) or 'no number'}{verdicts}"
+
+
+def _nudged(entry):
+    """The range under a thousandth of the noise level, empty where there is none."""
+    low, high = entry.nudged_values
+    if low != low:
+        return ""
+    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
+
+
+def measured(entry):
     """Median, and the range over realisations where there are several."""
     median, low, high = entry.values
     if median != median:

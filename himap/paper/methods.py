@@ -1,8 +1,12 @@
 """The methods and beams as the paper uses them (its Table 1 and Sects. 2.2.1 and 4)."""
 
+from dataclasses import fields
+
+from himap.errors import InputError
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.beams.evolving import Evolving
 from himap.instrument.beams.oscillating import Oscillating
+from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gmca import GMCA
 from himap.removal.parametric import Parametric
@@ -10,7 +14,17 @@ from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
 from himap.removal.sdecgmca.method import SDecGMCA
 
-__all__ = ["BSS", "TABLE_1", "each_beam", "methods_for", "paper_beams", "sdecgmca_for", "table_1"]
+__all__ = [
+    "BEAM_AWARE",
+    "BSS",
+    "TABLE_1",
+    "beam_aware_for",
+    "each_beam",
+    "methods_for",
+    "paper_beams",
+    "sdecgmca_for",
+    "table_1",
+]
 
 TABLE_1 = {
     "degraded": {"n_sources": 3, "regularisation": 1e-3, "share": 0.3},
@@ -34,22 +48,67 @@ def table_1(beam):
     return TABLE_1.get(beam.name, TABLE_1["oscillating"])
 
 
+BEAM_AWARE = {
+    SDecGMCA.name: (SDecGMCA, ("n_sources", "regularisation", "share")),
+    BeamSubspace.name: (BeamSubspace, ("n_sources",)),
+}
+"""Methods that can take the place of SDecGMCA, {name: (class, parameters that they take from Table 1)}."""
+
+
+def beam_aware_for(beam, method="sdecgmca", **options):
+    """The method of `BEAM_AWARE` called `method`, with the parameters of Table 1 for a beam but for
+    `options`.
+
+    Raises
+    ------
+    InputError
+        No such method, an option that it does not have, or a bad value.
+    """
+    if method not in BEAM_AWARE:
+        raise InputError(f"in the place of SDecGMCA can stand {', '.join(BEAM_AWARE)}, got {method!r}.")
+    kind, columns = BEAM_AWARE[method]
+    known = [item.name for item in fields(kind)]
+    unknown = [name for name in options if name not in known]
+    if unknown:
+        raise InputError(f"{method} has no option {', '.join(unknown)}; it has {', '.join(known)}.")
+    row = table_1(beam)
+    return kind(**{name: row[name] for name in columns} | options)
+
+
 def sdecgmca_for(beam, **changed):
-    """SDecGMCA with the parameters of Table 1 for a beam (`table_1`), but for `changed`."""
-    return SDecGMCA(**table_1(beam) | changed)
+    """SDecGMCA with the parameters of Table 1 for a beam (`table_1`), but for `changed`.
+
+    Raises
+    ------
+    InputError
+        As `beam_aware_for`.
+    """
+    return beam_aware_for(beam, **changed)
 
 
-def methods_for(beam, n_sources=None, **sdecgmca):
-    """The six methods as the paper uses them for one beam; `sdecgmca` are parameters of SDecGMCA to change.
+def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
+    """The six methods as the paper uses them for one beam, in the order of `BSS` and then the two fits.
 
-    The number of sources is that of Table 1 unless given.
+    Parameters
+    ----------
+    beam
+        A `Beam`.
+    n_sources
+        The number of sources; that of Table 1 unless given.
+    method, options
+        As in `beam_aware_for`: what stands in the place of SDecGMCA, and what differs from its defaults.
+
+    Raises
+    ------
+    InputError
+        As `beam_aware_for`.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources
     return [
         PCA(n_sources=n),
         FastICA(n_sources=n),
         GMCA(n_sources=n),
-        sdecgmca_for(beam, n_sources=n, **sdecgmca),
+        beam_aware_for(beam, method, **{"n_sources": n} | options),
         Polynomial(),
         Parametric(),
     ]

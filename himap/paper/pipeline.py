@@ -256,6 +256,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
         masked_truth=masked_truth,
         converged=residual.converged,
         n_iterations=residual.n_iterations,
+        mixing=residual.mixing,
         truth=None if lmax is None else _spectra(truth, alms, width, lmax),
     )
 

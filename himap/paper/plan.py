@@ -39,13 +39,15 @@ def make_observations(cases):
     return made
 
 
-def make(assessments, *, keep_cubes=False, keep_observations=True):
+def make(assessments, *, facts=(), keep_cubes=False, keep_observations=True):
     """Make the assessments of some methods on some cases, and before them what they share.
 
     Parameters
     ----------
     assessments
         The arguments of each `pipeline.assessment`: (case, remover, mask_peaks, post_mask).
+    facts
+        [(product, arguments)] of what else is measured on these cases (`himap.paper.evidence`).
     keep_cubes
         Whether cleaned cubes are kept, or only what is measured on them.
     keep_observations
@@ -63,7 +65,8 @@ def make(assessments, *, keep_cubes=False, keep_observations=True):
         It will not fit into memory, or what the products refuse.
     """
     cleanings = [call[:3] for call in assessments]
-    steps = [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
+    steps = [(fact, [call for product, call in facts if product is fact]) for fact in dict(facts)]
+    steps += [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
     if all(product.is_cached(*call) for product, calls in steps for call in calls):
         return 0
     cases = list(dict.fromkeys(case for case, *_ in assessments))

@@ -1,6 +1,6 @@
 """What the claims are judged on: every method on every case of one sky, against the truth."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -10,15 +10,17 @@ from himap.instrument.beams.base import Beam
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.beams.evolving import Evolving
 from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.results import Comparison
-from himap.paper import pipeline, plan
-from himap.paper.methods import BSS, methods_for, sdecgmca_for
+from himap.paper import evidence, pipeline, plan
+from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
+from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
-__all__ = ["Realisation"]
+__all__ = ["Realisation", "make"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +37,12 @@ class Realisation:
         Of the dimmed case.
     n_sources
         Numbers of sources of the scan.
+    method, options
+        What stands in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
+        value) of its options that differ from their defaults. In the claims it goes by "sdecgmca".
+    noise_level
+        The noise that this method is told, over that of the survey. At 1 it is told nothing, and knows what
+        it knows by itself.
     """
 
     survey: Survey = field(default_factory=Survey)
@@ -42,6 +50,9 @@ class Realisation:
     oscillating: Beam = field(default_factory=Oscillating)
     dimming: Dimming = field(default_factory=Dimming)
     n_sources: tuple = tuple(range(2, 21))
+    method: str = "sdecgmca"
+    options: tuple = ()
+    noise_level: float = 1.0
 
     def __post_init__(self):
         self._case(self.oscillating)  # refuses bad values
@@ -51,6 +62,10 @@ class Realisation:
                 f"the scan needs numbers of sources from 1 up to the {self.survey.n_channels} channels, "
                 f"got {', '.join(map(str, counts)) or 'none; is the least above the most?'}."
             )
+        if not 0 < self.noise_level < np.inf:
+            raise InputError(f"noise_level must be a factor above zero, got {self.noise_level!r}.")
+        for observed, method, *_ in self.assessments:  # refuses bad methods and options
+            method.check(observed.survey.n_channels)
 
     def _case(self, beam, dimming=None):
         return pipeline.Case(survey=self.survey, galaxy=self.galaxy, beam=beam, dimming=dimming)
@@ -58,37 +73,57 @@ class Realisation:
     @cached_property
     def cases(self):
         """{case: (`pipeline.Case`, whether peaks are masked, whether spectra are post-masked too)}."""
-        oscillating = self._case(self.oscillating)
-        return {
-            "degraded": (self._case(Degraded()), True, False),
-            "evolving": (self._case(Evolving()), True, False),
-            "oscillating": (oscillating, True, True),
-            "peaks left in": (oscillating, False, False),
-            "dimmed": (self._case(self.oscillating, self.dimming), True, False),
-        }
+        observed = dict(zip(BEAMS, map(self._case, (Degraded(), Evolving(), self.oscillating)), strict=True))
+        masked = {beam: (case, True, beam == "oscillating") for beam, case in observed.items()}
+        left_in = {LEFT_IN.format(beam): (case, False, False) for beam, case in observed.items()}
+        return masked | left_in | {"dimmed": (self._case(self.oscillating, self.dimming), True, False)}
 
     def make(self):
         """Compute what is not in the cache yet; returns how many assessments were made now."""
-        return plan.make(self.assessments, keep_observations=False)
+        return make([self])
 
     @property
     def assessments(self):
         """The arguments of every `pipeline.assessment` that the claims need, a list of tuples."""
         calls = [call for case in self.cases for call in self._calls(case).values()]
-        return [*calls, *self._scan().values()]
+        return [*calls, *map(self._beyond, BEAMS), *self._scan().values()]
+
+    @property
+    def facts(self):
+        """What else the claims need, [(product of `evidence`, arguments)]."""
+        voxels = [(evidence.masked_voxels, (self.cases[beam][0],)) for beam in BEAMS]
+        return [(evidence.sky_brightness, (self.survey.sky, self.galaxy)), *voxels]
 
     def _calls(self, case):
-        """{method: arguments of `pipeline.assessment`}."""
+        """{method: arguments of `pipeline.assessment`}; "sdecgmca" is what stands in its place."""
         observed, peaks, post = self.cases[case]
+        methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
-            method.name: (observed, method, peaks, post and method.name in BSS)
-            for method in methods_for(observed.beam)
+            name: (observed, method, peaks, post and name in BSS)
+            for name, method in zip(METHODS, methods, strict=True)
         }
+
+    def _beyond(self, beam):
+        """Arguments of `pipeline.assessment` for SD beyond l = 200; itself where it has no such option."""
+        own = observed, method, *_ = self._calls(beam)["sdecgmca"]
+        if not any(item.name == "beyond" for item in fields(method)):
+            return own
+        return observed, self._in_place(observed.beam, beyond="regularised"), True, False
 
     def _scan(self):
         """{n_sources: arguments of `pipeline.assessment`}."""
         case = self.cases["oscillating"][0]
-        return {n: (case, sdecgmca_for(case.beam, n_sources=n), True, False) for n in self.n_sources}
+        return {n: (case, self._in_place(case.beam, n_sources=n), True, False) for n in self.n_sources}
+
+    def _in_place(self, beam, **changed):
+        return beam_aware_for(beam, self.method, **self._options | changed)
+
+    @cached_property
+    def _options(self):
+        if self.noise_level == 1:
+            return dict(self.options)
+        told = tuple((self.noise_level * noise_sigma(self.survey)).tolist())
+        return dict(self.options) | {"noise": told}
 
     def of(self, case):
         """{method: `Comparison`} of one case; methods by their registered name."""
@@ -97,25 +132,31 @@ class Realisation:
     @cached_property
     def _compared(self):
         return {
-            case: {
-                method: self._comparison(pipeline.assessment(*call).power_spectra, self._true(case))
-                for method, call in self._calls(case).items()
-            }
+            case: {method: self._assessed_against_truth(call) for method, call in self._calls(case).items()}
             for case in self.cases
         }
 
     @cached_property
+    def _run_beyond(self):
+        return {beam: self._assessed_against_truth(self._beyond(beam)) for beam in BEAMS}
+
+    def beyond(self, beam):
+        """`Comparison` of SDecGMCA that goes on beyond l = 200 with a regularised inversion of the beam."""
+        return self._run_beyond[beam]
+
+    @cached_property
     def scan(self):
         """{n_sources: `Comparison`} of SDecGMCA through the oscillating beam."""
-        return {
-            n: self._comparison(pipeline.assessment(*call).power_spectra, self._true("oscillating"))
-            for n, call in self._scan().items()
-        }
+        return {n: self._assessed_against_truth(call) for n, call in self._scan().items()}
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
         result = self._assessed(method)
         return self._comparison(result.masked, result.masked_truth)
+
+    def unmasked(self, method):
+        """The `Comparison` of the whole sky in the bins of `masked`."""
+        return self.of("oscillating")[method].in_bins_of(self.masked(method))
 
     def flagged(self, method):
         """Those lines of sight, (n_pix,) bool."""
@@ -127,16 +168,52 @@ class Realisation:
 
     def variance(self, method):
         """Variance over channels of the fractional error of C_l at the l of `of`, on the oscillating case."""
-        true = self._true("oscillating").angular
+        result = self._assessed(method)
+        true = _true_of(result, self.cases["oscillating"][0]).angular
         inside = np.isin(true.degrees, self.of("oscillating")[method].degrees)
-        recovered = self._assessed(method).power_spectra.angular
-        return diagnostics.error_variance(recovered.cl[:, inside], true.cl[:, inside])
+        return diagnostics.error_variance(result.power_spectra.angular.cl[:, inside], true.cl[:, inside])
+
+    def brightness(self):
+        """{region of the sky: rms of foregrounds and of HI before the beam, mK}."""
+        (whole, high) = evidence.sky_brightness(self.survey.sky, self.galaxy)
+        return {"all sky": tuple(whole), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
+
+    def masked_voxels(self, beam):
+        """{what stands out there: how many voxels the peak masking replaces}."""
+        counts = evidence.masked_voxels(self.cases[beam][0])
+        return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
+
+    def mixing(self, beam):
+        """Mixing matrix of SDecGMCA, (n_channels, n_sources)."""
+        return pipeline.assessment(*self._calls(beam)["sdecgmca"]).mixing
+
+    def windows(self, beam):
+        """b_l from the sky to the maps, (n_channels, lmax + 1)."""
+        return self.cases[beam][0].beam.of_survey(self.survey).total
+
+    def regularisation(self, beam):
+        """c of Table 1."""
+        return table_1(self.cases[beam][0].beam)["regularisation"]
 
     def _assessed(self, method):
         return pipeline.assessment(*self._calls("oscillating")[method])
 
-    def _true(self, case):
-        return pipeline.true_spectra(self.cases[case][0])
+    def _assessed_against_truth(self, call):
+        result = pipeline.assessment(*call)
+        return self._comparison(result.power_spectra, _true_of(result, call[0]))
 
     def _comparison(self, recovered, true):
-        return Comparison.of(recovered, true, l_top=2 * self.survey.nside)
+        powerful = true.angular.degrees[true.angular.mean > 0]  # a method may end before the maps do
+        return Comparison.of(recovered, true, l_top=min(2 * self.survey.nside, powerful.max()))
+
+
+def _true_of(assessment, case):
+    """The `PowerSpectra` that a result is compared with; they end where it does."""
+    return assessment.truth or pipeline.true_spectra(case)
+
+
+def make(skies):
+    """Compute what some realisations need together and is not in the cache; returns how many assessments."""
+    assessments = dict.fromkeys(call for sky in skies for call in sky.assessments)
+    facts = dict.fromkeys(fact for sky in skies for fact in sky.facts)
+    return plan.make(list(assessments), facts=list(facts), keep_observations=False)

@@ -100,7 +100,8 @@ class Study:
         With `masked`, without the lines of sight whose error stands out, in what is left and in the truth.
         """
         result = self.assessed(beam, remover, post_mask=masked, **options)
-        pair = (result.masked, result.masked_truth) if masked else (result.power_spectra, self.truth(beam))
+        true = result.truth or self.truth(beam)
+        pair = (result.masked, result.masked_truth) if masked else (result.power_spectra, true)
         return Comparison.of(*pair, l_top=self.l_top)
 
     def prepare(self, removers, *, mask_peaks=True, post_mask=False):
@@ -192,7 +193,10 @@ class Study:
         """One channel in the middle of the band: observed, cleaned, truth, and what is wrong."""
         observation, result = self.observed(beam), self.cleaned(beam, remover, **options)
         channel = self.survey.n_channels // 2
-        cubes = (observation.maps, result.maps, observation.truth)
+        truth = observation.truth
+        if result.lmax is not None:
+            truth, _ = pipeline.cut_truth(self.case(beam), result.lmax)
+        cubes = (observation.maps, result.maps, truth)
         observed, cleaned, truth = (cube[channel] - cube[channel].mean(dtype=float) for cube in cubes)
         maps = {
             f"observed, {observation.freqs[channel]:.0f} MHz": observed,

@@ -1,41 +1,34 @@
-"""What every claim has in common: its entry in the ledger, its verdict, and measures that many share."""
+"""What every claim has in common: its entry in the ledger, and measures that many share."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from himap.measures.diagnostics import BUMP, band_max, band_mean, largest_deviation
+from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
 
 __all__ = [
+    "BEAMS",
     "BLIND",
-    "DIFFERENT",
-    "FAILED",
+    "LEFT_IN",
     "LOW_K",
     "METHODS",
     "REGISTRY",
-    "REPRODUCED",
-    "UNDECIDED",
     "Claim",
-    "Finding",
     "angular_deviation",
     "angular_error",
     "angular_mean",
     "bump",
     "by_method",
     "claim",
-    "each_part",
     "frequency_deviation",
     "frequency_error",
     "frequency_mean",
+    "frequency_median",
     "listing",
+    "listing_by_beam",
     "total",
 ]
-
-REPRODUCED = "reproduced"
-DIFFERENT = "reproduced with a difference"
-FAILED = "not reproduced"
-UNDECIDED = "not evaluated"
 
 METHODS = {
     "pca": "PCA",
@@ -48,36 +41,11 @@ METHODS = {
 """Short names of the methods in the ledger."""
 
 BLIND = ("pca", "fastica", "gmca")
+BEAMS = ("degraded", "evolving", "oscillating")
+LEFT_IN = "{}, peaks left in"
+"""Name of the case of a beam where no peaks are masked."""
+
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finding:
-    """What one realisation says of one claim.
-
-    Attributes
-    ----------
-    value
-        The measured number, NaN if it cannot be measured.
-    parts
-        {part of the claim: whether it holds}.
-    sentence
-        The numbers behind it.
-    """
-
-    value: float
-    parts: dict
-    sentence: str
-
-    @property
-    def verdict(self):
-        """One of the four verdicts."""
-        if not self.parts:
-            return UNDECIDED
-        n_held = sum(map(bool, self.parts.values()))
-        if n_held == len(self.parts):
-            return REPRODUCED
-        return DIFFERENT if 2 * n_held >= len(self.parts) else FAILED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +59,9 @@ class Claim:
     number, paper
         What is measured, and what the paper gives for it.
     section, figure, notebook
-        Of the paper; where the companion shows it.
+        Of the paper, the figure empty where it has none; and where the companion shows it.
     check
-        Function from `Realisation` to `Finding`.
+        Function from `Realisation` to `himap.paper.claims.verdicts.Finding`.
     """
 
     id: str
@@ -146,9 +114,9 @@ def listing(values, form="{:.3g}"):
     return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
 
 
-def each_part(values, test, words):
-    """A part of the claim for every method."""
-    return {f"{name} {words}": test(value) for name, value in values.items()}
+def listing_by_beam(values, form="{:.3g}"):
+    """{beam: {method: value}}, one beam after the other."""
+    return "; ".join(f"{beam}: {listing(row, form)}" for beam, row in values.items())
 
 
 def angular_deviation(low, high):
@@ -169,6 +137,11 @@ def angular_mean(low, high):
 def frequency_mean(low, high=np.inf):
     """Function to the mean P/P0 for low < k < high."""
     return lambda comparison: band_mean(comparison.k, comparison.frequency_ratio, low, high)
+
+
+def frequency_median(low, high=np.inf):
+    """Function to the median P/P0 for low < k < high, which a peak in a few k does not move."""
+    return lambda comparison: band_median(comparison.k, comparison.frequency_ratio, low, high)
 
 
 def angular_error(low, high):

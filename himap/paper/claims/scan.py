@@ -2,19 +2,19 @@
 
 import numpy as np
 
+from himap.measures.diagnostics import MSE_DEFINITIONS
 from himap.paper.claims.base import (
     LOW_K,
-    Finding,
     angular_error,
     bump,
     claim,
-    each_part,
     frequency_error,
     listing,
     total,
 )
+from himap.paper.claims.verdicts import Finding, Part, parts_of, void
 
-__all__ = ["scan_ends", "scan_minimum", "scan_scales"]
+__all__ = ["scan_compromise", "scan_ends", "scan_large_degrees", "scan_minimum", "scan_scales"]
 
 _SCAN = {"section": "4.3", "notebook": "11_ns_scan"}
 
@@ -23,8 +23,7 @@ def _missing(realisation, *counts):
     """A Finding that says so if the scan lacks some number of sources, else None."""
     lacking = [n for n in counts if n not in realisation.scan]
     if lacking:
-        text = ", ".join(map(str, lacking))
-        return Finding(value=np.nan, parts={}, sentence=f"The scan does not hold n_s = {text}.")
+        return void(f"The scan does not hold n_s = {', '.join(map(str, lacking))}.")
     return None
 
 
@@ -33,13 +32,15 @@ def _missing(realisation, *counts):
     number="n_s of the least MSE", paper="5", figure="3", **_SCAN,
 )  # fmt: skip
 def scan_minimum(realisation):
-    """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5."""
+    """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One
+    part.
+    """
     totals = {n: total(comparison) for n, comparison in realisation.scan.items()}
     best = min(totals, key=totals.get)
     at_five = f", at n_s = 5 {totals[5]:.3g}" if 5 in totals else ""
     return _missing(realisation, 5) or Finding(
         value=best,
-        parts={"least at 5": best == 5},
+        parts=(Part(name="least at 5", held=best == 5),),
         sentence=f"The least total MSE, {totals[best]:.3g}, is at n_s = {best}{at_five}.",
     )
 
@@ -49,7 +50,7 @@ def scan_minimum(realisation):
     number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3", **_SCAN,
 )  # fmt: skip
 def scan_ends(realisation):
-    """Larger than at n_s = 5: at 2, at 3, and at all from 10 to 20. Three parts."""
+    """Larger than at n_s = 5: at 2, at 3, and at all from 10 to 20. Three parts, all main."""
     lacking = _missing(realisation, 2, 3, 5, 10)
     if lacking:
         return lacking
@@ -58,7 +59,7 @@ def scan_ends(realisation):
     values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": least}
     return Finding(
         value=min(values.values()),
-        parts=each_part(values, lambda value: value > 1, "larger"),
+        parts=parts_of(values, lambda value: value > 1, "larger"),
         sentence=f"MSE over that at n_s = 5: {listing(values)}.",
     )
 
@@ -68,7 +69,9 @@ def scan_ends(realisation):
     number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4", **_SCAN,
 )  # fmt: skip
 def scan_scales(realisation):
-    """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|."""
+    """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
+    parts, all main.
+    """
     errors = {
         "low k": frequency_error(0, LOW_K),
         "bump": lambda comparison: abs(bump(comparison) - 1),
@@ -80,6 +83,50 @@ def scan_scales(realisation):
     }
     return _missing(realisation, 5, 6, 7) or Finding(
         value=best["low k"],
-        parts={f"{name}: {n}": best[name] == n for name, n in zip(errors, (5, 6, 7), strict=True)},
+        parts=tuple(
+            Part(name=f"{name}: {n}", held=best[name] == n) for name, n in zip(errors, (5, 6, 7), strict=True)
+        ),
         sentence=f"Best n_s: {listing(best)}.",
+    )
+
+
+@claim(
+    "N4", "oscillating", "An n_s of 5 to 7 is the best compromise over all scales.",
+    number="n_s of the least total, relative errors", paper="5 to 7", figure="3", **_SCAN,
+)  # fmt: skip
+def scan_compromise(realisation):
+    """The paper does not define its total MSE: the minimum of every definition that we have lies at 5, 6 or
+    7. A main part for each, relative, logarithmic and absolute.
+    """
+    best = {
+        definition: min(realisation.scan, key=lambda n, by=definition: realisation.scan[n].total_error(by))
+        for definition in MSE_DEFINITIONS
+    }
+    return _missing(realisation, 5, 6, 7) or Finding(
+        value=best["relative"],
+        parts=parts_of(best, lambda n: 5 <= n <= 7, "least at 5 to 7"),
+        sentence=f"Least total at n_s: {listing(best)}.",
+    )
+
+
+@claim(
+    "N5", "oscillating", "At the largest multipoles the differences between n_s are small.",
+    number="spread over n_s at l > 150 over that at 10 < l < 100", paper="< 1", figure="4", **_SCAN,
+)  # fmt: skip
+def scan_large_degrees(realisation):
+    """The spread at one l is the highest less the lowest C/C0 of all n_s. Its median over 150 < l <= 200 is
+    smaller than that over 10 < l < 100. One part. It does not apply to maps that end before l = 200.
+    """
+    degrees = next(iter(realisation.scan.values())).degrees
+    if degrees.max() < 200:
+        return void(f"These maps end at l = {degrees.max():.0f}.")
+    if len(realisation.scan) < 2:
+        return void("The scan holds one n_s only.")
+    spread = np.ptp([comparison.angular_ratio for comparison in realisation.scan.values()], axis=0)
+    middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
+    large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
+    return Finding(
+        value=large / middle,
+        parts=(Part(name="smaller at l > 150", held=large < middle),),
+        sentence=f"Median spread of C/C0 over n_s: {middle:.3g} at 10 < l < 100, {large:.3g} at l > 150.",
     )

@@ -1,0 +1,212 @@
+"""A made-up realisation on which all claims hold, and changes of it that break some."""
+
+import numpy as np
+
+from himap.maps import sphere
+from himap.measures.results import Comparison
+from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
+
+DEGREES = np.arange(2.0, 257)
+K = 2 * np.pi * np.arange(1, 126) / 500  # 1/MHz
+LOW = K < 0.1
+BUMP = (K > 0.25) & (K < 0.38)
+LARGE = DEGREES < 10
+NSIDE = 16
+IN_PLANE = np.abs(sphere.pixel_latitude(NSIDE)) < 5
+BSS = ("pca", "fastica", "gmca", "sdecgmca")
+FITS = ("polynomial", "parametric")
+N_L = 321  # multipoles of the beams
+
+
+def comparison(angular, frequency):
+    """Spectra with these ratios to the truth."""
+    return Comparison(
+        degrees=DEGREES,
+        angular=angular * DEGREES**-1.5,
+        true_angular=DEGREES**-1.5,
+        k=K,
+        frequency=frequency / K,
+        true_frequency=1 / K,
+    )
+
+
+def ones():
+    return {method: {"angular": np.ones(len(DEGREES)), "frequency": np.ones(len(K))} for method in METHODS}
+
+
+def nearer(case, factors):
+    """A case with the distance to 1 multiplied, {method: factor}."""
+    return {
+        method: {kind: 1 + factors[method] * (row - 1) for kind, row in one.items()}
+        for method, one in case.items()
+    }
+
+
+class World:
+    """Ratios of all methods on all cases such that all claims hold, but for E4; then changed."""
+
+    def __init__(self):
+        self.degraded, self.evolving, self.oscillating = ones(), ones(), ones()
+        for method in METHODS:
+            self.degraded[method]["frequency"][K < 0.03] = 0.9
+            self.evolving[method]["frequency"][LOW] = 1.2
+            for beam in (self.degraded, self.evolving):
+                beam[method]["angular"][DEGREES < 4] = 1.12
+        self.evolving["parametric"]["angular"][:] = 1000
+        self.evolving["gmca"]["angular"][DEGREES < 60] = 1.5
+        self.evolving["gmca"]["frequency"][LOW] = 2
+        self.evolving["gmca"]["frequency"][(K > 0.1) & (K < 0.2)] = 1.15
+        self.evolving["polynomial"] = {kind: row.copy() for kind, row in self.degraded["polynomial"].items()}
+        for method in METHODS:
+            one = self.oscillating[method]
+            one["angular"][:] = 1.02 if method == "sdecgmca" else 1.3
+            one["angular"][LARGE] = 3
+            one["frequency"][BUMP] = 1.5 if method == "sdecgmca" else 3
+            one["frequency"][LOW] = 1.6 if method == "sdecgmca" else 1.5
+        for method in FITS:
+            for row in self.oscillating[method].values():
+                row[:] = 50
+        self._masks()
+        self.going_on = {beam: np.where(DEGREES > 245, 2.0, 1.5) for beam in BEAMS}
+        self.scanned = {n: ones()["pca"] for n in range(2, 21)}
+        scan_best()(self)
+        self.correlations = dict.fromkeys(METHODS, np.full(100, 0.9)) | {"sdecgmca": np.full(100, 0.99)}
+        self.variances = {method: np.full(len(DEGREES), 0.01) for method in METHODS}
+        self.variances["sdecgmca"] = np.full(len(DEGREES), 0.001)
+        self.lines = IN_PLANE
+        self.bright = {"all sky": (5000.0, 0.1), "|b| > 30": (2000.0, 0.1)}
+        self.voxels = {beam: {"HI": 60, "noise": 5, "foreground": 35} for beam in BEAMS}
+        self.limits = dict.fromkeys(BEAMS, 240)
+        self.difference = 1e-3
+
+    def _masks(self):
+        """Peaks left in, lines of sight left out, and the Galaxy dimmed."""
+        worse = dict.fromkeys(METHODS, 1.5)
+        self.left_in = {beam: nearer(getattr(self, beam), worse) for beam in BEAMS}
+        for one in self.left_in.values():
+            for method in METHODS:
+                one[method]["frequency"] += 0.5
+        for method in BSS:
+            self.left_in["oscillating"][method]["angular"][LARGE] = 1.2
+        better = dict.fromkeys(METHODS, 0.9) | {"pca": 0.4, "fastica": 0.4, "sdecgmca": 0.02}
+        self.dimmed = nearer(self.oscillating, better)
+        for method in ("pca", "fastica"):
+            self.dimmed[method]["angular"][DEGREES == 100] = 1
+        self.without = nearer(self.oscillating, dict.fromkeys(METHODS, 0.8) | {"sdecgmca": 0.1})
+        for method in ("pca", "fastica", "gmca"):
+            self.without[method]["frequency"] = self.oscillating[method]["frequency"].copy()
+        self.without["sdecgmca"]["angular"][(DEGREES > 3) & LARGE] = 1.05
+
+    def of(self, case):
+        cases = {beam: getattr(self, beam) for beam in (*BEAMS, "dimmed")}
+        cases |= {LEFT_IN.format(beam): one for beam, one in self.left_in.items()}
+        return {method: comparison(**ratios) for method, ratios in cases[case].items()}
+
+    @property
+    def scan(self):
+        return {n: comparison(**one) for n, one in self.scanned.items()}
+
+    def beyond(self, beam):
+        return comparison(self.going_on[beam], np.ones(len(K)))
+
+    def masked(self, method):
+        return comparison(**self.without[method])
+
+    def unmasked(self, method):
+        return self.of("oscillating")[method]
+
+    def correlation(self, method):
+        return self.correlations[method]
+
+    def variance(self, method):
+        return self.variances[method]
+
+    def flagged(self, method):
+        return self.lines
+
+    def brightness(self):
+        return self.bright
+
+    def masked_voxels(self, beam):
+        return self.voxels[beam]
+
+    def mixing(self, beam):
+        """Two sources that only the second channel tells apart."""
+        return np.array([[1.0, 1.0], [0.0, self.difference]])
+
+    def windows(self, beam):
+        """The second channel falls to a twentieth at the limit of the beam, and stays."""
+        windows = np.ones((2, N_L))
+        windows[1, self.limits[beam] :] = 0.05
+        return windows
+
+    def regularisation(self, beam):
+        return 1e-2
+
+
+def set_to(case, methods, kind, value, where=slice(None)):
+    """A change of the world: ratios of some methods on one case."""
+
+    def change(world):
+        for method in methods:
+            getattr(world, case)[method][kind][where] = value
+
+    return change
+
+
+def as_with_masking(methods, kinds=("angular", "frequency"), beams=BEAMS):
+    """A change of the world: some methods do without peak masking as with it."""
+
+    def change(world):
+        for beam in beams:
+            for method in methods:
+                for kind in kinds:
+                    world.left_in[beam][method][kind] = getattr(world, beam)[method][kind].copy()
+
+    return change
+
+
+def as_full_galaxy(*methods):
+    """A change of the world: C/C0 of some methods is that of the full Galaxy."""
+
+    def change(world):
+        for method in methods:
+            world.dimmed[method]["angular"] = world.oscillating[method]["angular"].copy()
+
+    return change
+
+
+def both(*changes):
+    return lambda world: [change(world) for change in changes]
+
+
+def scan_best(low=5, bump=6, middle=7):
+    """A change of the world: where the scan is best, at low k, in the bump and at middle l."""
+
+    def change(world):
+        for n, one in world.scanned.items():
+            one["angular"][:], one["frequency"][:] = 1, 1
+            one["angular"][(DEGREES > 10) & (DEGREES < 100)] += 0.001 * abs(n - middle)
+            one["frequency"][LOW] += 0.3 * abs(n - low)
+            one["frequency"][BUMP] += 0.01 * abs(n - bump)
+
+    return change
+
+
+def attribute(name, value):
+    return lambda world: setattr(world, name, value)
+
+
+def item(name, key, value):
+    """A change of the world: one item of a dict."""
+    return lambda world: getattr(world, name).update({key: value})
+
+
+def first_share(name, method, value, share):
+    """A change of the world: the first share of the rows of a diagnostic of one method."""
+
+    def change(world):
+        rows = getattr(world, name)
+        rows[method] = np.where(np.arange(len(rows[method])) < share * len(rows[method]), value, rows[method])
+
+    return change
