@@ -90,8 +90,9 @@ def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
 
 
 def test_a_method_without_that_option_goes_on_as_it_is():
+    sky = replace(SKY, method="beam_subspace")
     for beam in ("degraded", "evolving", "oscillating"):
-        assert SKY._beyond(beam) == SKY._calls(beam)["sdecgmca"]
+        assert sky._beyond(beam) == sky._calls(beam)["sdecgmca"]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """SDecGMCA on a problem like that of C21, and what its options do."""
 
 import itertools
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, noisy
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
-from himap.removal.base import SeparationWarning
 from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
@@ -27,9 +25,7 @@ def problem(rng):
 
 
 def clean(method, maps, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SeparationWarning)
-        return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
+    return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
 
 
 def mixing_criterion(found, true):
@@ -84,12 +80,12 @@ class TestSeparation:
         assert np.isfinite(cleaned.separation.sources).all()
         assert np.abs(cleaned.residual).max() < 1e-5 * maps.max()
 
-    def test_not_settling_is_a_warning_and_a_flag(self, problem, rng):
+    def test_not_settling_is_recorded(self, problem, rng):
+        """Its limits are those of C21's code: that many iterations are its end, and no warning."""
         method = SDecGMCA(**QUICK | {"n_warmup": 1}, tolerance=0.0)
-        with pytest.warns(SeparationWarning, match="without converging"):
-            cleaned = method.clean(noisy(problem[0], 10, rng), freqs=FREQS, beams=BEAMS)
+        cleaned = clean(method, noisy(problem[0], 10, rng))
         assert not cleaned.separation.converged
-        assert cleaned.separation.n_iterations <= 101
+        assert 50 < cleaned.separation.n_iterations <= 101
 
 
 class TestBeyond:

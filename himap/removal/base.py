@@ -98,6 +98,9 @@ class ForegroundRemover(ABC):
         Whether the method uses the noise of the instrument.
     needs_whole_sky
         Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
+    ends_by_count
+        Whether the method as published also ends after so many iterations, settled or not; then to have come
+        to that end is recorded (`Separation.converged`), and no warning.
     needs_modes
         Whether `_separate` gets the harmonic modes of the maps too, `modes`, a `CubeModes`.
     """
@@ -108,6 +111,7 @@ class ForegroundRemover(ABC):
     needs_noise: ClassVar[bool] = False
     needs_whole_sky: ClassVar[bool] = False
     needs_modes: ClassVar[bool] = False
+    ends_by_count: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
@@ -201,7 +205,7 @@ class ForegroundRemover(ABC):
                 f"got {foreground.dtype} of {foreground.shape}."
             )
         remarks = [separation.remark] if separation.remark else []
-        if not separation.converged:
+        if not (separation.converged or self.ends_by_count):
             remarks.insert(0, f"stopped after {separation.n_iterations} iterations without converging")
         for remark in remarks:
             warnings.warn(f"{self.name}: {remark}.", SeparationWarning, stacklevel=3)

@@ -58,6 +58,7 @@ class SDecGMCA(ForegroundRemover):
     needs_noise: ClassVar[bool] = True
     needs_whole_sky: ClassVar[bool] = True
     needs_modes: ClassVar[bool] = True
+    ends_by_count: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
     share: float = parameter(

@@ -136,19 +136,20 @@ _CODE = {
     "last_tolerance": 1e-4,
 }
 
+_LETTER = _CODE | {
+    "mixing_scales": "all",
+    "sign": "nonnegative",
+    "least_kept": 0,
+    "wavelets": "cascade",
+    "floor": 1e-14,
+    "resolution": "beam",
+    "start": "lowest",
+    "last": "once",
+}
+
 READINGS = {
-    "default": _CODE | {"resolution": "beam", "start": "lowest"},
-    "letter": _CODE
-    | {
-        "mixing_scales": "all",
-        "sign": "nonnegative",
-        "least_kept": 0,
-        "wavelets": "cascade",
-        "floor": 1e-14,
-        "resolution": "beam",
-        "start": "lowest",
-        "last": "once",
-    },
+    "default": _LETTER | {"sign": "free"},
+    "letter": _LETTER,
     "code": _CODE,
     "follow-up": _CODE
     | {"coefficients": "matrix", "resolution": "beam", "beyond": "regularised", "last_tolerance": 1e-6},
