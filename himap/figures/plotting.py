@@ -1,4 +1,4 @@
-"""Figures. The only module that knows matplotlib; every function returns the figure it makes.
+"""Figures. Beside `himap.figures.marks` the only module that draws; every function returns its figure.
 
 Figures carry their numbers (`himap.figures.data`): a notebook that shows one keeps them beside the picture.
 
