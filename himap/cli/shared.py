@@ -1,6 +1,7 @@
 """What the commands of `himap` share: options, errors told in one paragraph, sizes."""
 
 import functools
+from dataclasses import replace
 
 import click
 
@@ -137,10 +138,13 @@ def judging_parameters(pairs, preset, *, own, without=()):
     (dict, dict)
         {name: value} of all, and of those that were given.
     """
-    declared = [parameter for parameter in find(_JUDGING).parameters if parameter.name not in without]
+    declared = [
+        replace(parameter, default=own.get(parameter.name, parameter.default))
+        for parameter in find(_JUDGING).parameters
+        if parameter.name not in without
+    ]
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
-    defaults = {parameter.name: parameter.default for parameter in declared}
-    return defaults | own | given, given
+    return {parameter.name: parameter.default for parameter in declared} | given, given
 
 
 def provenance_parameters(given):

@@ -1,7 +1,8 @@
 """Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
 
-Ledgers, readings and figures carry the fingerprint of the code that made them, without parameters, which stand beside
-it. Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
+Ledgers, readings and figures carry the fingerprint of the code that made them, without parameters, which
+stand beside it. Timings carry none: they are those of one machine and one day. A stale result is told, not
+made again.
 """
 
 import json
