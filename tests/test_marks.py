@@ -29,7 +29,7 @@ def test_signs_stand_in_their_cells(figure):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["A1", "A2", "A3"]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["one", "two"]
     assert {text.get_text() for text in axes.texts} >= {"first", "second"}
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["✓ good", "✗ bad"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["✓ good", "✗ bad"]
 
 
 def test_cells_have_their_colours(figure):

@@ -127,6 +127,10 @@ DEFINED = {
         "26 %": "of the sphere lies that near to the plane",
         "0.1 %": "how much lower and higher the noise level is",
     },
+    "notebooks/16_readings.py": {
+        "0.1 %": "change of the noise level that is tried",
+        "0.31": "where the ripple shows, 1/MHz",
+    },
     "notebooks/17_your_own_cube.py": {
         "10 %": "a grey band, and what counts as hardly moving",
     },

@@ -53,9 +53,8 @@ def marks(groups, columns, looks, *, breaks=()):
             Rectangle((0, 0), 1, 1, facecolor=colour, edgecolor="0.6", label=f"{sign} {mark}")
             for mark, (sign, colour, _) in looks.items()
         ]
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=len(looks), frameon=False, fontsize=9
-        )
+        beside = {"loc": "lower right", "bbox_to_anchor": (-0.02, 1.02)}  # the names of the columns
+        axes.legend(handles=handles, frameon=False, fontsize=9, **beside)
     plt.close(figure)
     return with_curves(figure, points)
 

@@ -13,6 +13,8 @@ __all__ = ["bands_figure", "claims_figure", "code_figure", "curves_figure"]
 
 _GAP = 0.8  # between the readings with a name and the others, in rows
 _COLUMNS = 5
+_TRUTH = {"label": "_truth", "color": "0.5", "linewidth": 0.8}
+_EDGES = (0.4, 2.2)  # of ratios that are shown as curves: a few per cent can be seen
 _LOGARITHMIC = 10  # largest over least value from which an axis is logarithmic
 _LOOKS = {
     name: {"color": colour, "linestyle": line}
@@ -62,7 +64,7 @@ def bands_figure(outcomes):
             "ylim": (max(places.values()) + 0.7, -0.7),
             "yticks": list(places.values()),
             "yticklabels": [known[label].title if n % _COLUMNS == 0 else "" for label in places],
-            "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, -0.08), "ncols": 2},
+            "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, -0.08)},
         }
         panels.append(panel)
     return plotting.lines(panels, columns=_COLUMNS, size=(2.5, 4.6))
@@ -118,7 +120,8 @@ def _scale(values):
 def curves_figure(outcomes):
     """C/C0(l) and P/P0(k) of the readings with a name, two panels for each sky.
 
-    Lines are at the noise level of the survey, thin ones at those beside it.
+    Lines are at the noise level of the survey, thin ones at those beside it. What is wrong by more than the
+    panels show leaves them.
     """
     named = {label: outcomes[label] for label in READINGS if label in outcomes}
     seeds = list(dict.fromkeys(run.seed for one in named.values() for run in one.runs))
@@ -132,14 +135,15 @@ def curves_figure(outcomes):
             curves = [
                 (getattr(run, x), getattr(run, y), _look(label, run.noise_level)) for label, run in runs
             ]
+            ends = [min(x[0] for x, _, _ in curves), max(x[-1] for x, _, _ in curves)]
             panels.append(
                 {
-                    "curves": curves,
+                    "curves": [(ends, [1, 1], _TRUTH), *curves],
                     "title": f"seed {seed}, {across}",
                     "xlabel": styles.AXES[kind]["xlabel"],
                     "ylabel": styles.AXES[kind]["ratio_label"],
                     "xscale": "log",
-                    "yscale": _scale(np.concatenate([np.asarray(ratio) for _, ratio, _ in curves])),
+                    "ylim": _EDGES,
                 }
             )
     return plotting.lines(panels, size=(5, 3.4))
