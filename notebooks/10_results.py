@@ -162,7 +162,7 @@ quote(
 #   $\ell$ it loses to sources that the sky does not have: with three instead of five the loss is that of the degraded beam ({doc}`09_sdecgmca`).
 # - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
 #
-# This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`17_paper_size` has the
+# This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`18_paper_size` has the
 # paper's size, with the real Galaxy (templates, nside 64) and with this one.
 #
 # Three commands worth trying:

@@ -380,8 +380,8 @@ quote(
 # ## Why not 5
 #
 # - **It is not the definition** of the error, as the figures show, **nor the Galaxy**: with the real templates (nside 64) the minimum is at {glue:text}`scan_best_laptop` at `laptop` and at
-#   {glue:text}`17_paper_size.ipynb::paper_size_sd_best:s` at the paper's size, and at 5 the relative error is {glue:text}`scan_five_laptop` and {glue:text}`scan_five_paper` times as much ({doc}`15_claims`,
-#   {doc}`17_paper_size`). In the figure above it is {glue:text}`scan_five` times.
+#   {glue:text}`18_paper_size.ipynb::paper_size_sd_best:s` at the paper's size, and at 5 the relative error is {glue:text}`scan_five_laptop` and {glue:text}`scan_five_paper` times as much ({doc}`15_claims`,
+#   {doc}`18_paper_size`). In the figure above it is {glue:text}`scan_five` times.
 # - **The sky needs three**: that many spectra hold its foregrounds to below HI, and SDecGMCA has the beam in its model, so that the beam adds none.
 #   PCA must describe what the beam does with spectra of its own, and pays for the cliff at {glue:text}`scan_best_beside` with the loss of {glue:text}`scan_best_beside`.
 # - **Nor is it the number of channels.** The paper has 500, so that a source costs a quarter as much of a signal without correlation as it does with 125, and more sources are cheaper.

@@ -115,8 +115,8 @@ quote(
 # %% [markdown]
 # A quarter of the sky lies within 15° of the plane. Of all methods but SDecGMCA at least {glue:text}`post_others_in_plane` of the flagged lines of sight do: there the
 # foreground is brightest, and there they leave it. What SDecGMCA gets wrong is spread over the sky, in patches, with some excess
-# in the plane: {glue:text}`post_in_plane` lie there. With the real Galaxy (templates, nside 64) it is {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane_laptop:s` at `laptop` and
-# {glue:text}`17_paper_size.ipynb::paper_size_sd_in_plane:s` at the paper's size ({doc}`17_paper_size`).
+# in the plane: {glue:text}`post_in_plane` lie there. With the real Galaxy (templates, nside 64) it is {glue:text}`18_paper_size.ipynb::paper_size_sd_in_plane_laptop:s` at `laptop` and
+# {glue:text}`18_paper_size.ipynb::paper_size_sd_in_plane:s` at the paper's size ({doc}`18_paper_size`).
 
 
 # %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed. Of the flagged lines the numbers beside the picture are percentiles."}}

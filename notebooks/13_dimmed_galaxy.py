@@ -350,7 +350,7 @@ quote(
 #   {glue:text}`dimmed_within_gmca` for GMCA, and hardly for SDecGMCA ({glue:text}`dimmed_within_sd_full` and {glue:text}`dimmed_within_sd`): it loses HI at low $\ell$. In the total error PCA on
 #   the dimmed sky, with {glue:text}`dimmed_error_pca`, comes level with SDecGMCA.
 # - **At the paper's size, with the real Galaxy** (templates, nside 64), PCA improves by a factor of {glue:text}`dimmed_paper_gain_pca`, and its peak is left at {glue:text}`dimmed_paper_peak_pca`. The total error of SDecGMCA
-#   changes by {glue:text}`17_paper_size.ipynb::paper_size_sd_dimmed:s`, at `laptop` by {glue:text}`17_paper_size.ipynb::paper_size_sd_dimmed_laptop:s` ({doc}`15_claims`).
+#   changes by {glue:text}`18_paper_size.ipynb::paper_size_sd_dimmed:s`, at `laptop` by {glue:text}`18_paper_size.ipynb::paper_size_sd_dimmed_laptop:s` ({doc}`15_claims`).
 #
 # Three commands worth trying:
 #

@@ -345,7 +345,7 @@ quote(
 # - **It has the smallest variance of $R_\ell$** at {glue:text}`diagnostics_smallest` of the multipoles from 10 to the end, by a factor of {glue:text}`diagnostics_variance_ratio` on average. That holds as in the paper.
 # - Neither number says why. The regression on the truth does: the other component methods leave foreground, SDecGMCA loses signal.
 # - Neither sees everything: $r$ is blind to a factor, the variance to an error that all channels share. Together with the mean ratios of {doc}`10_results` little can hide.
-# - **At the paper's size, with the real Galaxy** (templates, nside 64), the same methods come first: mean $r$ {glue:text}`17_paper_size.ipynb::paper_size_sd_r:s` against {glue:text}`diagnostics_paper_r_pca` for PCA and FastICA
+# - **At the paper's size, with the real Galaxy** (templates, nside 64), the same methods come first: mean $r$ {glue:text}`18_paper_size.ipynb::paper_size_sd_r:s` against {glue:text}`diagnostics_paper_r_pca` for PCA and FastICA
 #   and {glue:text}`diagnostics_paper_r_gmca` for GMCA, SDecGMCA highest in {glue:text}`diagnostics_paper_highest` of the channels; mean variance of $R_\ell$ {glue:text}`diagnostics_paper_variance_sd` against
 #   {glue:text}`diagnostics_paper_variance_pca` and {glue:text}`diagnostics_paper_variance_gmca`, and smallest at {glue:text}`diagnostics_paper_smallest` of the multipoles.
 #

@@ -243,7 +243,7 @@ show_table(rows)
 # - Most claims that do not hold as a whole are about SDecGMCA: no excess and no peak here, little to gain from masks, and a best number of sources of 3.
 # - The others are about the polynomial with the degraded beam, the blind methods with the evolving one, and masks: of peaks, which hardly matter, and of lines of sight, from which PCA and GMCA gain.
 # - The verdict is the same in every realisation for {glue:text}`claims_same` of the {glue:text}`claims_total` claims. It may depend on what is not the paper's here: half its resolution, a
-#   lognormal HI sky, noise per pixel. {doc}`17_paper_size` has the paper's resolution.
+#   lognormal HI sky, noise per pixel. {doc}`18_paper_size` has the paper's resolution.
 #
 # Three commands worth trying:
 #

@@ -127,10 +127,14 @@ DEFINED = {
         "26 %": "of the sphere lies that near to the plane",
         "0.1 %": "how much lower and higher the noise level is",
     },
-    "notebooks/16_your_own_cube.py": {
+    "notebooks/16_readings.py": {
+        "0.1 %": "change of the noise level that is tried",
+        "0.31": "where the ripple shows, 1/MHz",
+    },
+    "notebooks/17_your_own_cube.py": {
         "10 %": "a grey band, and what counts as hardly moving",
     },
-    "notebooks/17_paper_size.py": {
+    "notebooks/18_paper_size.py": {
         "0.1": "edge of claim E4, 1/MHz",
         "0.31": "where the ripple shows, 1/MHz",
         "1 MHz": "channels of the paper",
@@ -139,7 +143,7 @@ DEFINED = {
         "15°": "what counts as in the plane, claim M1",
         "four times": "pixels of the two presets",
     },
-    "notebooks/18_scale.py": {
+    "notebooks/19_scale.py": {
         "1 MHz": "channels of the paper",
     },
 }
