@@ -10,14 +10,13 @@ from pathlib import Path
 import nbformat
 import numpy as np
 import pytest
-from ledgers import entry
 from PIL import Image
 
 from himap.companion.notebooks import find
-from himap.companion.stored import RESULTS, extrapolated, number_after, read_stored, times_of_all
+from himap.companion.stored import RESULTS, extrapolated, read_stored, times_of_all
 from himap.companion.stored_tables import ledgers_table, pictures, short, steps_table
 from himap.errors import InputError
-from himap.paper.claims import CLAIMS, REPRODUCED
+from himap.paper.claims import CLAIMS
 from himap.paper.ledger import read_ledger
 from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
@@ -182,25 +181,6 @@ def test_every_figure_is_shown_with_what_made_it():
     for name in stored_folders():
         for row in read_stored(f"{name}/figures")["figures"]:
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
-
-
-def test_numbers_are_found_in_what_a_claim_says():
-    entries = {entry.claim["id"]: entry for entry in read_ledger(RESULTS / "claims_laptop.json")[0]}
-    assert number_after("SD", entries["A1"]) == 0.9785  # "SD is highest" stands before it
-    assert number_after("PAR in C", entries["O1"]) == 8.99e3
-    assert number_after("", entries["M1"]) == 8.15
-    with pytest.raises(InputError, match="M1 has no number after 'POL'; it says: "):
-        number_after("POL", entries["M1"])
-
-
-def test_numbers_of_one_beam_are_found_behind_its_name():
-    one = entry(REPRODUCED, id="B1")
-    said = replace(one.findings[0], sentence="Ratios: degraded: PCA 1, SD 2; evolving: PCA 3, SD 4e1.")
-    one = replace(one, findings={0: said})
-    assert number_after("PCA", one) == 1 and number_after("PCA", one, since="evolving:") == 3
-    assert number_after("SD", one, since="evolving:") == 40
-    with pytest.raises(InputError, match="B1 has no number after 'oscillating' and 'SD'; it says: Ratios"):
-        number_after("SD", one, since="oscillating")
 
 
 def test_a_ledger_measures_as_many_cubes_as_the_chapter_says():
