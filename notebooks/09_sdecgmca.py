@@ -169,7 +169,7 @@ study.angular_figure(removers)
 study.frequency_figure(removers)
 
 # %%
-numbers = study.band_numbers(removers, tolerance=0.1)  # rounding alone moves them, see below
+numbers = study.band_numbers(removers, tolerance=0.05)  # rounding alone moves them, see below
 for each, methods in removers.items():
     result = study.assessed(each, methods[0])
     numbers[f"{each}: iterations"] = (result.n_iterations, 50)

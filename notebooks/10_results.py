@@ -87,7 +87,7 @@ study.frequency_figure(removers, titles=titles)
 table = {
     f"{beam}, {styles.method_style(method)['label']}": {
         # Rounding alone moves SDecGMCA, see its chapter.
-        name: (value, (0.1 if method.name == "sdecgmca" else 0.02) * max(1, value))
+        name: (value, (0.05 if method.name == "sdecgmca" else 0.02) * max(1, value))
         for name, value in study.bands(beam, method).items()
     }
     for beam, methods in removers.items()
