@@ -259,7 +259,7 @@ quote(
 #
 # ## How strong, how wide
 #
-# The paper tries one strength and one width. PCA is quick, and it is the method that gains; so here is its P/P0 for others, with the edge of
+# The paper tries one strength and one width. PCA is quick, so here is its P/P0 for others, with the edge of
 # the parameters on the left and with their weight in the plane on the right.
 
 
@@ -326,8 +326,8 @@ quote(
 )
 
 # %% [markdown]
-# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and with the smallest weight in the plane {glue:text}`dimmed_peak_faintest` times: what is left of it comes from the
-# sky that is not dimmed.
+# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and with the smallest weight in the plane {glue:text}`dimmed_peak_faintest` times. What stays however faint the plane is comes
+# from the sky beside it.
 #
 # ## Over several skies, on the real Galaxy
 #

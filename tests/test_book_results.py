@@ -8,15 +8,24 @@ from dataclasses import replace
 from pathlib import Path
 
 import nbformat
-import numpy as np
 import pytest
+from ledgers import entry
 from PIL import Image
 
 from himap.companion.notebooks import find
 from himap.companion.stored import RESULTS, extrapolated, read_stored, times_of_all
-from himap.companion.stored_tables import ledgers_table, pictures, short, steps_table
+from himap.companion.stored_tables import (
+    differing,
+    failed_table,
+    ledgers_table,
+    of_chapter,
+    pictures,
+    short,
+    steps_table,
+    verdicts_table,
+)
 from himap.errors import InputError
-from himap.paper.claims import CLAIMS
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.ledger import read_ledger
 from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
@@ -52,7 +61,8 @@ def markdown(name):
 def test_the_chapters_show_what_is_stored_today():
     ledgers = [read_ledger(path) for path in (RESULTS / f"{name}.json" for name in stored_ledgers())]
     shown = markdown("17_paper_size")
-    assert shown == "\n\n".join([ledgers_table(ledgers), pictures(stored_folders())])
+    by_size, by_galaxy = (ledgers_table(pair, differing) for pair in (ledgers[:2], ledgers[1:]))
+    assert shown == "\n\n".join([ledgers_table(ledgers), by_size, by_galaxy, pictures(stored_folders())])
     shown = markdown("18_scale")
     assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
 
@@ -151,23 +161,52 @@ def stored_folders():
 
 
 def test_all_that_is_stored_is_shown():
-    assert set(stored_ledgers()) == {path.stem for path in RESULTS.glob("claims_*.json")}
+    beside = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
+    assert beside <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace")}
+    assert set(stored_ledgers()) | beside == {path.stem for path in RESULTS.glob("claims_*.json")}
     assert set(stored_folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 
+MADE = {"preset": "ci", "galaxy": "synthetic", "seed": 1, "commit": "abc", "dirty": False, "seconds": 1.0}
+
+
+def ledger_of(verdict, *, overrides=()):
+    """A ledger (entries, about) of three claims; D1 has `verdict`."""
+    entries = [
+        entry(verdict, values=[0.25]),
+        entry(REPRODUCED, id="O3"),
+        entry(INAPPLICABLE, id="M2", values=[None]),
+    ]
+    return entries, MADE | {"overrides": [list(one) for one in overrides], "version": "1", "packages": []}
+
+
 def test_ledgers_stand_side_by_side():
-    columns = [read_ledger(RESULTS / f"{name}.json") for name in stored_ledgers()]
+    columns = [ledger_of(FAILED), ledger_of(REPRODUCED, overrides=[("reading", "letter")])]
     ((head, *rows, last),) = tables(ledgers_table(columns))
-    assert head[3:] == [f"{about['preset']}, {about['galaxy']}" for _, about in columns]
-    assert [row[0].strip("*") for row in rows] == list(CLAIMS)
-    for n, (entries, _) in enumerate(columns):
-        for row, one in zip(rows, entries, strict=True):
-            number = "" if np.isnan(one.values[0]) else f"{one.values[0]:.3g}"
-            counts = one.label.removeprefix(one.verdict)
-            assert row[3 + n].startswith(f"{SIGNS[one.verdict]}{counts} {number}")
-        verdicts = [one.verdict for one in entries]
-        counted = [f"{sign} {verdicts.count(word)}" for word, sign in SIGNS.items() if word in verdicts]
-        assert last[3 + n] == " · ".join(counted)
+    assert head[3:] == ["ci, synthetic", "ci, synthetic, letter"]
+    assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
+    assert rows[0][3:] == ["✗ 0.25", "✓ 0.25"] and rows[2][3:] == ["– –", "– –"]
+    assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
+
+
+def test_some_claims_of_ledgers():
+    columns = [ledger_of(FAILED), ledger_of(REPRODUCED)]
+    for only, shown in ((differing, ["D1"]), (of_chapter("12_post_masking"), ["M2"])):
+        ((_, *rows),) = tables(ledgers_table(columns, only))
+        assert [row[0].strip("*") for row in rows] == shown
+    assert "ci, synthetic: ci" in ledgers_table(columns, lambda entries: False)
+
+
+def test_verdicts_of_ledgers_are_counted():
+    ((_, *rows),) = tables(verdicts_table([ledger_of(FAILED), ledger_of(IN_PART)]))
+    assert [row[1:] for row in rows] == [["1", "1", "0", "1", "1"], ["1", "1", "1", "0", "1"]]
+
+
+def test_what_does_not_hold_has_a_row():
+    entries = [entry(FAILED, FAILED, REPRODUCED), entry(REPRODUCED, id="O3"), entry(INAPPLICABLE, id="M2")]
+    ((head, *rows),) = tables(failed_table(entries))
+    assert head[2] == "Does not hold (in how many of 3)"
+    assert rows == [["**D1**", "✗", "a (2)", "0."]]
 
 
 def test_every_figure_is_shown_with_what_made_it():

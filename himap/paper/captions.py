@@ -24,8 +24,8 @@ def of_sdecgmca(method, nside):
     """
     letter = READINGS["letter"]
     apart = [OPTIONS[name].question for name in OPTIONS if getattr(method, name) != letter[name]]
-    differs = ", ".join(apart) if len(apart) <= _FEW else f"{len(apart)} choices"
-    text = f"the paper's text but for the {differs}" if apart else "every word of the paper's text"
+    differs = f"the {', '.join(apart)}" if len(apart) <= _FEW else f"{len(apart)} choices"
+    text = f"the paper's text but for {differs}" if apart else "every word of the paper's text"
     end = min(method.lmax, 2 * nside)
     beyond = {
         "cut": f"ends at ℓ = {end}, as does the truth that it is divided by",
