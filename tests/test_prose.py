@@ -22,6 +22,9 @@ DEFINED = {
     "README.md": {
         "ten thousand times": "how much brighter the Galaxy is, as everybody says",
     },
+    "book/intro.md": {
+        "0.1 %": "how much lower and higher the noise level is",
+    },
     "book/conventions.md": {
         "1400 MHz": "end of the band",
         "5 MHz": "channels of a preset",
