@@ -77,12 +77,10 @@ def run(names, preset, pairs, output, stale, every):
     """Execute notebooks, with other parameters if you like.
 
     `himap list NAME` shows the parameters. The fields of a preset (nside, n_channels, seed, ...)
-    are parameters too. What was interrupted goes on where it stopped when it is run again. Notebooks that
-    show SDecGMCA take -p reading=NAME for what the paper leaves open: default, letter, code or follow-up.
+    are parameters too. What was interrupted goes on where it stopped when it is run again.
 
     \b
-    himap run 02_beams_and_noise --preset ci -p seed=7
-    himap run 10_results -p reading=letter
+    himap run 10_results --preset ci -p seed=7 -p reading=letter
     himap run 04_pca -p galaxy=templates -p template_dir=maps -o pca.ipynb
     himap run --all --preset laptop --jobs 2
     """
