@@ -73,7 +73,7 @@ Markdown(steps_table(paper))
 # - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the few whitened maps only.
 # - **Parametric**: two products of each line of sight with the curves of one index. The search compares 65 indices and bisects between them, on an interpolation of the curves.
 # - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back. It has no usual alternative to be timed against.
-# - **SDecGMCA**: every channel analysed once, the common spectra and the sources a few times. Nor has it.
+# - **SDecGMCA**: every channel analysed once, and every scale of every source there and back in each of up to 200 iterations. Nor has it.
 # - **Both spectra**: a recovered cube differs from the truth by a few spectra times maps; only these are transformed.
 
 # %% [markdown]

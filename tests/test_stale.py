@@ -23,6 +23,7 @@ SKIES = CHAPTERS - {"18", "19"}  # those two show what is stored
 JUDGED = {"15", "ledger"}
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
 ANY_METHOD = {"11", "17"}  # take any method by its name
+BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
 ANY_BEAM = SKIES - {"01", "02", "10", "15"}  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | {"ledger"}
 CLEANED = OBSERVED - {"02"}
@@ -34,8 +35,8 @@ METHODS = {
     ("removal/gmca.py", "GMCA._separate"): {"06"} | ALL_SIX | ANY_METHOD,
     ("removal/polynomial.py", "Polynomial._separate"): {"07"} | ALL_SIX | ANY_METHOD,
     ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY_METHOD,
-    ("removal/beam_subspace.py", "BeamSubspace._separate"): ANY_METHOD,
-    ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"09"} | ALL_SIX | ANY_METHOD,
+    ("removal/beam_subspace.py", "BeamSubspace._separate"): BEAM_AWARE,
+    ("removal/sdecgmca/method.py", "SDecGMCA._separate"): BEAM_AWARE,
 }
 BEAMS = {
     ("instrument/beams/degraded.py", "Degraded._fwhm"): OBSERVED,
@@ -56,6 +57,13 @@ CLAIMS = {
     ("paper/claims/appendix.py", None): JUDGED,
 }
 OTHERS = {
+    ("removal/sdecgmca/readings.py", "resolved"): BEAM_AWARE,
+    ("removal/sdecgmca/problem.py", "Problem.fit"): BEAM_AWARE,
+    ("removal/blurred_mixture.py", "BlurredMixture.corrected"): BEAM_AWARE,
+    ("paper/captions.py", "of_sdecgmca"): {"09", "10", "11", "12", "13", "14"},
+    ("paper/losses.py", "error_parts"): {"12", "13"},
+    ("companion/stored_tables.py", "ledgers_table"): {"11", "12", "13", "14", "15", "17"},
+    ("companion/stored_tables.py", "failed_table"): {"15"},
     ("paper/claims/base.py", "bump"): {"11"} | JUDGED,
     ("paper/claims/base.py", "total"): JUDGED,
     ("paper/claims/verdicts.py", "parts_of"): JUDGED,

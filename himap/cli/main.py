@@ -90,7 +90,7 @@ def run(names, preset, pairs, output, stale, every):
     are parameters too. What was interrupted goes on where it stopped when it is run again.
 
     \b
-    himap run 02_beams_and_noise --preset ci -p seed=7
+    himap run 10_results --preset ci -p seed=7 -p reading=letter
     himap run 04_pca -p galaxy=templates -p template_dir=maps -o pca.ipynb
     himap run --all --preset laptop --jobs 2
     """

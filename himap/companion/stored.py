@@ -5,7 +5,6 @@ There are ledgers, the times of the steps at two sizes and how they grow, and fo
 
 import json
 import math
-import re
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
@@ -19,7 +18,6 @@ from himap.survey import PRESETS
 __all__ = [
     "RESULTS",
     "extrapolated",
-    "number_after",
     "read_stored",
     "times_of_all",
 ]
@@ -32,7 +30,6 @@ _TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 
 
 _HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
 _CORES = 2  # of the machine that the steps were measured on
-_NUMBER = r"\s*([-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 
 
 def read_stored(name, folder=None):
@@ -130,19 +127,3 @@ def times_of_all(steps, about, figures):
         papers = list(dict.fromkeys(figure["paper"] for figure in several))
         parts[f"the chapter of Fig{'s' * (len(papers) > 1)}. {', '.join(papers)}"] = execution["seconds"]
     return parts
-
-
-def number_after(words, entry, *, since=""):
-    """The number that follows `words` in what a claim says of its first realisation, after `since`.
-
-    Raises
-    ------
-    InputError
-        It does not say these words, or no number behind them.
-    """
-    _, _, text = entry.sentence.partition(since) if since else ("", "", entry.sentence)
-    found = re.search(re.escape(words) + _NUMBER, text)
-    if not found:
-        place = f"{since!r} and {words!r}" if since else repr(words)
-        raise InputError(f"{entry.claim['id']} has no number after {place}; it says: {entry.sentence}")
-    return float(found[1])

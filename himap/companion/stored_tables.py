@@ -9,7 +9,17 @@ from himap.figures.tables import Table
 from himap.paper.ledger_table import BADGES, measured, summary
 from himap.products.provenance import Provenance, duration
 
-__all__ = ["growth_table", "ledgers_table", "pictures", "short", "steps_table"]
+__all__ = [
+    "differing",
+    "failed_table",
+    "growth_table",
+    "ledgers_table",
+    "of_chapter",
+    "pictures",
+    "short",
+    "steps_table",
+    "verdicts_table",
+]
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
 
@@ -70,23 +80,69 @@ def growth_table(found):
     return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
 
 
-def ledgers_table(ledgers):
+def ledgers_table(ledgers, only=None):
     """Verdicts and numbers of several ledgers side by side, as Markdown.
 
     Parameters
     ----------
     ledgers
         A list of (entries, about), as `himap.paper.ledger.read_ledger` gives them.
+    only
+        Function from the entries of one claim, one of each ledger, to whether it is shown, such as
+        `of_chapter("10_results")` or `differing`; all claims unless given, and then their count as well.
     """
-    columns = [entries for entries, _ in ledgers]
+    rows = list(zip(*(entries for entries, _ in ledgers), strict=True))
     made = [Provenance.of_stored(about) for _, about in ledgers]
-    names = [f"{one.preset}, {one.galaxy}" for one in made]
-    table = _markdown(
-        ["Claim", "Measured", "The paper says", *names],
-        [*map(_claim, zip(*columns, strict=True)), ["all", "", "", *map(_count, columns)]],
-    )
+    names = [_ledger_name(one) for one in made]
+    shown = [_claim(entries) for entries in rows if only is None or only(entries)]
+    total = [["all", "", "", *map(_count, zip(*rows, strict=True))]] if only is None else []
+    table = _markdown(["Claim", "Measured", "The paper says", *names], shown + total)
     notes = [f"*{name}: {one.footer()}*" for name, one in zip(names, made, strict=True)]
     return "\n\n".join([table, *notes])
+
+
+def of_chapter(notebook):
+    """Function for `ledgers_table`: the claims that a chapter shows."""
+    return lambda entries: entries[0].claim["notebook"] == notebook
+
+
+def differing(entries):
+    """Function for `ledgers_table`: the claims whose verdict is not the same in all ledgers."""
+    return len({entry.verdict for entry in entries}) > 1
+
+
+def verdicts_table(ledgers):
+    """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
+    rows = []
+    for entries, about in ledgers:
+        made, realisations = Provenance.of_stored(about), len(entries[0].findings)
+        rows.append([_ledger_name(made), f"{realisations}", *summary(entries).values()])
+    signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
+    return _markdown(["", "realisations", *signs], rows)
+
+
+def failed_table(entries):
+    """What does not hold of each claim, and the numbers of its first realisation, as Markdown.
+
+    Claims of which every part holds in every realisation, and those that do not apply, have no row.
+    """
+    rows = []
+    for entry in entries:
+        parts = [f"{part} ({n})" for part, n in entry.failed_parts().items()]
+        if parts:
+            rows.append([f"**{entry.claim['id']}**", _signed(entry), "; ".join(parts), entry.sentence])
+    return _markdown(["Claim", "", f"Does not hold (in how many of {_most(entries)})", "Numbers"], rows)
+
+
+def _most(entries):
+    return max(len(entry.findings) for entry in entries)
+
+
+def _ledger_name(made):
+    """Preset and Galaxy of a ledger, and what stands in the place of SDecGMCA's default reading."""
+    changed = dict(made.overrides)
+    other = [str(changed[name]) for name in ("method", "reading") if name in changed]
+    return ", ".join([made.preset, made.galaxy, *other])
 
 
 def _claim(entries):

@@ -129,7 +129,12 @@ class Study:
             raise InputError("there is nothing to clean: give {beam: [method, ...]}.")
 
     def stamped(self, figure, **parameters):
-        """The figure with a line that says where it comes from, `parameters` of the figure included."""
+        """The figure with a line that says where it comes from, `parameters` of the figure included.
+
+        The reading of SDecGMCA, `reading`, is said unless it is the default.
+        """
+        if parameters.get("reading") == "default":
+            del parameters["reading"]
         made = Provenance.of(self.survey, galaxy=self.milky_way, preset=self.preset, parameters=parameters)
         return plotting.stamp(figure, made)
 
@@ -157,7 +162,8 @@ class Study:
             )
             for beam, methods in removers.items()
         ]
-        return self.stamped(plotting.spectrum(panels, ratio_limits=ratio_limits))
+        every = [method for methods in removers.values() for method in methods]
+        return self.stamped(plotting.spectrum(panels, ratio_limits=ratio_limits), **_reading(*every))
 
     def both_figure(self, beam, curves, *, ratio_limits=(0, 2), **parameters):
         """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
@@ -206,7 +212,7 @@ class Study:
         }
         common = tuple(np.percentile([cleaned, truth], (1, 99)))  # to be compared with each other
         spans = {"cleaned": common, "truth": common}
-        return self.stamped(plotting.sky_maps(maps, span=spans), beam=beam, method=remover.name)
+        return self._of_method(plotting.sky_maps(maps, span=spans), beam, remover)
 
     def mixing_figure(self, beam, remover, *, ylabel="mixing coefficient", names=None, **options):
         """The spectra that a method removes: columns of its mixing matrix against frequency."""
@@ -217,16 +223,25 @@ class Study:
             label = names[n] if names else f"component {n + 1}"
             curves.append((self.survey.freqs, column, style | {"label": label}))
         panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": ylabel}
-        return self.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=beam, method=remover.name)
+        return self._of_method(plotting.lines([panel], columns=1, size=(6.4, 4)), beam, remover)
 
     def sources_figure(self, beam, remover, *, n_shown=6, limits=(2, 98), **options):
         """The maps that go with the columns of the mixing matrix."""
         sources = self.cleaned(beam, remover, **options).sources[:n_shown]
         maps = {f"component {n + 1}": source for n, source in enumerate(sources)}
-        return self.stamped(plotting.sky_maps(maps, limits=limits), beam=beam, method=remover.name)
+        return self._of_method(plotting.sky_maps(maps, limits=limits), beam, remover)
+
+    def _of_method(self, figure, beam, remover):
+        return self.stamped(figure, beam=beam, method=remover.name, **_reading(remover))
 
 
 def _title(beam, methods):
     """The beam, and the number of components where all methods that have one agree."""
     counts = {method.n_sources for method in methods if hasattr(method, "n_sources")}
     return f"{beam}, {counts.pop()} components" if len(counts) == 1 else str(beam)
+
+
+def _reading(*methods):
+    """{"reading": how these methods read the paper}, for the line under a figure; empty if none has to."""
+    readings = dict.fromkeys(method.reading for method in methods if hasattr(method, "reading"))
+    return {"reading": " and ".join(readings)} if readings else {}

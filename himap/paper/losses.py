@@ -1,0 +1,57 @@
+"""The error of a component method, taken apart: foreground that was left, HI that was lost."""
+
+import numpy as np
+
+from himap.maps import sphere
+from himap.maps.blocked import centred
+from himap.paper import pipeline
+from himap.removal.analysis import analysed
+from himap.removal.beam_projection import through_beams
+
+__all__ = ["error_parts"]
+
+
+def error_parts(case, remover):
+    """(foreground left, HI lost, truth) of a component method that was given peak-masked maps.
+
+    What such a method takes away is a projection P of the maps, once its mixing matrix is found, so that what
+    it leaves of foreground F and truth T, whose peaks D were masked, is off by
+
+        left - T = (F - P F) - P (T - D).
+
+    P is on the columns of A, or for a method that knows the beam, on diag(H_l) A at every l. What an epsilon
+    of its inversion keeps back is on the side of the foreground. Of a method that ends at some l, all is up
+    to that l.
+
+    Parameters
+    ----------
+    case
+        `pipeline.Case`.
+    remover
+        A method with a number of sources.
+
+    Returns
+    -------
+    foreground_left, hi_lost, truth
+        (n_channels, n_pix) float32, mK, less their channel means.
+    """
+    observed, residual = pipeline.observation(case), pipeline.cleaned(case, remover)
+    left, truth = residual.maps, observed.truth
+    known = centred(truth - (observed.maps - pipeline.peak_masked(case).maps))
+    if residual.lmax is not None:
+        truth, _ = pipeline.cut_truth(case, residual.lmax)
+        left, known = (_upto(cube, residual.lmax) for cube in (left, known))
+    if remover.needs_beams:
+        relative = observed.beams / observed.beams.max(axis=0)
+        hi_lost = through_beams(known, residual.mixing, relative, analysed(known))
+    else:
+        basis = np.linalg.qr(residual.mixing)[0].astype(np.float32)
+        hi_lost = basis @ (basis.T @ known)
+    truth = centred(truth)
+    return centred(left) - truth + hi_lost, hi_lost, truth
+
+
+def _upto(maps, lmax):
+    """Maps (n_channels, n_pix) without what they hold beyond `lmax`."""
+    alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
+    return sphere.synthesise_cube(alms, sphere.nside_of(maps), n_channels=len(maps), label="maps to lmax")
