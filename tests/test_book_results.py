@@ -19,6 +19,7 @@ from himap.companion.stored_tables import ledgers_table, pictures, short, steps_
 from himap.errors import InputError
 from himap.paper.claims import CLAIMS, REPRODUCED
 from himap.paper.ledger import read_ledger
+from himap.paper.readings_file import read_readings
 from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
 from himap.survey import PRESETS
@@ -182,6 +183,15 @@ def test_every_figure_is_shown_with_what_made_it():
     for name in stored_folders():
         for row in read_stored(f"{name}/figures")["figures"]:
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
+
+
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("readings_*.json")), ids=lambda path: path.stem)
+def test_stored_readings_can_be_read(path):
+    """They are of one size and are small; every claim is judged under every reading that is there."""
+    outcomes, about = read_readings(path)
+    assert "default" in outcomes and set(about) >= {"preset", "code", "commit"}
+    assert all(set(one.judged) == set(CLAIMS) for one in outcomes.values())
+    assert path.stat().st_size < 6e5
 
 
 def test_numbers_are_found_in_what_a_claim_says():
