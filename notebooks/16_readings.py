@@ -80,7 +80,8 @@ Markdown(f"*{made.footer()}*")
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
 # - **{glue:text}`readings_void_n` apply under none**, since what they speak of does not occur: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table says on which choice.
+# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table says on which choice. A single one decides on
+#   {glue:text}`readings_one`.
 #
 # {glue:text}`readings_deciders_n` of the choices turn the verdict on some claim when they alone are changed in the default: {glue:text}`readings_deciders`. The others turn none:
 # {glue:text}`readings_idle`. {glue:text}`readings_unmoved_n` of the claims are not about SDecGMCA at all, and every reading gives the same number: {glue:text}`readings_unmoved`. Under the default, the verdicts on
@@ -109,7 +110,9 @@ def failures(label):
 turned = {claim: readings_table.deciding(outcomes, claim) for claim in places[SOME]}
 deciders = list(dict.fromkeys(label for labels in turned.values() for label in labels))
 single = [label for label in outcomes if known[label].changed]
+by_one = [f"{claim} ({known[labels[0]].title})" for claim, labels in turned.items() if len(labels) == 1]
 quote(
+    readings_one=listed(by_one),
     readings_deciders=listed([known[label].title for label in single if label in deciders]),
     readings_deciders_n=len(deciders),
     readings_idle=listed([known[label].title for label in single if label not in deciders]),
@@ -158,7 +161,7 @@ plotting.stamp(claims_figure(outcomes), made)
 #
 # The verdicts in numbers. A reading whose points lie close together is one that can be relied on, wherever they lie; where they spread over orders of magnitude, every number is one of a single run.
 
-# %% mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; triangles point to where the noise level is 0.1 % lower or higher. The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude."}}
+# %% mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; triangles point to where the noise level is 0.1 % lower or higher. The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
 # %% mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the four readings that have a name, for every sky. Thick lines: at the noise level of the survey. Thin lines: told a noise level 0.1 % lower or higher. Curves of runs that fail badly leave the panel."}}
@@ -212,7 +215,7 @@ quote(
 # ## Which word of the paper decides what
 #
 # Every choice, the words that speak of it, and the readings that take it. For a choice that the default does not take: in how many runs the default fails once it is changed, and which claims then change
-# from held to not held or back. How to take them: `himap run 09_sdecgmca -p reading=code` for a reading, `SDecGMCA(sign="nonnegative")` or `himap clean --method sdecgmca -p sign=nonnegative` for a single one.
+# from held to not held or back. How to take them: `himap claims -p reading=code` for a reading, `SDecGMCA(sign="nonnegative")` or `himap clean --method sdecgmca -p sign=nonnegative` for a single choice.
 
 # %%
 head = [
@@ -239,7 +242,7 @@ Table(head, readings_table.option_rows(outcomes))
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
 compared = {variant: code.compared(variant) for variant in VARIANTS}
 
-# %% mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: the largest difference between the mixing matrix A of himap and that of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: what a relative change of that start by 1e-12 does to our A. The two grow alike, and the first is hardly ever above the second: what differs is rounding."}}
+# %% mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: the largest difference between the mixing matrix A of himap and that of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: what a relative change of that start by 1e-12 does to our A. The two grow alike, and the first is hardly ever above the second: what differs is rounding. Two variants coincide, which differ in the refinement only."}}
 code_figure(compared, ITERATIONS)
 
 # %% tags=["hide-input"]

@@ -25,8 +25,9 @@ from himap.companion.stored_tables import (
     verdicts_table,
 )
 from himap.errors import InputError
-from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.ledger import read_ledger
+from himap.paper.readings_file import read_readings
 from himap.paper.realisation import Realisation
 from himap.products.memory import estimate
 from himap.survey import PRESETS
@@ -220,6 +221,15 @@ def test_every_figure_is_shown_with_what_made_it():
     for name in stored_folders():
         for row in read_stored(f"{name}/figures")["figures"]:
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
+
+
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("readings_*.json")), ids=lambda path: path.stem)
+def test_stored_readings_can_be_read(path):
+    """They are of one size and are small; every claim is judged under every reading that is there."""
+    outcomes, about = read_readings(path)
+    assert "default" in outcomes and set(about) >= {"preset", "code", "commit"}
+    assert all(set(one.judged) == set(CLAIMS) for one in outcomes.values())
+    assert path.stat().st_size < 6e5
 
 
 def test_a_ledger_measures_as_many_cubes_as_the_chapter_says():

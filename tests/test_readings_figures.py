@@ -14,7 +14,7 @@ VERDICTS = {"D1": [REPRODUCED, REPRODUCED], "O3": [REPRODUCED, FAILED], "M2": IN
 OUTCOMES = {
     "default": outcome(VERDICTS, runs=RUNS),
     "code": outcome(VERDICTS | {"O3": [REPRODUCED] * 2}, runs=[run(7, bump=40.0), run(8)]),
-    "last = repeated": outcome(VERDICTS, runs=[run(7)]),
+    "last = repeated": outcome(VERDICTS, runs=[run(7, frequency={"k > 0.1": 1e9})]),
 }
 
 
@@ -49,6 +49,7 @@ def test_bands_have_a_point_for_every_run():
     }
     ((_, curve, _, row),) = [one for one in found if one[2] == 40]
     assert curve == "seed 7" and 0.5 < row < 1.5  # the second row, above the third
+    assert max(x for title, _, x, _ in numbers(figure) if title == "$P/P_0$, k > 0.1") == 1000  # at the edge
     by_title = {axes.get_title(): axes for axes in figure.axes}
     assert by_title["$P/P_0$, bump"].get_xscale() == "log"
     assert by_title["$C/C_0$, 2 to 4"].get_xscale() == "linear"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from himap.companion.notebooks import find
-from himap.companion.staleness import ledger_code, stale_results, stored_results
+from himap.companion.staleness import ledger_code, readings_code, stale_results, stored_results
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
@@ -37,6 +37,7 @@ def folders(tmp_path):
         files = {
             "claims_a": {"about": about, "claims": []},
             "paper_a/figures": {"figures": rows},
+            "readings_a": {"about": ABOUT | {"code": readings_code()} | changed, "readings": []},
             "steps_a": {"about": ABOUT, "steps": []},
         }
         for name, content in files.items():
@@ -47,8 +48,9 @@ def folders(tmp_path):
 
 
 def test_what_made_a_result(folders):
-    ledger, figures, steps = stored_results(folders()[0])
-    assert [one.name for one in (ledger, figures, steps)] == ["claims_a", "paper_a", "steps_a"]
+    ledger, figures, readings, steps = stored_results(folders()[0])
+    assert [one.name for one in (ledger, figures, readings)] == ["claims_a", "paper_a", "readings_a"]
+    assert steps.name == "steps_a" and set(readings.codes) == {"readings"}
     assert (ledger.preset, ledger.galaxy, ledger.seconds) == ("paper", "templates", 90)
     assert ledger.commits == {("abc1234", False)}
     assert (figures.preset, figures.galaxy, figures.seconds) == ("paper", "synthetic", 90)  # one execution
@@ -75,7 +77,16 @@ def test_a_figure_that_is_no_more(folders):
 
 def test_results_from_before_fingerprints_are_stale(folders):
     old = "made before fingerprints were kept"
-    assert stale_results(*folders(about=ABOUT, code=None)) == {"claims_a": old, "paper_a": old}
+    assert stale_results(*folders(about=ABOUT, code=None)) == {
+        "claims_a": old,
+        "paper_a": old,
+        "readings_a": old,
+    }
+
+
+def test_readings_of_other_code_are_stale(folders):
+    found = stale_results(*folders(code="other"))
+    assert found["readings_a"] == "the code behind readings changed" and "claims_a" not in found
 
 
 def test_those_in_the_book_can_be_told():

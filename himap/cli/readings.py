@@ -27,21 +27,17 @@ _WITHOUT = ("reading", "method", "nudged")  # they are what is varied, or always
 @workers
 @debug
 def readings(preset, pairs, output):
-    """Judge every claim under every reading of what the paper leaves open about SDecGMCA.
+    """Judge every claim under every reading of the paper's SDecGMCA.
 
-    The readings with a name (default, letter, code, follow-up), and the default with one choice changed at a
-    time; each on two seeds unless told otherwise, and through the oscillating beam with the noise level that
-    SDecGMCA is told 0.1 % lower and higher too. All share skies, observations and the other methods, and what
-    was interrupted goes on where it stopped.
+    Each reading is judged on two seeds unless told otherwise, and through the oscillating beam with the noise
+    level that SDecGMCA is told 0.1 % lower and higher too. What was interrupted goes on where it stopped.
 
-    The table has one row for each reading: how many choices are not as the paper's text has them, in how many
-    runs it fails (mean |C/C0 - 1| above 10 % at 10 < l < 200), how many claims are reproduced (✓), in part
-    (≈), not (✗) or do not apply (–), and of bands of C/C0 and P/P0 and of the bump near k = 0.31 what is
-    furthest from 1.
+    The table tells of each in how many runs it fails (mean |C/C0 - 1| above 10 % at 10 < l < 200), how many
+    claims are reproduced (✓), in part (≈), not (✗) or do not apply (–), and of bands of C/C0 and P/P0 what
+    is furthest from 1.
 
     \b
-    himap readings --preset ci --jobs 2
-    himap readings --preset quick -p galaxy=templates -p template_dir=maps -p n_realisations=2 --jobs 2
+    himap readings --preset quick -p galaxy=templates -p template_dir=maps --jobs 2
     """
     # Imported here: other commands need not wait seconds for what does the work.
     from himap.companion.staleness import readings_code

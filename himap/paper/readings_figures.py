@@ -11,6 +11,7 @@ from himap.removal.sdecgmca.readings import READINGS
 
 __all__ = ["bands_figure", "claims_figure", "code_figure", "curves_figure"]
 
+_FAR = (1e-3, 1e3)  # where axes of ratios end at the latest
 _GAP = 0.8  # between the readings with a name and the others, in rows
 _COLUMNS = 5
 _TRUTH = {"label": "_truth", "color": "0.5", "linewidth": 0.8}
@@ -48,7 +49,10 @@ def _verdicts(outcome, claim):
 
 
 def bands_figure(outcomes):
-    """C/C0 and P/P0 in bands, and the bump: a row for each reading, a point for each sky and noise level."""
+    """C/C0 and P/P0 in bands, and the bump: a row for each reading, a point for each sky and noise level.
+
+    What is wrong by more than a factor of a thousand stands where that is, at the edge.
+    """
     quantities = {f"$C/C_0$, {low} to {high}": f"{low} to {high}" for low, high in ANGULAR_BANDS}
     quantities |= {f"$P/P_0$, {band}": band for band in FREQUENCY_BANDS} | {"$P/P_0$, bump": None}
     known, places = readings(), _places(outcomes)
@@ -89,7 +93,7 @@ def _points(outcomes, places, band, *, shown):
             for label, one in outcomes.items()
         }
         pairs = [(_value(run, band), places[label]) for label, found in several.items() for run in found]
-        pairs = np.array([(x, y) for x, y in pairs if np.isfinite(x)]).reshape(-1, 2)
+        pairs = np.array([(np.clip(x, *_FAR), y) for x, y in pairs if np.isfinite(x)]).reshape(-1, 2)
         shift = 0.3 * (seeds.index(seed) - (len(seeds) - 1) / 2)
         label = f"seed {seed}" + (f", noise × {level:g}" if level != 1 else "")
         yield (
