@@ -184,7 +184,7 @@ quote(
 #   SDecGMCA {glue:text}`results_oscillating_sd_peak`.
 # - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
 #
-# This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`17_paper_size` has the
+# This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`18_paper_size` has the
 # paper's size, with the real Galaxy (templates, nside 64) and with this one.
 #
 # Three commands worth trying:

@@ -373,7 +373,7 @@ print("; ".join(unsettled) or "none")
 # ## Over several skies, on the real Galaxy
 #
 # One scan is one sky and one run of an iteration that is sensitive ({doc}`09_sdecgmca`). The ledger has what the paper says of the scan, judged on the real Galaxy; {doc}`15_claims` has the words of
-# each row, {doc}`17_paper_size` the paper's own size, and {doc}`16_readings` the other readings.
+# each row, {doc}`18_paper_size` the paper's own size, and {doc}`16_readings` the other readings.
 
 # %% tags=["hide-input"]
 Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("11_ns_scan")))

@@ -408,7 +408,7 @@ quote(
 #
 # ## Over several skies, on the real Galaxy
 #
-# What the paper says of all this, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`17_paper_size` the paper's own size.
+# What the paper says of all this, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
 
 # %% tags=["hide-input"]
 Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("12_post_masking")))

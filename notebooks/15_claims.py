@@ -189,7 +189,7 @@ show_table(rows)
 #
 # - Each sentence of the paper that a number can settle has a row, with a verdict that follows from rules written down before.
 # - What does not hold is shown as such, part by part, and with its numbers.
-# - A verdict may depend on what is not the paper's here: half its resolution, a lognormal HI sky, noise per pixel, and a reading of its text. {doc}`17_paper_size` has the paper's resolution, {doc}`16_readings` the
+# - A verdict may depend on what is not the paper's here: half its resolution, a lognormal HI sky, noise per pixel, and a reading of its text. {doc}`18_paper_size` has the paper's resolution, {doc}`16_readings` the
 #   other readings.
 #
 # Three commands worth trying:

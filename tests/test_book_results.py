@@ -60,10 +60,10 @@ def markdown(name):
 
 def test_the_chapters_show_what_is_stored_today():
     ledgers = [read_ledger(path) for path in (RESULTS / f"{name}.json" for name in stored_ledgers())]
-    shown = markdown("17_paper_size")
+    shown = markdown("18_paper_size")
     by_size, by_galaxy = (ledgers_table(pair, differing) for pair in (ledgers[:2], ledgers[1:]))
     assert shown == "\n\n".join([ledgers_table(ledgers), by_size, by_galaxy, pictures(stored_folders())])
-    shown = markdown("18_scale")
+    shown = markdown("19_scale")
     assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
 
 
@@ -108,14 +108,14 @@ def test_the_whole_is_the_sum_of_its_parts():
     assert len(parts) == 8 and sum(parts.values()) == pytest.approx(seconds)
     papers = [word for part in parts for word in re.findall(r"[AB]\.\d|\b\d(?=,|$)", part)]
     assert set(papers) == PAPER and len(papers) == len(PAPER)
-    head, *rows, total = tables(markdown("18_scale"))[1]
+    head, *rows, total = tables(markdown("19_scale"))[1]
     assert head == ["Part", "Time", "Goal"] and [row[0] for row in rows] == list(parts)
     assert number(total[1]) == pytest.approx(seconds / 60, abs=0.5) and number(total[2]) == 90
     assert sum(number(row[1]) for row in rows) == pytest.approx(seconds / 60, rel=0.02)
 
 
 def test_exponents_are_those_of_the_figure():
-    _, *rows = tables(markdown("18_scale"))[3]
+    _, *rows = tables(markdown("19_scale"))[3]
     found = read_stored("scaling")["found"]
     assert len(rows) == 10
     for name, *exponents in rows:
@@ -138,7 +138,7 @@ def test_a_larger_survey_costs_what_the_exponents_say():
     assert times.pop("HI light cone") == times.pop("observations, three beams") == 1
     assert times.pop("both spectra") == 18 and set(times.values()) == {3}
     assert sum(row["core_hours"] for row in rows) == pytest.approx(hours)
-    _, *shown, (*_, total, _) = tables(markdown("18_scale"))[4]
+    _, *shown, (*_, total, _) = tables(markdown("19_scale"))[4]
     assert number(total) == pytest.approx(hours, abs=1)
     for cells, row in zip(shown, rows, strict=True):
         assert cells[0] == row["step"] and int(cells[2]) == row["times"]
@@ -147,7 +147,7 @@ def test_a_larger_survey_costs_what_the_exponents_say():
 
 def defaults():
     """{parameter: its default} of the chapter at the paper's size."""
-    return {parameter.name: parameter.default for parameter in find("17_paper_size").parameters}
+    return {parameter.name: parameter.default for parameter in find("18_paper_size").parameters}
 
 
 def stored_ledgers():
@@ -223,7 +223,7 @@ def test_every_figure_is_shown_with_what_made_it():
 
 
 def test_a_ledger_measures_as_many_cubes_as_the_chapter_says():
-    assert f"{len(Realisation().assessments)} cleaned cubes" in find("18_scale").path.read_text()
+    assert f"{len(Realisation().assessments)} cleaned cubes" in find("19_scale").path.read_text()
 
 
 def test_what_is_not_stored_is_told(tmp_path):
@@ -243,12 +243,12 @@ def test_pictures_lead_to_themselves_in_full_size(tmp_path):
     shutil.copy(ROOT / "_config.yml", tmp_path)
     shutil.copytree(ROOT / "book", tmp_path / "book")
     shutil.copytree(ROOT / "notebooks", tmp_path / "notebooks")
-    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: notebooks/17_paper_size\n")
+    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: notebooks/18_paper_size\n")
     jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
     outcome = subprocess.run([*jupyter_book, "build", str(tmp_path)], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
     pages = tmp_path / "_build" / "html" / "notebooks"
-    page = (pages / "17_paper_size.html").read_text()
+    page = (pages / "18_paper_size.html").read_text()
     shown = re.findall(r'<a [^>]*href="([^"]+)"[^>]*><img alt="([^"]+)"[^>]*src="([^"]+)"', page)
     assert len(shown) == len([*RESULTS.glob("*/*.png")])
     for full, alternative, small in shown:

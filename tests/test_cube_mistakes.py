@@ -166,10 +166,10 @@ class TestBeamFiles:
             beams_of(read_cube("good.h5"), "evolving", dish=1350)
 
     def test_the_command_says_how_wide_they_are(self, here):
-        done = himap(
-            "clean", "good.h5", "--method", "sdecgmca", "--beam", "evolving", "--dish", 2, "-o", "c.h5"
-        )
+        method = ["--method", "sdecgmca", "-p", "noise=0.1", "--beam", "evolving", "--dish", 2]
+        done = himap("clean", "good.h5", *method, "-o", "c.h5")
         assert done.exit_code == 0 and "FWHM of 7.6 to 9.54 deg" in done.output
+        assert "sdecgmca finds nothing beyond l = 16: what is left ends there" in done.output
 
 
 class TestOutputs:

@@ -225,6 +225,7 @@ MALFORMED = {
     "an unknown method": ("good.h5", ["--method", "magic"], "unknown method"),
     "an unknown parameter": ("good.h5", ["-p", "n_sorces=3"], "did you mean n_sources"),
     "more sources than channels": ("good.h5", ["-p", "n_sources=30"], "at most the number of channels"),
+    "no noise": ("good.h5", ["--method", "sdecgmca", "--beam", "evolving"], "-p noise=0.04"),
     "no beam": ("good.h5", ["--method", "beam_subspace"], "give --beam"),
     "an unknown beam": ("good.h5", ["--method", "sdecgmca", "--beam", "square"], "unknown beam"),
     "beams for other channels": ("good.h5", ["--method", "sdecgmca", "--beam", "three.txt"], "got (3,)"),

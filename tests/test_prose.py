@@ -129,14 +129,18 @@ DEFINED = {
         "0.1 %": "how much lower and higher the noise level is",
         "1.001": "a mark that claim B1 once had",
     },
-    "notebooks/16_your_own_cube.py": {
+    "notebooks/16_readings.py": {
+        "0.1 %": "change of the noise level that is tried",
+        "0.31": "where the ripple shows, 1/MHz",
+    },
+    "notebooks/17_your_own_cube.py": {
         "10 %": "a grey band, and what counts as hardly moving",
     },
-    "notebooks/17_paper_size.py": {
+    "notebooks/18_paper_size.py": {
         "1 MHz": "channels of the paper",
         "four times": "pixels of the two presets",
     },
-    "notebooks/18_scale.py": {
+    "notebooks/19_scale.py": {
         "1 MHz": "channels of the paper",
     },
 }

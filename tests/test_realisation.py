@@ -78,7 +78,7 @@ def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
     sky = replace(SKY, method="other", options=(("depth", 7),), noise_level=1.001)
     told = tuple((1.001 * noise_sigma(SURVEY)).tolist())
     for case in sky.cases:
-        method = sky._calls(case)["sdecgmca"][1]
+        method = sky.calls(case)["sdecgmca"][1]
         assert (method.depth, method.noise, method.beyond) == (7, told, "nothing")
     beyond = [call for call in sky.assessments if getattr(call[1], "beyond", "") == "regularised"]
     assert [(case, *flags) for case, _, *flags in beyond] == [
@@ -92,7 +92,7 @@ def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
 def test_a_method_without_that_option_goes_on_as_it_is():
     sky = replace(SKY, method="beam_subspace")
     for beam in ("degraded", "evolving", "oscillating"):
-        assert sky._beyond(beam) == sky._calls(beam)["sdecgmca"]
+        assert sky._beyond(beam) == sky.calls(beam)["sdecgmca"]
 
 
 @pytest.mark.parametrize(
@@ -111,9 +111,9 @@ def test_what_cannot_stand_in_its_place(changed, message):
 
 
 def test_the_noise_that_it_is_told_is_nothing_or_that_of_the_survey():
-    assert SKY._calls("degraded")["sdecgmca"][1].noise is None
+    assert SKY.calls("degraded")["sdecgmca"][1].noise is None
     nudged = replace(SKY, noise_level=0.999)
-    assert nudged._calls("degraded")["sdecgmca"][1].noise == pytest.approx(0.999 * noise_sigma(SURVEY))
+    assert nudged.calls("degraded")["sdecgmca"][1].noise == pytest.approx(0.999 * noise_sigma(SURVEY))
     others = [call for call in SKY.assessments if call[1].name != "sdecgmca"]
     assert others == [call for call in nudged.assessments if call[1].name != "sdecgmca"]
 

@@ -118,20 +118,15 @@ class TestBeyond:
 
 
 class TestOptions:
-    @pytest.mark.parametrize(
-        ("name", "value"),
-        [(name, value) for name, option in OPTIONS.items() for value in option.choices],
-    )
-    def test_each_changes_something(self, problem, rng, name, value):
-        """Every value of every option, against the other reading of it."""
+    @pytest.mark.parametrize("name", sorted(set(OPTIONS) - {"floor"}))
+    def test_each_changes_something(self, problem, rng, name):
+        """Every value of every option; but for the floor, which data of 10 dB do not feel."""
         seen = noisy(problem[0], 10, rng)
         base = SDecGMCA(**QUICK, regularisation=0.1, last="once")
-        if name == "floor":  # 1e-9 and rounding are the same to data of 10 dB
-            assert getattr(SDecGMCA(floor=value), name) == value
-            return
-        others = [other for other in OPTIONS[name].choices if other != value]
-        one, *rest = (clean(replace(base, **{name: choice}), seen).foreground for choice in (value, *others))
-        assert all(np.abs(one - two).max() > 1e-6 * np.abs(one).max() for two in rest)
+        methods = [replace(base, **{name: choice}) for choice in OPTIONS[name].choices]
+        results = [clean(method, seen).foreground for method in methods]
+        for one, two in itertools.combinations(results, 2):
+            assert np.abs(one - two).max() > 1e-6 * np.abs(one).max()
 
     def test_nonnegative_spectra(self, problem, rng):
         seen = noisy(problem[0], 10, rng)

@@ -4,7 +4,6 @@
 from the code of Carloni Gertosio & Bobin (2021) with these inputs; see the chapter on readings.
 """
 
-import itertools
 from pathlib import Path
 
 import numpy as np
@@ -12,61 +11,44 @@ import pytest
 import sdecgmca_twin as twin
 from scipy.linalg import subspace_angles
 
+from himap.errors import InputError
 from himap.maps import sphere
+from himap.paper.authors_code import CHANGE, ITERATIONS, VARIANTS, AuthorsCode, difference
 from himap.removal import harmonic
 from himap.removal.sdecgmca.iteration import iterations, last_sources
-from himap.removal.sdecgmca.method import SDecGMCA
-from himap.removal.sdecgmca.pixels import HEALPix
-from himap.removal.sdecgmca.problem import Problem
-from himap.removal.sdecgmca.scales import Scales, low_passes
+from himap.removal.sdecgmca.scales import low_passes
 
 NSIDE, LMAX, N_SCALES = 32, 64, 5
-REFERENCE = dict(np.load(Path(__file__).parent / "data" / "sdecgmca_small.npz"))
-COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code"}
-VARIANTS = {
-    "mad": {},
-    "analytic": {"thresholds": "analytic"},
-    "nonnegative": {"sign": "nonnegative"},
-    "matrix": {"coefficients": "matrix", "last_coefficients": "matrix"},
-}
+CODE = AuthorsCode.read(Path(__file__).parent / "data" / "sdecgmca_small.npz")
+REFERENCE = CODE.arrays
 STEPS = [(0, 1), (0, 2), (0, 3), (0, 5), (5, 10)]
-
-
-def problem(floor=1e-9):
-    beams = REFERENCE["beams"]
-    variance = float(REFERENCE["noise"]) ** 2 * 4 * np.pi / (12 * NSIDE**2)
-    return Problem(
-        modes=harmonic.to_modes(REFERENCE["alms"]),
-        beams=beams / beams.max(axis=0),
-        noise=np.full(len(beams), variance),
-        floor=floor,
-    )
-
-
-def scales_of(method):
-    return Scales(
-        LMAX,
-        N_SCALES,
-        pixels=HEALPix(LMAX, NSIDE),
-        wavelets=method.wavelets,
-        n_sigma=method.n_sigma,
-        least_kept=method.least_kept,
-        analytic=method.thresholds == "analytic",
-    )
+problem, reference, scales_of, method_of = CODE.problem, CODE.mixing, CODE.scales, CODE.method
 
 
 def mixing_after(method, start, n_iterations, done=0):
-    steps = iterations(method, problem(), scales_of(method), start, done=done)
-    return next(itertools.islice(steps, n_iterations - done - 1, None)).mixing
+    return CODE.mixings(method, start, n_iterations, done=done)[-1]
 
 
-def reference(variant, iteration):
-    return REFERENCE[f"{variant}_mixing"][list(REFERENCE[f"{variant}_iterations"]).index(iteration)]
+class TestFile:
+    def test_the_small_problem(self):
+        assert (CODE.lmax, problem().lmax, REFERENCE["alms"].shape[0]) == (LMAX, LMAX, 16)
+        assert problem().beams.max() == 1
 
+    def test_another_file(self, tmp_path):
+        with pytest.raises(InputError, match="does not hold the numbers of the authors' code"):
+            AuthorsCode.read(tmp_path / "none.npz")
+        np.savez(tmp_path / "other.npz", alms=0)
+        with pytest.raises(InputError, match="it lacks beams, noise"):
+            AuthorsCode.read(tmp_path / "other.npz")
 
-def difference(one, two):
-    """Largest difference of two mixing matrices whose columns may differ in sign."""
-    return np.abs(one * np.sign(np.sum(one * two, axis=0)) - two).max()
+    def test_what_the_chapter_shows(self):
+        """Far below what a change of the start by 1e-12 makes, and both grow."""
+        found, moved = CODE.compared("mad")
+        assert len(found) == len(moved) == len(ITERATIONS)
+        assert found[:4] < moved[:4] and max(found[:4]) < 1e-6
+        assert CHANGE < moved[0] < moved[-1] and found[0] < found[-1]
+        start = reference("mad", 0)
+        assert found[1] == difference(mixing_after(method_of("mad"), start, 2), reference("mad", 2))
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -79,7 +61,7 @@ class TestAuthorsCode:
     @pytest.mark.parametrize("done, n_iterations", STEPS)
     def test_mixing_after_some_iterations(self, variant, done, n_iterations):
         """A to 1e-6, or to what a change of the 12th digit of the start does, where that is more."""
-        method, start = SDecGMCA(**COMMON, **VARIANTS[variant]), reference(variant, done)
+        method, start = method_of(variant), reference(variant, done)
         found = mixing_after(method, start, n_iterations, done)
         changes = 1 + 1e-12 * np.random.default_rng(0).standard_normal((5, *start.shape))
         moved = max(
@@ -96,13 +78,13 @@ class TestAuthorsCode:
         between 0.001 and 0.1: no two computers can agree better.
         """
         assert list(REFERENCE[f"{variant}_lengths"]) == [150, 200]
-        found = mixing_after(SDecGMCA(**COMMON, **VARIANTS[variant]), reference(variant, 0), 200)
+        found = mixing_after(method_of(variant), reference(variant, 0), 200)
         angles = np.sin(subspace_angles(found, REFERENCE[f"{variant}_mixing"][-1]))
         assert angles[1] < 0.2
         assert angles[2] < 0.01
 
     def test_last_sources(self, variant):
-        method = SDecGMCA(**COMMON, **VARIANTS[variant])
+        method = method_of(variant)
         mixing = REFERENCE[f"{variant}_mixing"][-1]
         found = last_sources(method, problem(), None, mixing, None)
         expected = harmonic.to_modes(REFERENCE[f"{variant}_sources_alm"])
@@ -134,7 +116,7 @@ class TestTwin:
 
     @pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
     def test_a_warm_up_and_two_refinements(self, options):
-        method = SDecGMCA(**COMMON | options, n_warmup=1, warmup_tolerance=1e300)
+        method = method_of("mad", **options, n_warmup=1, warmup_tolerance=1e300)
         data, mixing = problem(), reference("mad", 5)
         sources, memory = None, np.zeros((4, N_SCALES, 12 * NSIDE**2)) if method.reweighted else None
         twins = []
@@ -157,7 +139,7 @@ class TestTwin:
         assert max(twins) < 1e-4
 
     def test_twin_is_the_authors_code(self):
-        method = SDecGMCA(**COMMON)
+        method = method_of("mad")
         data, mixing = problem(), reference("mad", 0)
         for iteration in (1, 2):
             mixing, *_ = twin.iteration(
@@ -179,7 +161,7 @@ class TestTwin:
 
     def test_grid_and_pixels_are_the_same_field(self):
         """What is not thresholded comes back from either."""
-        method = SDecGMCA(**COMMON, thresholds="analytic", n_sigma=0)
+        method = method_of("mad", thresholds="analytic", n_sigma=0)
         sources = harmonic.to_modes(REFERENCE["mad_sources_alm"])
         kept, _ = scales_of(method)(sources, np.zeros((LMAX + 1, 4)), 1.0)
         assert kept == pytest.approx(sources, abs=1e-5 * np.abs(sources).max())

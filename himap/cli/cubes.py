@@ -98,8 +98,8 @@ def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite,
     with whole_file(page) as temporary:
         write_report(cleaned, temporary, truth=true)
         outputs = save_cleaned(cleaned, output, overwrite=overwrite)
-    if not cleaned.separation.converged:
-        click.echo(f"{method} stopped before it converged.", err=True)
+    for remark in cleaned.remarks:
+        click.echo(remark, err=True)
     click.echo("  ".join(str(file) for file in [*outputs, page]) + f"  ({time.monotonic() - started:.0f} s)")
 
 

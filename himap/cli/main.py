@@ -9,7 +9,16 @@ import click
 from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest
-from himap.cli.shared import SETTINGS, Commands, debug, named_values, workers
+from himap.cli.readings import readings
+from himap.cli.shared import (
+    SETTINGS,
+    Commands,
+    debug,
+    judging_parameters,
+    named_values,
+    provenance_parameters,
+    workers,
+)
 from himap.cli.templates import templates
 from himap.companion import reproduce
 from himap.companion.notebook_files import check_output, copy_name
@@ -40,6 +49,7 @@ def main():
 
 main.add_command(cache_commands)
 main.add_command(clean)
+main.add_command(readings)
 main.add_command(suggest)
 main.add_command(templates)
 
@@ -144,17 +154,12 @@ def claims(preset, pairs, output):
     from himap.paper import ledger, ledger_table
     from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
-    declared = find("15_claims").parameters
-    values = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
-    defaults = {parameter.name: parameter.default for parameter in declared}
-    preset = values.get("preset", defaults["preset"])
-    name = copy_name("claims", preset, values, suffix=".json")
+    chosen, given = judging_parameters(pairs, preset, own=_CLAIMS)
+    preset = chosen["preset"]
+    name = copy_name("claims", preset, given, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
     started = time.monotonic()
-    chosen = defaults | _CLAIMS | values
     oscillating = Oscillating(ripple=chosen.pop("ripple"))
-    elsewhere = {"preset", "survey", "galaxy", "template_dir"}  # in what the provenance says
-    changed = {name: value for name, value in values.items() if name not in elsewhere}
     nudges = ledger.NUDGES if chosen.pop("nudged") else ()
     skies = ledger.realisations(**chosen, oscillating=oscillating)
     entries = ledger.evaluate(skies, nudges=nudges)
@@ -162,7 +167,7 @@ def claims(preset, pairs, output):
         skies[0].survey,
         galaxy=skies[0].galaxy,
         preset=preset,
-        parameters={"n_realisations": len(skies)} | changed,
+        parameters={"n_realisations": len(skies)} | provenance_parameters(given),
         started=started,
     )
     code = ledger_code(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since

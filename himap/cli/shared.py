@@ -1,16 +1,30 @@
 """What the commands of `himap` share: options, errors told in one paragraph, sizes."""
 
 import functools
+from dataclasses import replace
 
 import click
 
 from himap.companion import reproduce
 from himap.companion.kernels import changed_environment
+from himap.companion.notebooks import find
+from himap.companion.parameters import check_parameters, parse_texts
 from himap.errors import InputError
 from himap.products.memory import LIMIT_VARIABLE, parse_size
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
-__all__ = ["SETTINGS", "Commands", "debug", "named_values", "size_text", "workers"]
+__all__ = [
+    "SETTINGS",
+    "Commands",
+    "debug",
+    "judging_parameters",
+    "named_values",
+    "provenance_parameters",
+    "size_text",
+    "workers",
+]
+
+_JUDGING = "15_claims"  # the notebook whose parameters commands share that judge claims
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
@@ -105,6 +119,38 @@ def named_values(pairs):
             )
         texts[name] = text
     return texts
+
+
+def judging_parameters(pairs, preset, *, own, without=()):
+    """Parameters of what judges claims, from texts NAME=VALUE.
+
+    Parameters
+    ----------
+    pairs, preset
+        As given to the command.
+    own
+        {name: default} where it is not that of the notebook.
+    without
+        Parameters of the notebook that this command does not have.
+
+    Returns
+    -------
+    (dict, dict)
+        {name: value} of all, and of those that were given.
+    """
+    declared = [
+        replace(parameter, default=own.get(parameter.name, parameter.default))
+        for parameter in find(_JUDGING).parameters
+        if parameter.name not in without
+    ]
+    given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
+    return {parameter.name: parameter.default for parameter in declared} | given, given
+
+
+def provenance_parameters(given):
+    """Those parameters that a provenance does not know by itself."""
+    elsewhere = {"preset", "survey", "galaxy", "template_dir"}
+    return {name: value for name, value in given.items() if name not in elsewhere}
 
 
 def size_text(n_bytes):

@@ -1,7 +1,8 @@
 """Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
 
-Ledgers and figures carry the fingerprint of the code that made them, without parameters, which stand beside
-it. Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
+Ledgers, readings and figures carry the fingerprint of the code that made them, without parameters, which
+stand beside it. Timings carry none: they are those of one machine and one day. A stale result is told, not
+made again.
 """
 
 import json
@@ -12,9 +13,10 @@ from himap.companion.notebooks import notebooks
 from himap.companion.stored import RESULTS
 from himap.products.fingerprint import CodeTree
 
-__all__ = ["StoredResult", "ledger_code", "stale_results", "stored_results"]
+__all__ = ["StoredResult", "ledger_code", "readings_code", "stale_results", "stored_results"]
 
 _LEDGER = "from himap.paper.ledger import evaluate, realisations"
+_READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +35,7 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of a folder of figures their names, of timings nothing.
+        "claims", of readings "readings", of a folder of figures their names, of timings nothing.
     """
 
     path: Path
@@ -65,7 +67,7 @@ def stale_results(folder=None, notebooks_folder=None):
         Where the results and the notebooks are, if not in this checkout.
     """
     tree = CodeTree()
-    today = {"claims": ledger_code(tree)}
+    today = {"claims": ledger_code(tree), "readings": readings_code(tree)}
     for notebook in notebooks(notebooks_folder):
         code = notebook.fingerprint(tree)
         cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
@@ -77,6 +79,11 @@ def stale_results(folder=None, notebooks_folder=None):
 def ledger_code(tree=None):
     """SHA-256 (hex) of the code that evaluates the claims, as on disk or in a `CodeTree`."""
     return (tree or CodeTree()).source_fingerprint(_LEDGER)
+
+
+def readings_code(tree=None):
+    """SHA-256 (hex) of the code that evaluates the readings of SDecGMCA, as `ledger_code`."""
+    return (tree or CodeTree()).source_fingerprint(_READINGS)
 
 
 def _state(result, today):
@@ -93,7 +100,7 @@ def _state(result, today):
 def _read(path):
     content = json.loads(path.read_text(encoding="utf-8"))
     if "figures" not in content:
-        codes = {"claims": content["about"].get("code")} if "claims" in content else {}
+        codes = {name: content["about"].get("code") for name in ("claims", "readings") if name in content}
         return _result(path, content["about"], [content["about"]], codes)
     rows = content["figures"]
     made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]

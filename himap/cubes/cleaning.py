@@ -47,6 +47,21 @@ class CleanedCube:
         """What was subtracted, (n_channels, n_seen) float32, mK."""
         return self.separation.foreground
 
+    @property
+    def remarks(self):
+        """What the user should know of the result, a list of sentences."""
+        separation, remarks = self.separation, []
+        if not separation.converged:
+            remarks.append(f"{self.method.name} stopped before it converged.")
+        if separation.remark:
+            remarks.append(f"{separation.remark}.")
+        if separation.lmax is not None:
+            remarks.append(
+                f"{self.method.name} finds nothing beyond l = {separation.lmax}: what is left ends there; "
+                "compare it with what ends there too."
+            )
+        return remarks
+
 
 class Basis:
     """The maps of a `Cube` that a foreground is looked for in, made once for all methods that look.
@@ -150,6 +165,7 @@ def method_for(cube, method, **parameters):
         raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     remover.check(len(cube.freqs))
+    remover.checked_noise(None, len(cube.freqs))
     if remover.needs_whole_sky and not cube.whole_sky:
         able = [name for name in available() if not REGISTRY[name].needs_whole_sky]
         raise InputError(

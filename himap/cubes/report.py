@@ -135,10 +135,9 @@ def _head(cleaned):
         "rms of what came": f"{_rms(cube.maps):.4g} mK",
         "rms of what is left": f"{_rms(cleaned.residual):.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
-        "iterations": f"{cleaned.separation.n_iterations}"
-        + ("" if cleaned.separation.converged else ", stopped before it converged"),
+        "iterations": f"{cleaned.separation.n_iterations}",
     }
-    notes = [*cube.remarks, *filter(None, [cleaned.separation.remark])]
+    notes = [*cube.remarks, *cleaned.remarks]
     return [Table([], facts.items()).html(), *map(page.note, notes)]
 
 

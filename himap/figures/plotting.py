@@ -1,4 +1,4 @@
-"""Figures. The only module that knows matplotlib; every function returns the figure it makes.
+"""Figures. Beside `himap.figures.marks` the only module that draws; every function returns its figure.
 
 Figures carry their numbers (`himap.figures.data`): a notebook that shows one keeps them beside the picture.
 
@@ -184,7 +184,8 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
         A list of dicts: "curves", a list of (x, y, style); optional "points", the same, drawn as
         markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of them one curve of many
         that lie below the others, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel,
-        xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves.
+        xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves. A
+        label that begins with "_" is not in the legend.
     """
     rows = -(-len(panels) // columns)
     with plt.rc_context(_RC):
@@ -210,7 +211,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
             if axes.get_legend_handles_labels()[1]:
                 axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
     points = [
-        (panel.get("title", ""), style.get("label", ""), x, y)
+        (panel.get("title", ""), style.get("label", "").removeprefix("_"), x, y)
         for panel in panels
         for x, y, style in [*panel["curves"], *panel.get("points", []), *_percentiles(panel)]
     ]

@@ -2,7 +2,6 @@
 
 import json
 import math
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,15 +11,15 @@ from himap.checks import whole_number
 from himap.errors import InputError
 from himap.instrument.beams.oscillating import Oscillating
 from himap.outputs import whole_file
-from himap.paper.claims import CLAIMS, IN_PART, VERDICTS, Finding, Part
-from himap.paper.claims.verdicts import void
+from himap.paper.claims import CLAIMS, IN_PART, Finding, Part
+from himap.paper.claims.verdicts import most_common, void
 from himap.paper.realisation import Realisation, make
 from himap.products.parallel import dask_address
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 from himap.survey import Survey
 
-__all__ = ["NUDGES", "RECORDED", "Entry", "evaluate", "read_ledger", "realisations", "write_ledger"]
+__all__ = ["NUDGES", "RECORDED", "Entry", "evaluate", "judge", "read_ledger", "realisations", "write_ledger"]
 
 RECORDED = Path(__file__).resolve().parents[2] / "book" / "results" / "claims_laptop.json"
 """The ledger that the book shows, in a checkout."""
@@ -54,8 +53,7 @@ class Entry:
     @property
     def verdict(self):
         """That of most realisations; of two that as many have, the worse, in the order of `VERDICTS`."""
-        count = Counter(finding.verdict for finding in self.findings.values())
-        return max(count, key=lambda verdict: (count[verdict], VERDICTS.index(verdict)))
+        return most_common(finding.verdict for finding in self.findings.values())
 
     @property
     def label(self):
@@ -193,7 +191,7 @@ def evaluate(realisations, *, nudges=()):
     judged = []
     for family in families:
         make(family)  # the same cubes, which do not stay
-        judged.append([{id: _checked(claim, sky) for id, claim in CLAIMS.items()} for sky in family])
+        judged.append([judge(sky) for sky in family])
     (_, *by_level), seeds = judged[0], [sky.survey.seed for sky in realisations]
     return [
         Entry(
@@ -203,6 +201,11 @@ def evaluate(realisations, *, nudges=()):
         )
         for id, claim in CLAIMS.items()
     ]
+
+
+def judge(realisation):
+    """{id: `Finding`} of every claim on one realisation, in the order of the paper."""
+    return {id: _checked(claim, realisation) for id, claim in CLAIMS.items()}
 
 
 def _checked(claim, realisation):

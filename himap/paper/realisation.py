@@ -85,7 +85,7 @@ class Realisation:
     @property
     def assessments(self):
         """The arguments of every `pipeline.assessment` that the claims need, a list of tuples."""
-        calls = [call for case in self.cases for call in self._calls(case).values()]
+        calls = [call for case in self.cases for call in self.calls(case).values()]
         return [*calls, *map(self._beyond, BEAMS), *self._scan().values()]
 
     @property
@@ -94,8 +94,8 @@ class Realisation:
         voxels = [(evidence.masked_voxels, (self.cases[beam][0],)) for beam in BEAMS]
         return [(evidence.sky_brightness, (self.survey.sky, self.galaxy)), *voxels]
 
-    def _calls(self, case):
-        """{method: arguments of `pipeline.assessment`}; "sdecgmca" is what stands in its place."""
+    def calls(self, case):
+        """{method: arguments of `pipeline.assessment`} of a case; "sdecgmca" is what stands in its place."""
         observed, peaks, post = self.cases[case]
         methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
@@ -105,10 +105,14 @@ class Realisation:
 
     def _beyond(self, beam):
         """Arguments of `pipeline.assessment` for SD beyond l = 200; itself where it has no such option."""
-        own = observed, method, *_ = self._calls(beam)["sdecgmca"]
+        own = observed, method, *_ = self.calls(beam)["sdecgmca"]
         if not any(item.name == "beyond" for item in fields(method)):
             return own
-        return observed, self._in_place(observed.beam, beyond="regularised"), True, False
+        try:
+            further = self._in_place(observed.beam, beyond="regularised")
+        except InputError:  # its last S has no regularisation that could be carried on
+            further = self._in_place(observed.beam, beyond="projection")
+        return observed, further, True, False
 
     def _scan(self):
         """{n_sources: arguments of `pipeline.assessment`}."""
@@ -127,14 +131,15 @@ class Realisation:
 
     def of(self, case):
         """{method: `Comparison`} of one case; methods by their registered name."""
+        if case not in self._compared:
+            self._compared[case] = {
+                method: self._assessed_against_truth(call) for method, call in self.calls(case).items()
+            }
         return self._compared[case]
 
     @cached_property
     def _compared(self):
-        return {
-            case: {method: self._assessed_against_truth(call) for method, call in self._calls(case).items()}
-            for case in self.cases
-        }
+        return {}
 
     @cached_property
     def _run_beyond(self):
@@ -151,7 +156,7 @@ class Realisation:
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
-        result = self._assessed(method)
+        result = self.assessed(method)
         return self._comparison(result.masked, result.masked_truth)
 
     def unmasked(self, method):
@@ -160,15 +165,15 @@ class Realisation:
 
     def flagged(self, method):
         """Those lines of sight, (n_pix,) bool."""
-        return diagnostics.flagged_lines(self._assessed(method).line_errors)
+        return diagnostics.flagged_lines(self.assessed(method).line_errors)
 
     def correlation(self, method):
         """Pearson r in every channel, (n_channels,), on the oscillating case."""
-        return self._assessed(method).correlation
+        return self.assessed(method).correlation
 
     def variance(self, method):
         """Variance over channels of the fractional error of C_l at the l of `of`, on the oscillating case."""
-        result = self._assessed(method)
+        result = self.assessed(method)
         true = _true_of(result, self.cases["oscillating"][0]).angular
         inside = np.isin(true.degrees, self.of("oscillating")[method].degrees)
         return diagnostics.error_variance(result.power_spectra.angular.cl[:, inside], true.cl[:, inside])
@@ -185,7 +190,7 @@ class Realisation:
 
     def mixing(self, beam):
         """Mixing matrix of SDecGMCA, (n_channels, n_sources)."""
-        return pipeline.assessment(*self._calls(beam)["sdecgmca"]).mixing
+        return pipeline.assessment(*self.calls(beam)["sdecgmca"]).mixing
 
     def windows(self, beam):
         """b_l from the sky to the maps, (n_channels, lmax + 1)."""
@@ -195,8 +200,9 @@ class Realisation:
         """c of Table 1."""
         return table_1(self.cases[beam][0].beam)["regularisation"]
 
-    def _assessed(self, method):
-        return pipeline.assessment(*self._calls("oscillating")[method])
+    def assessed(self, method):
+        """The `Assessment` of a method on the oscillating case."""
+        return pipeline.assessment(*self.calls("oscillating")[method])
 
     def _assessed_against_truth(self, call):
         result = pipeline.assessment(*call)
@@ -212,8 +218,12 @@ def _true_of(assessment, case):
     return assessment.truth or pipeline.true_spectra(case)
 
 
-def make(skies):
-    """Compute what some realisations need together and is not in the cache; returns how many assessments."""
+def make(skies, *, only_oscillating=()):
+    """Compute what some realisations need together and is not in the cache; returns how many assessments.
+
+    Of the realisations in `only_oscillating` that is what SDecGMCA leaves on the oscillating case.
+    """
     assessments = dict.fromkeys(call for sky in skies for call in sky.assessments)
+    assessments |= dict.fromkeys(sky.calls("oscillating")["sdecgmca"] for sky in only_oscillating)
     facts = dict.fromkeys(fact for sky in skies for fact in sky.facts)
     return plan.make(list(assessments), facts=list(facts), keep_observations=False)

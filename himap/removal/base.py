@@ -158,7 +158,7 @@ class ForegroundRemover(ABC):
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
-        noise = self._own_noise(noise, len(maps))
+        noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
         means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
         basis = centred(basis, means)
@@ -188,7 +188,14 @@ class ForegroundRemover(ABC):
             )
         return checked_beams("beams", beams, n_channels)
 
-    def _own_noise(self, noise, n_channels):
+    def checked_noise(self, noise, n_channels):
+        """The noise per pixel of the instrument as a float, a tuple (n_channels,) or None, mK.
+
+        Raises
+        ------
+        InputError
+            It is not above zero, or of another number of channels, or missing where the method needs it.
+        """
         noise = checked_noise("noise", noise)
         if isinstance(noise, tuple) and len(noise) != n_channels:
             raise InputError(

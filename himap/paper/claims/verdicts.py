@@ -5,6 +5,7 @@ as about, such as l ~ 40, is that number itself.
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "VERDICTS",
     "Finding",
     "Part",
+    "most_common",
     "parts_of",
     "void",
 ]
@@ -121,6 +123,12 @@ class Finding:
     def n_held(self):
         """How many parts hold."""
         return sum(part.held for part in self.parts)
+
+
+def most_common(verdicts):
+    """The verdict of most realisations; of two that as many have, the worse, in the order of `VERDICTS`."""
+    count = Counter(verdicts)
+    return max(count, key=lambda verdict: (count[verdict], VERDICTS.index(verdict)))
 
 
 def void(sentence):

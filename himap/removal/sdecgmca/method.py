@@ -104,7 +104,22 @@ class SDecGMCA(ForegroundRemover):
 
     def check(self, n_channels):
         super().check(n_channels)
-        self._own_noise(self.noise, n_channels)
+        super().checked_noise(self.noise, n_channels)
+
+    def checked_noise(self, noise, n_channels):
+        noise = super().checked_noise(noise, n_channels)
+        needs = {
+            "thresholds": self.thresholds == "analytic",
+            "coefficients": self.coefficients == "spectrum",
+            "last_coefficients": self.last_coefficients == "spectrum" and self.last != "unregularised",
+        }
+        asking = ", ".join(f"{name}={getattr(self, name)!r}" for name, needed in needs.items() if needed)
+        if asking and noise is None and self.noise is None:
+            raise InputError(
+                f"sdecgmca needs the noise of the instrument for {asking}: give noise=, mK per pixel, as one "
+                "number or one for each channel (-p noise=0.04 on the command line)."
+            )
+        return noise
 
     def _separate(self, maps, *, freqs, beams, rng, modes, noise):
         nside = sphere.nside_of(maps)
@@ -167,22 +182,11 @@ class SDecGMCA(ForegroundRemover):
         return sources, foreground
 
     def _noise_per_mode(self, noise, n_channels, n_pix):
-        """Variance per mode and channel, (n_channels,), or None if it is neither known nor needed."""
-        noise = self.noise if self.noise is not None else noise
-        if noise is not None:
-            return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))
-        needs = {
-            "thresholds": self.thresholds == "analytic",
-            "coefficients": self.coefficients == "spectrum",
-            "last_coefficients": self.last_coefficients == "spectrum" and self.last != "unregularised",
-        }
-        asking = ", ".join(f"{name}={getattr(self, name)!r}" for name, needed in needs.items() if needed)
-        if asking:
-            raise InputError(
-                f"sdecgmca needs the noise of the instrument for {asking}: give noise=, mK per pixel, as one "
-                "number or one for each channel."
-            )
-        return None
+        """Variance per mode and channel, (n_channels,), or None where it is not known."""
+        noise = noise if self.noise is None else self.noise
+        if noise is None:
+            return None
+        return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))
 
 
 def _left(problem, mixing, sources, nside):

@@ -229,7 +229,7 @@ show_table(rows)
 # Three commands worth trying:
 #
 # ```sh
-# himap run 16_your_own_cube -p missing=0.6                    # less than half of the sky
-# himap run 16_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
+# himap run 17_your_own_cube -p missing=0.6                    # less than half of the sky
+# himap run 17_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
 # himap suggest cube.h5 --method beam_subspace --beam meerkat  # a method that knows the beam, on a cube of yours
 # ```

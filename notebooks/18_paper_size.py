@@ -32,7 +32,7 @@
 # himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # ```
 #
-# Without `galaxy` and `template_dir` it is the synthetic Galaxy. How long that takes is in {doc}`18_scale`. These commands take hours, so what they found is stored with
+# Without `galaxy` and `template_dir` it is the synthetic Galaxy. How long that takes is in {doc}`19_scale`. These commands take hours, so what they found is stored with
 # the book, in `book/results`, and read here.
 
 # %% tags=["parameters"]
@@ -134,5 +134,5 @@ Markdown(pictures([real, synthetic], folder))
 # ```sh
 # himap run 10_results --preset laptop                           # Figs. 1 and 2 on the way to this size, in minutes
 # himap claims --preset laptop -p n_realisations=1 --jobs 2      # a ledger to put beside these
-# himap run 17_paper_size -p results=FOLDER                      # this page, of results that you have measured
+# himap run 18_paper_size -p results=FOLDER                      # this page, of results that you have measured
 # ```

@@ -239,7 +239,7 @@ quote(
 # Three commands worth trying:
 #
 # ```sh
-# himap run 18_scale -p nside=1024 -p n_channels=1000            # another survey, another number of core hours
+# himap run 19_scale -p nside=1024 -p n_channels=1000            # another survey, another number of core hours
 # python -m benchmarks --preset quick                            # every step on your machine, in minutes
 # himap run --all --preset laptop --jobs 2                       # the whole book at half the paper's resolution
 # ```

@@ -1,0 +1,133 @@
+"""SDecGMCA against what its authors' public code gives, step by step, on a small problem.
+
+The problem and the numbers of the code of Carloni Gertosio & Bobin (2021) lie in a file of arrays
+(``tests/data/sdecgmca_small.npz``): 16 channels, l <= 64, nside 32, 4 sources, beams three times MeerKAT's
+width.
+"""
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from himap.errors import InputError
+from himap.removal import harmonic
+from himap.removal.sdecgmca.iteration import iterations
+from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal.sdecgmca.pixels import HEALPix
+from himap.removal.sdecgmca.problem import Problem
+from himap.removal.sdecgmca.scales import Scales
+
+__all__ = ["CHANGE", "ITERATIONS", "VARIANTS", "AuthorsCode", "difference"]
+
+VARIANTS = {
+    "mad": {},
+    "analytic": {"thresholds": "analytic"},
+    "nonnegative": {"sign": "nonnegative"},
+    "matrix": {"coefficients": "matrix", "last_coefficients": "matrix"},
+}
+"""{variant of the code that was run: options of `SDecGMCA`, beside the reading "code"}."""
+
+ITERATIONS = (1, 2, 3, 5, 10)
+"""After which A is compared."""
+
+CHANGE = 1e-12
+"""Relative change of the first A, which tells what rounding alone does."""
+
+_NSIDE, _N_SCALES = 32, 5
+_COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AuthorsCode:
+    """The small problem and the numbers of that code, {name: array}."""
+
+    arrays: dict
+
+    @classmethod
+    def read(cls, path):
+        """From the file.
+
+        Raises
+        ------
+        InputError
+            No such file, or another one.
+        """
+        try:
+            arrays = dict(np.load(Path(path)))
+            missing = {"alms", "beams", "noise"} - set(arrays)
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{path} does not hold the numbers of the authors' code ({error}); they lie in tests/data of "
+                "a checkout."
+            ) from None
+        if missing:
+            raise InputError(
+                f"{path} does not hold the small problem; it lacks {', '.join(sorted(missing))}."
+            )
+        return cls(arrays=arrays)
+
+    @property
+    def lmax(self):
+        """Largest l of the problem."""
+        return self.arrays["beams"].shape[1] - 1
+
+    def method(self, variant, **options):
+        """The `SDecGMCA` that is to give the numbers of a variant."""
+        return SDecGMCA(**_COMMON | VARIANTS[variant] | options)
+
+    def problem(self, floor=1e-9):
+        """The data as a `Problem`."""
+        beams = self.arrays["beams"]
+        variance = float(self.arrays["noise"]) ** 2 * 4 * np.pi / (12 * _NSIDE**2)
+        return Problem(
+            modes=harmonic.to_modes(self.arrays["alms"]),
+            beams=beams / beams.max(axis=0),
+            noise=np.full(len(beams), variance),
+            floor=floor,
+        )
+
+    def scales(self, method):
+        """The `Scales` of a method, whose thresholds work on HEALPix maps as in that code."""
+        return Scales(
+            self.lmax,
+            _N_SCALES,
+            pixels=HEALPix(self.lmax, _NSIDE),
+            wavelets=method.wavelets,
+            n_sigma=method.n_sigma,
+            least_kept=method.least_kept,
+            analytic=method.thresholds == "analytic",
+        )
+
+    def mixing(self, variant, iteration):
+        """A of that code after some iterations, (n_channels, n_sources)."""
+        place = list(self.arrays[f"{variant}_iterations"]).index(iteration)
+        return self.arrays[f"{variant}_mixing"][place]
+
+    def mixings(self, method, start, n_iterations, *, done=0):
+        """A of `method` after each iteration from `done` + 1 to `n_iterations`, a list."""
+        steps = iterations(method, self.problem(), self.scales(method), start, done=done)
+        return [step.mixing for step in itertools.islice(steps, n_iterations - done)]
+
+    def compared(self, variant):
+        """How far A is from that of the code, from its own start, after each of `ITERATIONS`.
+
+        Returns
+        -------
+        (list, list)
+            The largest difference of A; and the one that a change of the start by `CHANGE` makes.
+        """
+        method, start = self.method(variant), self.mixing(variant, 0)
+        found = self.mixings(method, start, max(ITERATIONS))
+        change = 1 + CHANGE * np.random.default_rng(0).standard_normal(start.shape)
+        moved = self.mixings(method, start * change, max(ITERATIONS))
+        pairs = [(found[n - 1], moved[n - 1], self.mixing(variant, n)) for n in ITERATIONS]
+        return [difference(one, code) for one, _, code in pairs], [
+            difference(one, other) for one, other, _ in pairs
+        ]
+
+
+def difference(one, two):
+    """Largest difference of two mixing matrices, whose columns may differ in sign."""
+    return float(np.abs(one * np.sign(np.sum(one * two, axis=0)) - two).max())
