@@ -267,10 +267,8 @@ quote(
 # mean*: a method that loses the same share of power in every channel has none, however large the share. And it is a plain mean
 # of squares over channels, so that one channel far off outweighs a hundred that are right.
 
+
 # %% mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
-LOW, HIGH = 10, min(200, study.l_top)
-
-
 def both_cl(assessed):
     """l from 2 to 2 nside, or where the curve ends, and C_l of each channel, recovered and true."""
     power, of_truth = assessed.power_spectra.angular, (assessed.truth or study.truth(selected)).angular
@@ -280,6 +278,7 @@ def both_cl(assessed):
 
 spectra = {name: both_cl(assessed) for name, assessed in assessments.items()}
 variances = {name: error_variance(cl, true_cl) for name, (_, cl, true_cl) in spectra.items()}
+LOW, HIGH = 10, min(200, *(degrees[-1] for degrees, _, _ in spectra.values()))
 claimed = {name: (degrees >= LOW) & (degrees <= HIGH) for name, (degrees, _, _) in spectra.items()}
 curves = [(spectra[name][0], values, looks[name]) for name, values in variances.items()]
 near = [curve for curve, remover in zip(curves, removers[selected], strict=True) if remover in component]

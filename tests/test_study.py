@@ -14,6 +14,7 @@ from himap.paper.study import Study
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
+from himap.removal.sdecgmca import SDecGMCA
 
 TINY = {"nside": 8, "box_cells": 16}
 
@@ -84,3 +85,18 @@ def test_numbers_carry_a_tolerance(study):
     numbers = study.band_numbers({Degraded(): [PCA(n_sources=3)]}, tolerance=0.05)
     value, tolerance = numbers["degraded, PCA: P/P0, k > 0.1"]
     assert tolerance == 0.05 * max(1, value)
+
+
+def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
+    short = {"n_sources": 2, "n_warmup": 3, "n_refinement": 1}
+    default, letter = (SDecGMCA(reading=name, **short) for name in ("default", "letter"))
+
+    def told(*methods):
+        return study.angular_figure({Degraded(): list(methods)}).get_supxlabel()
+
+    assert "reading" not in told(PCA(n_sources=2)) + told(default)
+    assert "reading = letter" in told(PCA(n_sources=2), letter)
+    assert "reading = default and letter" in told(default, letter)
+    assert "reading = letter" in study.mixing_figure(Degraded(), letter).get_supxlabel()
+    empty = plotting.lines([{"curves": [([0, 1], [0, 1], {})]}])
+    assert "reading" not in study.stamped(empty, reading="default").get_supxlabel()
