@@ -1,5 +1,6 @@
 """The chapters of what was measured once say what the files in book/results say."""
 
+import contextlib
 import re
 import shutil
 import subprocess
@@ -60,10 +61,12 @@ def markdown(name):
 
 
 def test_the_chapters_show_what_is_stored_today():
-    ledgers = [read_ledger(path) for path in (RESULTS / f"{name}.json" for name in stored_ledgers())]
+    ledgers = readable_ledgers()
     shown = markdown("18_paper_size")
-    by_size, by_galaxy = (ledgers_table(pair, differing) for pair in (ledgers[:2], ledgers[1:]))
-    assert shown == "\n\n".join([ledgers_table(ledgers), by_size, by_galaxy, pictures(stored_folders())])
+    for expected in (verdicts_table(ledgers), ledgers_table(ledgers), pictures(stored_folders())):
+        assert expected in shown
+    assert (len(ledgers) < 3) == ("to be measured again" in shown)
+    assert len(ledgers) < 2 or ledgers_table(ledgers, differing) in shown
     shown = markdown("19_scale")
     assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
 
@@ -154,6 +157,15 @@ def defaults():
 def stored_ledgers():
     chosen = defaults()
     return [chosen["smaller"], f"claims_{chosen['real']}", f"claims_{chosen['synthetic']}"]
+
+
+def readable_ledgers():
+    """Of the stored ones those of the claims as they are judged now."""
+    ledgers = []
+    for name in stored_ledgers():
+        with contextlib.suppress(InputError):
+            ledgers.append(read_ledger(RESULTS / f"{name}.json"))
+    return ledgers
 
 
 def stored_folders():

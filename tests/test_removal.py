@@ -21,7 +21,7 @@ BEAMS = np.ones((len(FREQS), 24))
 METHODS = removal.available()
 # They look at the sky as a sky, not as a bag of pixels.
 SPATIAL = {name for name in METHODS if REGISTRY[name].needs_whole_sky}
-# The paper's method shrinks its sources before A is found, and its last S has a Tikhonov term (Eq. 21).
+# The paper's method shrinks its sources before A is found, and its last S has a Tikhonov term (Eq. 23).
 INEXACT = {"sdecgmca"}
 
 

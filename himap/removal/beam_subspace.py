@@ -27,7 +27,7 @@ _MOST_ITERATIONS = 50  # the misfit settles in 3 to 20
 class BeamSubspace(ForegroundRemover):
     """The few spectra that, blurred by the beam of every channel, hold the foreground.
 
-    Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 22), the start and the sparsity in
+    Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 21), the start and the sparsity in
     starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); how A is found is not. H is the beam
     over the best beam of any channel, so at most 1. In turns S comes from A by plain least squares at every
     l, and A from S, channel by channel, by one Newton step towards

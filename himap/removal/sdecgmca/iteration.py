@@ -73,7 +73,7 @@ def iterations(method, problem, scales, mixing, *, done=0):
 
 
 def last_sources(method, problem, scales, mixing, sources):
-    """S of the last A (paper, Eq. 21), real modes (n_sources, (lmax + 1)^2).
+    """S of the last A (paper, Eq. 23), real modes (n_sources, (lmax + 1)^2).
 
     `sources` are those of the last iteration, up to their own lmax; where `problem` goes further, epsilon is
     that of strategy #3 there unless S is found in several turns.

@@ -34,10 +34,10 @@ def _option(name):
 
 @dataclass(frozen=True, kw_only=True)
 class SDecGMCA(ForegroundRemover):
-    """Sparse component separation and deconvolution in turns: X_l = diag(H_l) A S_l + N_l (paper, Eq. 22).
+    """Sparse component separation and deconvolution in turns: X_l = diag(H_l) A S_l + N_l (paper, Eq. 21).
 
     A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
-    comes from A by least squares with a Tikhonov term epsilon at every l (Eq. 21 of C21), its starlet
+    comes from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its starlet
     coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and A
     comes from S by least squares (C21, Eq. 14), columns of unit length. In the warm-up the share grows evenly
     to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon follows the

@@ -1,4 +1,4 @@
-"""What SDecGMCA solves in turns for A and for S: X_l = diag(H_l) A S_l + N_l (paper, Eq. 22)."""
+"""What SDecGMCA solves in turns for A and for S: X_l = diag(H_l) A S_l + N_l (paper, Eq. 21)."""
 
 from dataclasses import dataclass
 
@@ -43,7 +43,7 @@ class Problem:
         return (self.beams.T**2 @ products).reshape(-1, n, n)
 
     def inverses(self, mixing, epsilon):
-        """(A^T H_l^2 A + diag(epsilon_l))^-1 A^T H_l (paper, Eq. 21), (n_l, n_sources, n_channels).
+        """(A^T H_l^2 A + diag(epsilon_l))^-1 A^T H_l (paper, Eq. 23), (n_l, n_sources, n_channels).
 
         `epsilon` is (n_l, n_sources), or 0.
         """

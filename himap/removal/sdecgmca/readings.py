@@ -95,12 +95,12 @@ OPTIONS = {
     "last": Option(
         question="the last S",
         choices={
-            "once": "Eq. 21 once, with epsilon from the last iteration's sources",
-            "repeated": "Eq. 21 with #3, then with epsilon from its own S until that settles",
+            "once": "Eq. 23 once, with epsilon from the last iteration's sources",
+            "repeated": "Eq. 23 with #3, then with epsilon from its own S until that settles",
             "thresholded": "the same with thresholds",
             "unregularised": "least squares without epsilon",
         },
-        word="Eq. 21: S with its epsilon; how often is not said",
+        word="Eq. 23: S with its epsilon; how often is not said",
     ),
     "last_coefficients": Option(
         question="epsilon of the last S",
