@@ -3,7 +3,7 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/readings_quick.json
+#     - book/results/readings.json
 #     - tests/data/sdecgmca_small.npz
 #     section: "3.3"
 #   jupytext:
@@ -56,7 +56,7 @@ from himap.paper.readings_table import EVERY, NONE, SOME, VOID
 from himap.products.provenance import Provenance
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
-outcomes, about = read_readings(results or RESULTS / "readings_quick.json")
+outcomes, about = read_readings(results or RESULTS / "readings.json")
 made = Provenance.of_stored(about)
 known = readings()
 runs = {label: one.runs for label, one in outcomes.items()}

@@ -235,7 +235,7 @@ def test_every_figure_is_shown_with_what_made_it():
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
 
 
-@pytest.mark.parametrize("path", sorted(RESULTS.glob("readings_*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("readings*.json")), ids=lambda path: path.stem)
 def test_stored_readings_can_be_read(path):
     """They are of one size and are small; every claim is judged under every reading that is there."""
     outcomes, about = read_readings(path)
