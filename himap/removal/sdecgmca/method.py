@@ -38,9 +38,9 @@ class SDecGMCA(ForegroundRemover):
 
     A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
     comes from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its
-    starlet coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and A
-    comes from S by least squares (C21, Eq. 14), columns of unit length. In the warm-up the share grows evenly
-    to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon follows the
+    starlet coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and
+    A comes from S by least squares (C21, Eq. 14), columns of unit length. In the warm-up the share grows
+    evenly to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon follows the
     spectra of the sources (#4) and large coefficients have lower thresholds. The foreground is H A S with the
     last S without thresholds, up to `lmax`.
 
