@@ -4,7 +4,6 @@
 #     figures: []
 #     reads:
 #     - book/results/readings.json
-#     - tests/data/sdecgmca_small.npz
 #     section: "3.3"
 #   jupytext:
 #     formats: ipynb,py:percent
