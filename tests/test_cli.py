@@ -1,6 +1,5 @@
 """The `himap` command."""
 
-import json
 import os
 import re
 import subprocess
@@ -11,17 +10,11 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from ledgers import entry
-from outcomes import outcome
 
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks, reproduce
-from himap.companion.staleness import ledger_code, readings_code
 from himap.errors import InputError
-from himap.paper import ledger, readings
-from himap.paper.claims import FAILED, IN_PART, REPRODUCED
-from himap.paper.readings_file import read_readings
 from himap.products import cache
 from himap.products.memory import LIMIT_VARIABLE
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
@@ -298,126 +291,6 @@ def _python(*arguments):
     command = [sys.executable, *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout.partition(".ipynb")[0], done.stderr
-
-
-class TestClaims:
-    @pytest.fixture
-    def command(self, himap_command, monkeypatch):
-        """The command with the real parameters of 15_claims, and a ledger that is not computed."""
-        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
-        seen = []
-
-        def evaluate(skies, nudges):
-            seen.append((skies, nudges))
-            return [entry(REPRODUCED, IN_PART), entry(FAILED, id="N1")]
-
-        monkeypatch.setattr(ledger, "evaluate", evaluate)
-        return himap_command, seen
-
-    def test_table_and_file(self, command):
-        himap_command, seen = command
-        code, out, err = himap_command("claims", "--preset", "ci", "-p", "n_realisations=2", "-p", "seed=7")
-        assert (code, err) == (0, "")
-        assert [sky.survey.seed for sky in seen[0][0]] == [7, 8]
-        assert re.search(r"^D1 +degraded +in part \(1 of 2\) +1/2", out, re.M)
-        assert "1 in part, 1 not reproduced" in out
-        path = Path("results/claims_ci_n_realisations=2_seed=7.json")
-        assert f"{path}  (" in out
-        stored = json.loads(path.read_text())
-        assert stored["about"]["preset"] == "ci" and stored["about"]["code"] == ledger_code()
-        assert [row["id"] for row in stored["claims"]] == ["D1", "N1"]
-
-    def test_five_seeds_unless_told_otherwise(self, command):
-        himap_command, seen = command
-        assert himap_command("claims", "--preset", "ci", "-o", "claims.json")[0] == 0
-        assert len(seen[0][0]) == 5 and seen[0][1] == ledger.NUDGES
-        assert Path("claims.json").exists()
-
-    def test_without_nudges(self, command):
-        himap_command, seen = command
-        options = ("--preset", "ci", "-p", "n_realisations=1", "-p", "nudged=false")
-        assert himap_command("claims", *options)[0] == 0
-        assert seen[0][1] == ()
-        about = json.loads(next(Path("results").iterdir()).read_text())["about"]
-        assert ["nudged", False] in about["overrides"] and ["n_realisations", 1] in about["overrides"]
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            (["-p", "method=pca"], "in the place of SDecGMCA can stand"),
-            (["-p", "n_realisation=2"], "did you mean n_realisations"),
-            (["-p", "n_realisations=0"], "between 1 and 1000"),
-            (["-p", "galaxy=templates"], "needs template_dir"),
-            (["-o", "claims.txt"], "something.json"),
-            (["--preset", "huge"], "unknown preset"),
-            (["--jobs", "0"], "--jobs"),
-        ],
-    )
-    def test_bad_input_before_any_work(self, command, options, message):
-        himap_command, seen = command
-        code, _, err = himap_command("claims", *options)
-        assert code == 2
-        assert message in err
-        assert not seen
-        assert not list(Path().iterdir())
-
-
-class TestReadings:
-    @pytest.fixture
-    def command(self, himap_command, monkeypatch):
-        """The command with the real parameters of 15_claims, and readings that are not computed."""
-        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
-        seen = []
-
-        def evaluate(skies):
-            seen.append(skies)
-            found = {"D1": [REPRODUCED] * len(skies), "O3": [FAILED] * len(skies)}
-            return {"default": outcome(found), "letter": outcome(found)}
-
-        monkeypatch.setattr(readings, "evaluate", evaluate)
-        return himap_command, seen
-
-    def test_table_and_file(self, command):
-        himap_command, seen = command
-        code, out, err = himap_command("readings", "--preset", "ci", "-p", "seed=7")
-        assert (code, err) == (0, "")
-        assert [sky.survey.seed for sky in seen[0]] == [7, 8]
-        assert seen[0][0].n_sources == tuple(range(2, 13))
-        assert re.search(r"^letter \(sign = nonnegative\) +0 +0 of 2 +1 +0 +1 +0 +1.25", out, re.M)
-        path = Path("results/readings_ci_seed=7.json")
-        assert f"{path}  (" in out
-        outcomes, about = read_readings(path)
-        assert list(outcomes) == ["default", "letter"]
-        assert about["preset"] == "ci" and about["code"] == readings_code()
-        assert {("n_realisations", 2), ("n_sources_max", 12)} <= set(map(tuple, about["overrides"]))
-
-    def test_parameters_as_of_claims(self, command, tmp_path):
-        himap_command, seen = command
-        options = ("-p", "n_realisations=1", "-p", "n_sources_max=5", "-p", "ripple=additive", "-o", "a.json")
-        assert himap_command("readings", *options)[0] == 0
-        (sky,) = seen[0]
-        assert sky.survey.nside == 64 and sky.oscillating.ripple == "additive" and max(sky.n_sources) == 5
-        assert Path("a.json").exists()
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            (["-p", "reading=code"], "unknown parameter reading"),
-            (["-p", "method=beam_subspace"], "unknown parameter method"),
-            (["-p", "n_realisation=2"], "did you mean n_realisations"),
-            (["-p", "n_realisations=0"], "between 1 and 1000"),
-            (["-p", "galaxy=templates"], "needs template_dir"),
-            (["-o", "readings.txt"], "something.json"),
-            (["--preset", "huge"], "unknown preset"),
-        ],
-    )
-    def test_bad_input_before_any_work(self, command, options, message):
-        himap_command, seen = command
-        code, _, err = himap_command("readings", *options)
-        assert code == 2
-        assert message in err
-        assert not seen
-        assert not list(Path().iterdir())
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import healpy as hp
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
+from himap.measures.power_spectra import frequency_power
 from himap.paper import pipeline
 from himap.removal import PCA, SDecGMCA
 from himap.sky.foregrounds import foreground_maps
@@ -137,3 +139,31 @@ def test_pca_on_the_real_sky(real_sky):
     ratio = diagnostics.ratio(pca.angular.mean[1:], true.angular.mean[1:])
     worst, where = diagnostics.largest_deviation(true.angular.degrees[1:], ratio, 10, 64)
     assert worst < 0.1, f"C/C0 deviates by {worst:.3f} at l = {where:.0f}"
+
+
+def _upto(maps, lmax):
+    """Maps without what is beyond lmax, by healpy."""
+    low = [hp.map2alm(channel.astype(float), lmax=lmax, iter=3) for channel in maps]
+    return np.array([hp.alm2map(alm, hp.get_nside(maps[0])) for alm in low])
+
+
+def test_what_ends_at_some_l_is_measured_against_a_truth_that_ends_there():
+    """Spectra, errors and correlation are of what is left and of truth up to lmax, both."""
+    case = replace(CASE, beam=Oscillating())
+    remover = SDecGMCA(n_sources=2, lmax=10, n_warmup=2, n_refinement=2, warmup_tolerance=1e3, tolerance=1e3)
+    found = pipeline.assessment(case, remover, True, True)
+    left = _upto(pipeline.cleaned(case, remover).maps, 10)
+    truth = _upto(pipeline.observation(case).truth, 10)
+    truth -= truth.mean(axis=1, keepdims=True)
+    whole = pipeline.true_spectra(case)
+    for spectra in (found.power_spectra, found.truth, found.masked, found.masked_truth):
+        assert spectra.angular.degrees[-1] <= 10
+    assert found.truth.angular.cl == pytest.approx(whole.angular.cl[:, :11])
+    assert found.truth.frequency.power == pytest.approx(
+        frequency_power(truth, case.survey.channel_width).power, rel=0.02
+    )
+    assert (found.truth.frequency.power < whole.frequency.power).all()
+    errors = diagnostics.line_errors(left, truth)
+    assert found.line_errors == pytest.approx(errors, rel=0.05, abs=0.02 * errors.mean())
+    assert found.correlation == pytest.approx(diagnostics.correlation(left, truth), abs=0.01)
+    assert pipeline.assessment(case, PCA(n_sources=2)).truth is None
