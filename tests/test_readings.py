@@ -48,16 +48,19 @@ class TestReadings:
 
     def test_one_that_has_a_name_goes_by_it(self):
         there = readings()
-        assert there["letter"].changed == ("sign", "nonnegative")
-        assert there["letter"].title == "letter (sign = nonnegative)"
+        assert there["letter"].changed == ("thresholds", "mad")
+        assert there["letter"].title == "letter (thresholds = mad)"
         assert there["code"].title == "code" and there["code"].changed is None
-        assert "sign = nonnegative" not in there
+        assert "thresholds = mad" not in there
         assert there["last = repeated"].title == "last = repeated"
 
-    def test_distance_from_the_text(self):
+    def test_distance_from_the_text_counts_what_it_speaks_of(self):
         there = readings()
-        assert [there[name].distance for name in ("letter", "default", "last = repeated")] == [0, 1, 2]
-        differs = [READINGS["code"][name] != READINGS["letter"][name] for name in OPTIONS]
+        assert [there[name].distance for name in ("letter", "default", "last = repeated")] == [0, 0, 1]
+        assert there["floor = 1e-09"].distance == 0
+        differs = [
+            READINGS["code"][name] != READINGS["letter"][name] for name, one in OPTIONS.items() if one.said
+        ]
         assert there["code"].distance == sum(differs) > 2
 
     def test_options_that_exclude_each_other_are_left_out(self, monkeypatch):

@@ -149,7 +149,7 @@ class TestAnswer:
 
     def test_the_rule_of_the_default(self):
         assert nearest_sound(OUTCOMES) == ["default"]
-        assert nearest_sound(OUTCOMES | {"letter": OUTCOMES["code"]}) == ["letter"]
+        assert nearest_sound(OUTCOMES | {"letter": OUTCOMES["code"]}) == ["default", "letter"]
         failing = outcome({"D1": FAILED}, runs=[run(**BAD)])
         assert nearest_sound(OUTCOMES | {"default": failing}) == ["last = repeated"]
         assert nearest_sound({"default": failing}) == []
@@ -159,10 +159,10 @@ class TestTables:
     def test_a_row_for_each_reading(self):
         rows = plain_rows(OUTCOMES)
         assert [row[:3] for row in rows] == [
-            ("default", "1", "0 of 1"),
-            ("letter (sign = nonnegative)", "0", "1 of 2"),
-            ("code", "8", "0 of 1"),
-            ("last = repeated", "2", "0 of 1"),
+            ("default", "0", "0 of 1"),
+            ("letter (thresholds = mad)", "0", "1 of 2"),
+            ("code", "7", "0 of 1"),
+            ("last = repeated", "1", "0 of 1"),
         ]
         assert {len(row) for row in rows} == {len(HEADER)}
         found = dict(zip(HEADER, rows[1], strict=True))
@@ -174,10 +174,10 @@ class TestTables:
         rows = option_rows(OUTCOMES)
         assert len(rows) == sum(len(option.choices) for option in OPTIONS.values())
         by_choice = {row[0]: row[1:] for row in rows}
-        *_, taken, fails, decides = by_choice["sign = nonnegative"]
-        assert (taken, fails, decides) == ("letter", "1 of 2", "O3")
+        *_, taken, fails, decides = by_choice["thresholds = mad"]
+        assert (taken, fails, decides) == ("letter, code, follow-up", "1 of 2", "O3")
         assert by_choice["last = repeated"][-3:] == ("code, follow-up", "0 of 1", "none")
-        assert by_choice["sign = free"][-3:] == ("default, code, follow-up", "", "")
+        assert by_choice["sign = nonnegative"][-3:] == ("default, letter", "", "")
         assert by_choice["last = unregularised"][-3:] == ("", "", "")
 
     def test_marks_go_from_dark_to_light(self):

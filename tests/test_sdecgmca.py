@@ -72,6 +72,13 @@ class TestSeparation:
         error = np.sum((recovered - sources)[:, wide] ** 2) / np.sum(sources[:, wide] ** 2)
         assert -10 * np.log10(error) > 8
 
+    def test_all_sources_may_vanish(self, problem):
+        """With five scales to l = 8 no smooth rest is left, and no coefficient is above such noise."""
+        method = SDecGMCA(**QUICK | {"noise": 1e6, "n_scales": 5}, lmax=8, thresholds="analytic")
+        found = clean(method, problem[0]).separation
+        assert np.isfinite(found.foreground).all()
+        assert np.linalg.norm(found.mixing, axis=0) == pytest.approx(1)
+
     def test_equal_channels_are_no_trouble(self, rng):
         """Data of rank one with three sources asked for: no NaN, no singular matrix, nothing left."""
         maps = np.ones((8, 1)) * np.exp(rng.standard_normal(12 * NSIDE**2))

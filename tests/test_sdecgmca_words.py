@@ -5,16 +5,18 @@ import pytest
 from himap.paper.captions import of_sdecgmca
 from himap.removal import SDecGMCA
 
+WORD, SILENT = "every word of the paper's text", "which does not say the "
 ENDS = "and ends at ℓ = 128, as does the truth that it is divided by"
 
 
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({}, f"SDecGMCA is read as “default”, the paper's text but for the sign of A, {ENDS}"),
-        ({"reading": "letter"}, f"SDecGMCA is read as “letter”, every word of the paper's text, {ENDS}"),
+        ({}, f"SDecGMCA is read as “default”, {WORD} ({SILENT}noise of the thresholds), {ENDS}"),
+        ({"reading": "letter"}, f"SDecGMCA is read as “letter”, {WORD}, {ENDS}"),
         ({"reading": "letter", "sign": "free"}, "“letter”, the paper's text but for the sign of A, "),
-        ({"reading": "code"}, "“code”, the paper's text but for 8 choices, "),
+        ({"sign": "free"}, f"text but for the sign of A ({SILENT}noise of the thresholds), "),
+        ({"reading": "code"}, f"“code”, the paper's text but for 7 choices ({SILENT}smallest eigenvalue of"),
         ({"reading": "follow-up"}, "goes on beyond ℓ = 128 with its regularised inversion"),
         ({"beyond": "projection"}, "goes on beyond ℓ = 128 without regularisation"),
         ({"lmax": 30}, "ends at ℓ = 30,"),

@@ -17,11 +17,13 @@ from himap.progress import progress
 __all__ = [
     "alm_degree",
     "alm_size",
+    "alms_upto",
     "analyse",
     "analyse_closely",
     "analyse_grid",
     "change_resolution",
     "coupling_matrix",
+    "cut_cube",
     "gaussian_alm",
     "gaussian_beam",
     "is_n_pix",
@@ -84,6 +86,11 @@ def alm_degree(lmax):
     degree = hp.Alm.getlm(lmax)[0]
     degree.flags.writeable = False
     return degree
+
+
+def alms_upto(alms, lmax):
+    """The coefficients up to `lmax` of some that go further, (..., n_alm), in a new array."""
+    return alms[..., alm_degree(lmax_of_size(alms.shape[-1])) <= lmax]
 
 
 @lru_cache(maxsize=8)
@@ -227,6 +234,12 @@ def synthesise_cube(alms, nside, *, n_channels, label):
     for row, alm in zip(progress(out, label), alms, strict=True):
         row[:] = synthesise(alm, nside)
     return out
+
+
+def cut_cube(maps, lmax):
+    """Maps (n_channels, n_pix) without what they hold beyond `lmax`, float32."""
+    alms = (analyse(channel, lmax, n_iter=N_ITER_FLAT) for channel in maps)
+    return synthesise_cube(alms, nside_of(maps), n_channels=len(maps), label=f"maps to l = {lmax}")
 
 
 def power_spectrum(alms):

@@ -4,7 +4,7 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["cubic_b_spline", "starlet_bands", "starlet_filters", "starlets"]
+__all__ = ["cubic_b_spline", "noise_of_scales", "starlet_bands", "starlet_filters", "starlets"]
 
 
 def starlet_filters(n_scales, lmax):
@@ -32,6 +32,15 @@ def starlet_bands(n_scales, lmax):
         keep = degree <= np.flatnonzero(values).max(initial=1)
         bands.append((keep, values[degree[keep]]))
     return bands
+
+
+def noise_of_scales(filters, noise):
+    """Standard deviation in every scale of noise of some variance per mode, (n_scales, n).
+
+    `filters` (n_scales, lmax + 1) are those of the scales, `noise` (lmax + 1, n) is the variance.
+    """
+    n_modes = 2 * np.arange(len(noise)) + 1
+    return np.sqrt((filters**2 * n_modes) @ noise / (4 * np.pi))
 
 
 def starlets(maps, n_scales):

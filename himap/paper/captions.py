@@ -10,6 +10,8 @@ _FEW = 3  # departures from the text that a caption can list
 def of_sdecgmca(method, nside):
     """Which reading of the paper an `SDecGMCA` is, in what it departs from the text, and where it ends.
 
+    Choices on which the text is silent are named where they are not those of the letter.
+
     Parameters
     ----------
     method
@@ -23,9 +25,13 @@ def of_sdecgmca(method, nside):
         A sentence without its full stop.
     """
     letter = READINGS["letter"]
-    apart = [OPTIONS[name].question for name in OPTIONS if getattr(method, name) != letter[name]]
-    differs = f"the {', '.join(apart)}" if len(apart) <= _FEW else f"{len(apart)} choices"
-    text = f"the paper's text but for {differs}" if apart else "every word of the paper's text"
+    apart = [option for name, option in OPTIONS.items() if getattr(method, name) != letter[name]]
+    against = [option.question for option in apart if option.said]
+    silent = [option.question for option in apart if not option.said]
+    differs = f"the {', '.join(against)}" if len(against) <= _FEW else f"{len(against)} choices"
+    text = f"the paper's text but for {differs}" if against else "every word of the paper's text"
+    if silent:
+        text += f" (which does not say the {', '.join(silent)})"
     end = min(method.lmax, 2 * nside)
     beyond = {
         "cut": f"ends at ℓ = {end}, as does the truth that it is divided by",

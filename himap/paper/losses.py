@@ -40,7 +40,7 @@ def error_parts(case, remover):
     known = centred(truth - (observed.maps - pipeline.peak_masked(case).maps))
     if residual.lmax is not None:
         truth, _ = pipeline.cut_truth(case, residual.lmax)
-        left, known = (_upto(cube, residual.lmax) for cube in (left, known))
+        left, known = (sphere.cut_cube(cube, residual.lmax) for cube in (left, known))
     if remover.needs_beams:
         relative = observed.beams / observed.beams.max(axis=0)
         hi_lost = through_beams(known, residual.mixing, relative, analysed(known))
@@ -49,9 +49,3 @@ def error_parts(case, remover):
         hi_lost = basis @ (basis.T @ known)
     truth = centred(truth)
     return centred(left) - truth + hi_lost, hi_lost, truth
-
-
-def _upto(maps, lmax):
-    """Maps (n_channels, n_pix) without what they hold beyond `lmax`."""
-    alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
-    return sphere.synthesise_cube(alms, sphere.nside_of(maps), n_channels=len(maps), label="maps to lmax")

@@ -234,7 +234,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     residual, truth = cleaned.once(case, remover, mask_peaks), observation(case).truth
     maps, alms, lmax = residual.maps, truth_alms(case), residual.lmax
     if lmax is not None:
-        maps, (truth, alms) = _cut(maps, lmax), cut_truth(case, lmax)
+        maps, (truth, alms) = sphere.cut_cube(maps, lmax), cut_truth(case, lmax)
     errors = diagnostics.line_errors(maps, truth)
     width = case.survey.channel_width
     masked = masked_truth = None
@@ -264,18 +264,10 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
 def cut_truth(case, lmax):
     """(maps, coefficients to 3 nside - 1) of the truth cut at `lmax`; not kept."""
     alms = truth_alms(case)
+    low = (sphere.alms_upto(alm, lmax) for alm in alms)
+    maps = sphere.synthesise_cube(low, case.survey.nside, n_channels=len(alms), label="truth")
     alms[:, sphere.alm_degree(case.survey.lmax) > lmax] = 0
-    return _maps(alms, case.survey.nside, "truth"), alms
-
-
-def _cut(maps, lmax):
-    """Maps (n_channels, n_pix) without what they hold beyond `lmax`."""
-    alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
-    return sphere.synthesise_cube(alms, sphere.nside_of(maps), n_channels=len(maps), label="maps to lmax")
-
-
-def _maps(alms, nside, label):
-    return sphere.synthesise_cube(alms, nside, n_channels=len(alms), label=label)
+    return maps, alms
 
 
 def _spectra(maps, alms, width, lmax):

@@ -15,7 +15,7 @@ def observing_steps(cases):
     """[(product, [arguments of each call])] from nothing to peak-masked observations and their truth."""
     skies = {case.survey.sky: None for case in cases}
     galaxies = {(case.survey.sky, case.galaxy): None for case in cases}
-    bright = {(*sky, case.dimming): None for case in cases for sky in [(case.survey.sky, case.galaxy)]}
+    bright = {(case.survey.sky, case.galaxy, case.dimming): None for case in cases}
     case_calls = [(case,) for case in dict.fromkeys(cases)]
     return [
         (pipeline.components_of_sky, list(galaxies)),  # a bad template shows before the long work

@@ -86,9 +86,10 @@ class Reading:
 
     @property
     def distance(self):
-        """How many options are not as the paper's text has them."""
+        """How many options are not as the paper's text has them; where it says nothing, none is."""
         letter = READINGS["letter"]
-        return sum(self.values[option] != letter[option] for option in OPTIONS)
+        said = [name for name, option in OPTIONS.items() if option.said]
+        return sum(self.values[name] != letter[name] for name in said)
 
 
 def readings():

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from himap.maps import sphere
 from himap.maps.blocked import projection
@@ -57,8 +58,13 @@ def analysed(maps):
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
-    1e-5.
+    1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
+    with threadpool_limits(1, user_api="blas"):
+        return _analysed(maps)
+
+
+def _analysed(maps):
     lmax = 3 * sphere.nside_of(maps) - 1
     spectra, tolerances = _bright_axes(channel_covariance(maps))
     pixels = projection(spectra.T, maps)

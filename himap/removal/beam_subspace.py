@@ -6,7 +6,6 @@ from typing import ClassVar
 import numpy as np
 
 from himap.checks import checked_noise
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.progress import progress
 from himap.removal import harmonic
@@ -67,10 +66,7 @@ class BeamSubspace(ForegroundRemover):
 
     def check(self, n_channels):
         super().check(n_channels)
-        if isinstance(self.noise, tuple) and len(self.noise) != n_channels:
-            raise InputError(
-                f"noise must be one value or {n_channels}, one for each channel, got {len(self.noise)}."
-            )
+        self.checked_noise(self.noise, n_channels)
 
     def _separate(self, maps, *, freqs, beams, rng, modes):
         nside = sphere.nside_of(maps)

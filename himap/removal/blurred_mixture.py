@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.removal.covariance import principal_axes
-from himap.removal.harmonic import blocks, cross_products, project, safe_inverse
+from himap.removal.harmonic import at_one_resolution, cross_products, less, project, safe_inverse
 
 __all__ = ["BlurredMixture"]
 
@@ -32,16 +32,8 @@ class BlurredMixture:
         return type(self)(self.modes, self.beams, noise)
 
     def at_worst_beam(self):
-        """Sum over all modes of X X^T, X re-convolved to the worst beam at every l, (n_channels, n_channels).
-
-        There a source has one map again, and as many eigenvalues stand out as there are spectra.
-        """
-        ratios = self.beams.min(axis=0) / self.beams
-        products = np.zeros((len(self.modes), len(self.modes)))
-        for ratio, block in zip(ratios.T, blocks(self.modes), strict=True):
-            convolved = ratio[:, None] * block
-            products += convolved @ convolved.T
-        return products
+        """Sum over modes of X X^T, X re-convolved to the worst beam at every l, (n_channels, n_channels)."""
+        return at_one_resolution(self.modes, self.beams.min(axis=0) / self.beams)
 
     def start(self, n_sources):
         """Principal axes of the data re-convolved to the worst beam, (n_channels, n_sources)."""
@@ -61,11 +53,7 @@ class BlurredMixture:
 
     def residual(self, mixing, sources):
         """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
-        residual = np.empty_like(self.modes)
-        by_degree = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, residual)), strict=True)
-        for matrix, source, data, out in by_degree:
-            np.subtract(data, matrix @ source, out=out)
-        return residual
+        return less(self.modes, self.matrices(mixing), sources)
 
     def corrected(self, mixing, residual, sources, kept):
         """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.

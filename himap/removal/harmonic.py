@@ -13,9 +13,11 @@ from himap.maps import sphere
 
 __all__ = [
     "blocks",
+    "at_one_resolution",
     "cross_products",
     "degrees",
     "from_modes",
+    "less",
     "project",
     "safe_inverse",
     "to_modes",
@@ -121,6 +123,29 @@ def project(inverses, modes):
     for inverse, data, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
         np.matmul(inverse, data, out=out)
     return sources
+
+
+def less(modes, matrices, sources):
+    """X_l - W_l S_l of every l, (n_channels, n_modes), a new array; W_l are (n_l, n_channels, n_sources)."""
+    left = np.empty_like(modes)
+    for matrix, source, data, out in zip(matrices, *map(blocks, (sources, modes, left)), strict=True):
+        np.subtract(data, matrix @ source, out=out)
+    return left
+
+
+def at_one_resolution(modes, ratios, *, halve=False):
+    """Sum over modes of X X^T, each channel times its `ratios` (n_channels, n_l), (n_channels, n_channels).
+
+    Where they bring all channels to one beam a source has one map again, and as many eigenvalues stand out as
+    there are spectra. With `halve` modes of m > 0 count half.
+    """
+    products = np.zeros((len(modes), len(modes)))
+    for ratio, block in zip(ratios.T, blocks(modes), strict=True):
+        convolved = ratio[:, None] * block
+        if halve:
+            convolved[:, 1:] /= np.sqrt(2)
+        products += convolved @ convolved.T
+    return products
 
 
 def cross_products(modes, sources):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.starlets import starlet_bands, starlet_filters
+from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
 from himap.removal.harmonic import from_modes, to_modes
 from himap.removal.thresholds import NORMAL, share_threshold
 
@@ -45,28 +45,23 @@ class SparseSources:
         share
             Of the coefficients above the noise, the largest `share` stay.
         """
-        levels = self._levels(noise)
+        levels = noise_of_scales(self.filters[:-1], noise)
         kept = np.empty_like(sources)
         for alm, level_of_scale, out in zip(from_modes(sources), levels.T, kept, strict=True):
             scales = self._scales(alm)
             for scale, level in zip(scales, level_of_scale, strict=True):
-                limit, _ = self._limit(scale, level, share)
+                limit = self._limit(scale, level, share)
                 scale -= np.clip(scale, -limit, limit)
             out[:] = to_modes(sphere.analyse_grid(sum(scales), self.lmax))
         return kept
-
-    def _levels(self, noise):
-        """Standard deviation of the noise of every source in every detail scale, (n_scales, n_sources)."""
-        n_modes = 2 * np.arange(self.lmax + 1) + 1
-        return np.sqrt((self.filters[:-1] ** 2 * n_modes) @ noise / (4 * np.pi))
 
     def _scales(self, alm):
         """The detail scales of one source on the grid, [(n_grid,), ...]."""
         return [sphere.synthesise_grid(alm[keep] * band, self.lmax) for keep, band in self._bands]
 
     def _limit(self, scale, level, share):
-        """Threshold of one scale (n_grid,), and the noise behind it."""
+        """Threshold of one scale (n_grid,)."""
         sizes = np.abs(scale)
         if not self.analytic:
             level = NORMAL * np.median(sizes)
-        return share_threshold(sizes, self.n_sigma * level, share), level
+        return share_threshold(sizes, self.n_sigma * level, share)

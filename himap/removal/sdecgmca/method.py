@@ -191,9 +191,6 @@ class SDecGMCA(ForegroundRemover):
 
 def _left(problem, mixing, sources, nside):
     """Maps of X_l - diag(H_l) A S_l up to lmax, (n_channels, n_pix) float32."""
-    modes = problem.modes.copy()
-    matrices = problem.beams.T[:, :, None] * mixing
-    for matrix, source, block in zip(matrices, *map(harmonic.blocks, (sources, modes)), strict=True):
-        block -= matrix @ source
+    modes = harmonic.less(problem.modes, problem.beams.T[:, :, None] * mixing, sources)
     alms = (harmonic.from_modes(mode).astype(np.complex64) for mode in modes)
     return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label="what is left")

@@ -80,7 +80,7 @@ class Problem:
     def of_spectra(self, sources, strength):
         """epsilon_l = c noise / C_l of each source, (n_l, n_sources) (C21, strategy #4)."""
         spectra = np.stack([np.mean(block**2, axis=1) for block in harmonic.blocks(sources)])
-        spectra = np.maximum(spectra, np.maximum(_FAINTEST * spectra.max(axis=0), np.finfo(float).tiny))
+        spectra = np.maximum(spectra, np.maximum(_FAINTEST * spectra.max(axis=0), _VANISHED))
         return strength * np.mean(self.noise) / spectra
 
     def start(self, n_sources, which):
@@ -90,16 +90,14 @@ class Problem:
         which C21's code counts coefficients of m > 0 once where the sum over m has them twice.
         """
         seen = self.beams[0] if which == "first" else self.beams.min(axis=0)
-        covariance = np.zeros((len(self.modes), len(self.modes)))
-        for ratio, block in zip((seen / self.beams).T, harmonic.blocks(self.modes), strict=True):
-            convolved = ratio[:, None] * block
-            if which == "first":
-                convolved[:, 1:] /= np.sqrt(2)
-            covariance += convolved @ convolved.T
-        return principal_axes(covariance, n_sources)
+        ratios = seen / self.beams
+        return principal_axes(
+            harmonic.at_one_resolution(self.modes, ratios, halve=which == "first"), n_sources
+        )
 
 
 _FAINTEST = 1e-20  # of the largest C_l of a source: C21's code divides by no less
+_VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
 
 
 def _inverse(matrices, floor):

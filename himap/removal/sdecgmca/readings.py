@@ -12,6 +12,8 @@ from himap.errors import InputError
 
 __all__ = ["OPTIONS", "READINGS", "Option", "resolved"]
 
+_SILENT = "not said"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
@@ -30,6 +32,11 @@ class Option:
     question: str
     choices: dict
     word: str
+
+    @property
+    def said(self):
+        """Whether the text has a word on it; where it has none, no choice departs from it."""
+        return self.word != _SILENT
 
 
 OPTIONS = {
@@ -54,7 +61,7 @@ OPTIONS = {
             "mad": "median absolute deviation of each scale",
             "analytic": "that of the instrument, carried through the inversion",
         },
-        word="not said",
+        word=_SILENT,
     ),
     "least_kept": Option(
         question="fewest coefficients that a scale of a source keeps",
@@ -77,7 +84,7 @@ OPTIONS = {
     "floor": Option(
         question="smallest eigenvalue of the normal equations, relative to the largest",
         choices={1e-9: "1e-9", 1e-14: "rounding"},
-        word="not said",
+        word=_SILENT,
     ),
     "resolution": Option(
         question="what H is",
@@ -105,7 +112,7 @@ OPTIONS = {
     "last_coefficients": Option(
         question="epsilon of the last S",
         choices={"spectrum": "from the spectra of the sources (#4)", "matrix": "from A and the beams (#3)"},
-        word="not said",
+        word=_SILENT,
     ),
     "beyond": Option(
         question="foreground beyond lmax",
@@ -148,7 +155,7 @@ _LETTER = _CODE | {
 }
 
 READINGS = {
-    "default": _LETTER | {"sign": "free"},
+    "default": _LETTER | {"thresholds": "analytic"},
     "letter": _LETTER,
     "code": _CODE,
     "follow-up": _CODE

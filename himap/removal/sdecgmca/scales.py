@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.starlets import cubic_b_spline, starlet_filters
+from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_filters
 from himap.removal import harmonic
 from himap.removal.sdecgmca.selection import deviation, shrink
 
@@ -81,7 +81,7 @@ class Scales:
         """
         kept = np.empty_like(sources)
         remembered = None if memory is None else np.empty_like(memory)
-        levels = self._levels(noise) if self.analytic else [None] * len(sources)
+        levels = noise_of_scales(self.bands, noise).T if self.analytic else [None] * len(sources)
         for n, (alm, level) in enumerate(zip(harmonic.from_modes(sources), levels, strict=True)):
             last = None if memory is None else memory[n]
             scales, smooth = self._thresholded(alm, level, share, last)
@@ -94,11 +94,6 @@ class Scales:
         """A memory of nothing, (n_sources, n_scales, n_pix)."""
         n_pix = len(self.pixels.synthesise(np.zeros(1)))
         return np.zeros((n_sources, len(self.low_passes), n_pix))
-
-    def _levels(self, noise):
-        """Standard deviation of the noise of each source in each scale, (n_sources, n_scales)."""
-        n_modes = 2 * np.arange(len(noise)) + 1
-        return np.sqrt((self.bands**2 * n_modes) @ noise / (4 * np.pi)).T
 
     def _thresholded(self, alm, level, share, last):
         """Detail scales of one source after the thresholds, (n_scales, n_pix), and the smooth rest."""

@@ -1,7 +1,7 @@
 """Medians and thresholds of a scale, in one pass over its pixels each: half of the work of SDecGMCA.
 
 A number is found by its rank through a histogram of the leading bits of all, and a search among the few that
-share these; numpy's partition, which gives the same, takes five times as long.
+share these: the same as numpy's partition, and quicker, since it passes over all of them only twice.
 """
 
 import numpy as np
