@@ -18,7 +18,6 @@ from benchmarks.alternatives import (
     plain_residual,
 )
 from himap.maps import sphere
-from himap.measures import power_spectra
 from himap.paper import pipeline, plan
 from himap.paper.methods import methods_for, paper_beams, table_1
 from himap.removal.base import SeparationWarning
@@ -112,7 +111,7 @@ def _cleaner(name):
         (method,) = (method for method in methods_for(case.beam) if method.name == name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SeparationWarning)
-            return pipeline.cleaned.compute(case, method)
+            return pipeline.separation.compute(case, method)
 
     return work
 
@@ -145,16 +144,13 @@ def beside_parametric(case):
 
 
 def both_spectra(case):
-    """C_l and P(k) of a cleaned cube, the truth's coefficients at hand."""
-    residual = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
-    truth = pipeline.observation(case).truth
-    power_spectra.recovered_angular_power(residual, truth, pipeline.truth_alms(case))
-    power_spectra.frequency_power(residual, case.survey.channel_width)
+    """C_l, P(k), correlation and errors of what a method leaves, found already."""
+    pipeline.assessment.compute(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
 
 
 def beside_spectra(case):
     """healpy's anafast, channel by channel."""
-    residual = pipeline.cleaned(case, PCA(n_sources=table_1(case.beam)["n_sources"])).maps
+    residual = pipeline.residual(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
     sample = residual[evenly(len(residual), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",

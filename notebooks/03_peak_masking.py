@@ -57,7 +57,7 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_cubes=False,
+    keep_separations=False,
 )
 observed = study.observed(selected)
 freqs = observed.freqs

@@ -112,8 +112,7 @@ pca = PCA(n_sources=n_sources)
 
 # %%
 different = {
-    name: study.cleaned(name, methods[0]).maps
-    != study.cleaned(name, PCA(n_sources=methods[0].n_sources)).maps
+    name: study.residual(name, methods[0]) != study.residual(name, PCA(n_sources=methods[0].n_sources))
     for name, methods in removers.items()
 }
 show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, cube in different.items()})
@@ -140,7 +139,7 @@ def spectral_index(spectrum):
     return np.polyfit(np.log(study.survey.freqs), np.log(np.abs(spectrum)), 1)[0]
 
 
-indices = [spectral_index(spectrum) for spectrum in study.cleaned(selected, remover).mixing.T]
+indices = [spectral_index(spectrum) for spectrum in study.separation(selected, remover).mixing.T]
 indices += [np.nan] * 3  # where there are fewer
 quote(
     fastica_index_first=(indices[0], 0.02),
@@ -181,7 +180,7 @@ def histograms(title, sources):
 
 
 panels = [
-    histograms(title, study.cleaned(selected, method).sources)
+    histograms(title, study.separation(selected, method).sources)
     for title, method in {"PCA": pca, "FastICA": remover}.items()
 ]
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contrast=contrast)
@@ -200,7 +199,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
-    components = study.cleaned(name, PCA(n_sources=method.n_sources)).sources
+    components = study.separation(name, PCA(n_sources=method.n_sources)).sources
     white = (components / components.std(axis=1, keepdims=True)).astype(np.float32)
     runs = []
     for seed in range(6 if method.n_sources > 1 else 0):

@@ -174,7 +174,7 @@ quote(
 masked = pipeline.peak_masked(study.case(selected)).maps
 centred = (masked - masked.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
 steps = list(remover.iterate(centred))
-axes = study.cleaned(selected, pca).mixing
+axes = study.separation(selected, pca).mixing
 
 
 def sine(mixing):
@@ -319,13 +319,13 @@ quote(gmca_choices_spread=(100 * np.ptp(choices), 2, "%"))
 # %%
 show(
     {
-        f"{name}: iterations": (study.cleaned(name, methods[0]).n_iterations, 10)
+        f"{name}: iterations": (study.separation(name, methods[0]).n_iterations, 10)
         for name, methods in removers.items()
     }
 )
 
 # %% tags=["hide-input"]
-quote(gmca_iterations=(study.cleaned(selected, remover).n_iterations, 10))
+quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 
 # %% [markdown]
 # ## What to take away

@@ -87,7 +87,7 @@ freqs = observed.freqs
 # %% mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
 colours = [*styles.COLOURS, "black"]
 curves = []
-for n, column in enumerate(study.cleaned(selected, remover).mixing.T[:7]):
+for n, column in enumerate(study.separation(selected, remover).mixing.T[:7]):
     style = {"label": f"order {n}", "color": colours[n], "linestyle": ["-", "--", "-.", ":"][n % 4]}
     curves.append((freqs, column, style))
 labels = {
@@ -104,7 +104,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 
 # %% mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
-sources = {f"order {n}": study.cleaned(selected, remover).sources[n] / 1000 for n in chosen}
+sources = {f"order {n}": study.separation(selected, remover).sources[n] / 1000 for n in chosen}
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
 
 # %% [markdown]
@@ -167,7 +167,7 @@ panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
     for name in beams:
-        residual = study.cleaned(beams[name], remover).maps[:, pixel]
+        residual = study.residual(beams[name], remover)[:, pixel]
         truth = study.observed(beams[name]).truth[:, [pixel]]
         fit = smooth_baselines(truth, freqs, order=order, n_sigma=no_clip)
         flattened = (truth - fit.basis @ fit.first)[:, 0]

@@ -130,7 +130,7 @@ study.stamped(plotting.lines(panels))
 # The parameters are maps, with a meaning this time. How well do they measure what they are named after?
 
 # %% mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
-result = study.cleaned(selected, remover)
+result = study.separation(selected, remover)
 free_free = next(
     part
     for part in pipeline.components(study.case(selected).survey, study.case(selected).galaxy)
@@ -166,7 +166,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %%
 numbers = {}
 for name in beams:
-    fit = study.cleaned(beams[name], remover)
+    fit = study.separation(beams[name], remover)
     numbers |= {
         f"{name}: median of alpha_1": (float(np.median(fit.sources[0])), 1.0, "mK"),
         f"{name}: median of alpha_2": (float(np.median(fit.sources[1])), 1.0, "mK"),
@@ -199,7 +199,7 @@ panels = []
 for place, (lon, lat) in places.items():
     pixel = sphere.pixel_at(study.survey.nside, lon, lat)
     for name in beams:
-        residual = study.cleaned(beams[name], remover).maps[:, pixel]
+        residual = study.residual(beams[name], remover)[:, pixel]
         truth = study.observed(beams[name]).truth[:, pixel]
         panels.append(
             {
@@ -251,19 +251,17 @@ quote(
 # %% mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Lines of sight sorted by the error of the cleaned maps: the share of the sky with a larger root mean square than each value. Channel means removed. The dotted line is the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
 for name in beams:
-    observation, result = study.observed(beams[name]), study.cleaned(beams[name], remover)
-    squares, power = np.zeros(result.maps.shape[1]), 0.0
-    for residual, truth in zip(result.maps, observation.truth, strict=True):
-        error = residual.astype(float) - truth
-        squares += (error - error.mean()) ** 2 / len(freqs)
-        power += truth.var(dtype=float) / len(freqs)
+    squares = study.assessed(beams[name], remover).line_errors
     rms = np.sqrt(squares)
+    power = np.mean([truth.var(dtype=float) for truth in study.observed(beams[name]).truth])
     levels = np.geomspace(0.003, 1000, 300)
     above = 1 - np.searchsorted(np.sort(rms), levels) / len(rms)
     curves.append((levels, 100 * np.where(above > 0, above, np.nan), styles.BEAM_STYLES[name]))
     relative = {
         "rms error / rms truth": np.sqrt(squares.mean() / power),
-        "the same of lines of sight without a flag": np.sqrt(squares[~result.flagged].mean() / power),
+        "the same of lines of sight without a flag": np.sqrt(
+            squares[~study.separation(beams[name], remover).flagged].mean() / power
+        ),
         "the same that the worst 1 % of the lines of sight exceed": np.percentile(rms, 99) / np.sqrt(power),
     }
     worst = squares >= np.percentile(squares, 99)

@@ -56,7 +56,7 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_cubes=False,
+    keep_separations=False,
 )
 n_sources = {"degraded": n_degraded, "evolving": n_evolving, "oscillating": n_oscillating}
 removers = {beams[name]: methods_for(beams[name], n, reading=reading) for name, n in n_sources.items()}

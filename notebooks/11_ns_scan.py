@@ -70,7 +70,7 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_cubes=False,
+    keep_separations=False,
 )
 counted = [
     name for name in removal.available() if "n_sources" in {item.name for item in fields(REGISTRY[name])}

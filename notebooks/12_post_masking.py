@@ -127,11 +127,9 @@ stated = {"reading": reading} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
 
 
-observation, residual = study.observed(selected), study.cleaned(selected, removers[method])
-recovered, truth = centred(residual.maps), observation.truth
-if residual.lmax is not None:  # what is left ends there
-    truth, _ = pipeline.cut_truth(study.case(selected), residual.lmax)
-truth = centred(truth)
+observation, found = study.observed(selected), study.separation(selected, removers[method])
+recovered = centred(study.residual(selected, removers[method]))
+truth = centred(pipeline.truth(study.case(selected), found.lmax))  # it ends where what is left does
 lines = flagged[method]
 by_error = np.flatnonzero(lines)[np.argsort(-assessments[method].line_errors[lines])]
 chosen = by_error[np.linspace(0, len(by_error) - 1, min(MOST_DRAWN, len(by_error))).astype(int)]

@@ -77,7 +77,7 @@ common = {
     "galaxy": galaxy,
     "template_dir": template_dir,
     "small_scales": small_scales,
-    "keep_cubes": False,
+    "keep_separations": False,
 }
 dimming = Dimming(weight=plane_weight, edge=plane_edge)
 beams = paper_beams(ripple=ripple)

@@ -151,10 +151,8 @@ relative = observation.beams / observation.beams.max(axis=0)
 
 def lost_and_left(remover):
     """q_nu and f_nu, (n_channels,), of the truth to the multipole at which what is left ends."""
-    residual, truth = study.cleaned(selected, remover), observation.truth
-    if residual.lmax is not None:
-        truth, _ = pipeline.cut_truth(study.case(selected), residual.lmax)
-    maps, truth = centred(residual.maps), centred(truth)
+    truth = pipeline.truth(study.case(selected), study.separation(selected, remover).lmax)
+    maps, truth = centred(study.residual(selected, remover)), centred(truth)
     products = [np.sum(maps * other, axis=1, dtype=float) for other in (truth, maps)]
     slope, variance = products / np.sum(truth**2, axis=1, dtype=float)
     return 1 - slope, variance - slope
@@ -162,11 +160,11 @@ def lost_and_left(remover):
 
 def share_taken(remover):
     """h_nu, (n_channels,)."""
-    residual = study.cleaned(selected, remover)
-    mixing = residual.mixing
+    found = study.separation(selected, remover)
+    mixing = found.mixing
     if not remover.needs_beams:
         return np.sum(np.linalg.qr(mixing)[0] ** 2, axis=1)
-    last = min(relative.shape[1], true.cl.shape[1]) - 1 if residual.lmax is None else residual.lmax
+    last = min(relative.shape[1], true.cl.shape[1]) - 1 if found.lmax is None else found.lmax
     blurred = np.arange(2, last + 1)
     spaces = np.linalg.qr(relative.T[blurred, :, None] * mixing)[0]  # (n_l, n_channels, n_sources)
     weights = (2 * blurred + 1) * true.cl[:, blurred]

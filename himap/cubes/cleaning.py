@@ -44,8 +44,8 @@ class CleanedCube:
 
     @property
     def foreground(self):
-        """What was subtracted, (n_channels, n_seen) float32, mK."""
-        return self.separation.foreground
+        """What was subtracted, (n_channels, n_seen) float32, mK, made when asked for."""
+        return (self.cube.maps - self.residual).astype(np.float32)
 
     @property
     def remarks(self):

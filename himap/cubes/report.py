@@ -9,6 +9,7 @@ from himap.cubes import page
 from himap.errors import InputError
 from himap.figures import comparisons, plotting, styles
 from himap.figures.tables import Table
+from himap.measures.difference import difference
 from himap.measures.power_spectra import (
     angular_power,
     angular_power_pair,
@@ -58,8 +59,9 @@ class SpectraBeside:
 
     def __call__(self, cleaned):
         maps = cleaned.cube.on_sphere(cleaned.residual)
+        more = difference(maps, self._maps, mask=self._mask)
         return PowerSpectra(
-            angular=recovered_angular_power(maps, self._maps, self._alms, mask=self._mask),
+            angular=recovered_angular_power(self._alms, more, mask=self._mask),
             frequency=frequency_power(cleaned.residual, cleaned.cube.channel_width),
         )
 
@@ -86,7 +88,9 @@ def compared(cleaned, truth):
     cube = cleaned.cube
     check_truth(cube, truth)
     cubes = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
-    angular = angular_power_pair(*(cube.on_sphere(maps) for maps in cubes), mask=_mask_of(cube))
+    recovered, true = (cube.on_sphere(maps) for maps in cubes)
+    mask = _mask_of(cube)
+    angular = angular_power_pair(true, difference(recovered, true, mask=mask), mask=mask)
     recovered, true = (
         PowerSpectra(angular=power, frequency=frequency_power(maps, cube.channel_width))
         for power, maps in zip(angular, cubes, strict=True)

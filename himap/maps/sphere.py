@@ -17,6 +17,7 @@ from himap.progress import progress
 __all__ = [
     "alm_degree",
     "alm_size",
+    "alms_padded",
     "alms_upto",
     "analyse",
     "analyse_closely",
@@ -91,6 +92,13 @@ def alm_degree(lmax):
 def alms_upto(alms, lmax):
     """The coefficients up to `lmax` of some that go further, (..., n_alm), in a new array."""
     return alms[..., alm_degree(lmax_of_size(alms.shape[-1])) <= lmax]
+
+
+def alms_padded(alms, lmax):
+    """The same coefficients among those up to a larger `lmax`, the others zero, in a new array."""
+    whole = np.zeros((*alms.shape[:-1], alm_size(lmax)), dtype=alms.dtype)
+    whole[..., alm_degree(lmax) <= lmax_of_size(alms.shape[-1])] = alms
+    return whole
 
 
 @lru_cache(maxsize=8)

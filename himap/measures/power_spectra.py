@@ -28,7 +28,6 @@ __all__ = [
 
 _BLOCK = 4096  # lines of sight at a time
 _CHANNELS = 16  # at a time
-_FAINT = 3e-8  # of the variance of the truth: spectra of a difference that no power spectrum shows
 _MOST = 0.75  # of the sky kept: what is left out is then small enough for a rough analysis
 _MINOR = 1e-3  # of the variance of a channel of the truth: a rough analysis, good to percents, will do
 
@@ -106,17 +105,18 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     return AngularPower(degrees=degrees[inside], cl=cl[:, inside])
 
 
-def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
+def angular_power_pair(truth, error, *, mask=None, truth_alms=None):
     """Angular power spectra of a cleaned cube and of the truth, in little more than the time of one.
 
-    What a method leaves differs from the truth by what is left of the foregrounds and by what it took of HI.
-    Both are sums of a few spectra times maps, however many channels there are, so that only a few maps more
-    are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
+    What a method leaves differs from the truth by a few spectra times maps, however many channels there are,
+    so that only a few maps more are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
 
     Parameters
     ----------
-    recovered, truth
+    truth
         (n_channels, n_pix), mK, RING.
+    error
+        What the cleaned cube is more, a `MapModes` (`himap.measures.difference`).
     mask
         As in `angular_power`.
     truth_alms
@@ -132,37 +132,51 @@ def angular_power_pair(recovered, truth, *, mask=None, truth_alms=None):
     Raises
     ------
     InputError
-        As `angular_power`; or coefficients of another shape than those of the truth.
+        As `angular_power`; coefficients or an error of another shape than the truth.
     """
-    (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
+    truth, weights = _checked(truth, mask)
+    _check_error(error, truth.shape)
     if truth_alms is not None:
         _checked(truth, None)
         _check_alms(truth_alms, truth)
-    spectra, alms = _alms_of_difference(recovered, truth, weights)
-    pseudo = np.empty((2, len(truth), 3 * sphere.nside_of(truth)))
+    lmax = 3 * sphere.nside_of(truth) - 1
+    kept = weights > 0
+    variance = np.array([np.mean(pixels[kept] ** 2, dtype=np.float64) for pixels in truth])
+    alms = _alms_of_error(error, weights, lmax, variance)
+    pseudo = np.empty((2, len(truth), lmax + 1))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
         if truth_alms is None or weights.mean() < _MOST:
             alm = _alms(truth[channels], weights)
         else:
             alm = _alms_of_most(truth[channels], weights, truth_alms[channels])
-        pseudo[0, channels] = sphere.power_spectrum(alm + spectra[channels] @ alms)
+        pseudo[0, channels] = sphere.power_spectrum(alm + error.spectra[channels].astype(np.float32) @ alms)
         pseudo[1, channels] = sphere.power_spectrum(alm)
     power = _from_pseudo(np.concatenate(pseudo), weights, mask)
     return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
 
 
-def recovered_angular_power(recovered, truth, truth_alms, *, mask=None):
-    """The first of `angular_power_pair` where the coefficients of the truth are at hand.
+def recovered_angular_power(truth_alms, error, *, mask=None):
+    """The first of `angular_power_pair` where the coefficients of the truth are at hand, in place of it.
 
-    `truth_alms` (n_channels, n_alm) are those of `masked_alms`, or what the maps were made from. In place of
-    the truth any cube will do from which the recovered one differs by a few spectra. Errors as in the pair.
+    Parameters
+    ----------
+    truth_alms
+        Coefficients (n_channels, n_alm) of the truth as `masked_alms` has them, or what it was made from. In
+        place of the truth any cube will do from which the recovered one differs by a few spectra. Without a
+        mask they may end at any l, and the spectra end there.
+    error, mask
+        As there.
     """
-    (recovered, weights), (truth, _) = _checked(recovered, mask), _checked(truth, mask)
-    _check_alms(truth_alms, truth)
-    spectra, alms = _alms_of_difference(recovered, truth, weights)
-    pseudo = np.empty((len(truth), 3 * sphere.nside_of(truth)))
-    for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
-        pseudo[channels] = sphere.power_spectrum(truth_alms[channels] + spectra[channels] @ alms)
+    n_channels, n_alm = np.shape(truth_alms)
+    weights = mask_weights(mask, error.maps.shape[1])
+    _check_error(error, (n_channels, len(weights)))
+    lmax = sphere.lmax_of_size(n_alm)
+    variance = np.array([_variance(alm, lmax) for alm in truth_alms])
+    alms = _alms_of_error(error, weights, lmax, variance)
+    pseudo = np.empty((n_channels, lmax + 1))
+    for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
+        sums = truth_alms[channels] + error.spectra[channels].astype(np.float32) @ alms
+        pseudo[channels] = sphere.power_spectrum(sums)
     return _from_pseudo(pseudo, weights, mask)
 
 
@@ -205,42 +219,26 @@ def _from_pseudo(pseudo, weights, mask):
     return AngularPower(degrees=bins @ np.arange(lmax + 1), cl=cl)
 
 
-def _alms_of_difference(recovered, truth, weights):
-    """recovered - truth as spectra (n_channels, n_modes) times coefficients (n_modes, n_alm), complex64."""
+def _alms_of_error(error, weights, lmax, variance):
+    """Coefficients of the maps of a `MapModes`, times weights, (n_modes, n_alm) complex64.
+
+    `variance` (n_channels,) is that of the truth: of terms that are minor beside it in every channel a rough
+    analysis will do.
+    """
     kept = weights > 0
-    spectra, bright, minor = _difference(recovered, truth, kept)
-    lmax = 3 * sphere.nside_of(truth) - 1
-    alms = np.empty((len(bright), sphere.alm_size(lmax)), dtype=np.complex64)
-    for pixels, rough, alm in zip(bright, minor, alms, strict=True):
+    size = np.mean((error.maps * weights) ** 2, axis=1)
+    minor = (error.spectra**2 * size < _MINOR * variance[:, None]).all(axis=0)
+    alms = np.empty((len(error.maps), sphere.alm_size(lmax)), dtype=np.complex64)
+    for pixels, rough, alm in zip(error.maps, minor, alms, strict=True):
         centred = _centred(pixels, weights, kept).astype(np.float32)
         alm[:] = sphere.analyse(centred, lmax, n_iter=0 if rough else sphere.N_ITER)
-    return spectra.astype(np.float32), alms
+    return alms
 
 
-def _difference(recovered, truth, kept):
-    """recovered - truth, 0 where not kept, as spectra (n_channels, n_modes) times maps (n_modes, n_pix).
-
-    Third, which terms are minor in every channel, (n_modes,) bool.
-    """
-
-    def lines(block):
-        difference = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
-        difference[:, ~kept[block]] = 0
-        return difference
-
-    n_channels, n_pix = truth.shape
-    covariance, floor = np.zeros((n_channels, n_channels)), np.zeros(n_channels)
-    for block in progress(blocks(n_pix), "difference to the truth"):
-        difference = lines(block)
-        covariance += difference @ difference.T
-        floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64), axis=1)
-    values, axes = np.linalg.eigh(covariance)
-    significant = values > _FAINT * floor.sum()
-    spectra = axes[:, significant]
-    maps = np.empty((spectra.shape[1], n_pix))
-    for block in blocks(n_pix):
-        maps[:, block] = spectra.T @ lines(block)
-    return spectra, maps, (spectra**2 * values[significant] < _MINOR * floor[:, None]).all(axis=0)
+def _variance(alm, lmax):
+    """Mean square over the sphere of a field given by coefficients (n_alm,)."""
+    zonal = alm[: lmax + 1].real.astype(np.float64)  # those of m = 0 have no twin of negative m
+    return (2 * np.vdot(alm, alm).real - zonal @ zonal) / (4 * np.pi)
 
 
 def _centred(pixels, weights, kept):
@@ -254,6 +252,13 @@ def _checked(maps, mask):
     shape = np.shape(maps)
     weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
+
+
+def _check_error(error, shape):
+    """Refuse an error that is not of this shape, (n_channels, n_pix)."""
+    got = len(error.spectra), error.maps.shape[1]
+    if got != shape:
+        raise InputError(f"the error must have the channels and pixels of the truth, {shape}, got {got}.")
 
 
 def _check_alms(truth_alms, truth):

@@ -7,28 +7,7 @@ import numpy as np
 from himap.measures import diagnostics
 from himap.measures.power_spectra import AngularPower, FrequencyPower
 
-__all__ = ["Assessment", "Comparison", "Modes", "PowerSpectra", "Residual"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Modes:
-    """A cube as `spectra` (n_channels, n_modes) @ maps with coefficients `alms` (n_modes, n_alm), mK."""
-
-    spectra: np.ndarray
-    alms: np.ndarray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Residual:
-    """What a method leaves, `maps` (n_channels, n_pix) in mK, and the rest of its `Separation`."""
-
-    maps: np.ndarray
-    mixing: np.ndarray
-    sources: np.ndarray
-    converged: bool
-    n_iterations: int
-    flagged: np.ndarray | None
-    lmax: int | None = None
+__all__ = ["Assessment", "Comparison", "PowerSpectra"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +34,7 @@ class Assessment:
         `PowerSpectra` without the lines of sight that `diagnostics.flagged_lines` flags, of what is left
         and of the truth; None unless asked for.
     converged, n_iterations
-        As in `Residual`.
+        As in `himap.removal.base.Separation`.
     mixing
         The mixing matrix of the method, (n_channels, n_sources).
     truth

@@ -35,17 +35,14 @@ def error_parts(case, remover):
     foreground_left, hi_lost, truth
         (n_channels, n_pix) float32, mK, less their channel means.
     """
-    observed, residual = pipeline.observation(case), pipeline.cleaned(case, remover)
-    left, truth = residual.maps, observed.truth
-    known = centred(truth - (observed.maps - pipeline.peak_masked(case).maps))
-    if residual.lmax is not None:
-        truth, _ = pipeline.cut_truth(case, residual.lmax)
-        left, known = (sphere.cut_cube(cube, residual.lmax) for cube in (left, known))
+    observed, found = pipeline.observation(case), pipeline.separation(case, remover)
+    known = centred(observed.truth - (observed.maps - pipeline.peak_masked(case).maps))
+    if found.lmax is not None:
+        known = sphere.cut_cube(known, found.lmax)
     if remover.needs_beams:
         relative = observed.beams / observed.beams.max(axis=0)
-        hi_lost = through_beams(known, residual.mixing, relative, analysed(known))
+        hi_lost = through_beams(known, found.mixing, relative, analysed(known)).cube()
     else:
-        basis = np.linalg.qr(residual.mixing)[0].astype(np.float32)
+        basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
         hi_lost = basis @ (basis.T @ known)
-    truth = centred(truth)
-    return centred(left) - truth + hi_lost, hi_lost, truth
+    return pipeline.error_of(case, found).cube() + hi_lost, hi_lost, centred(pipeline.truth(case, found.lmax))

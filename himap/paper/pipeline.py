@@ -14,19 +14,22 @@ from himap.instrument.beams.degraded import Degraded
 from himap.instrument.noise import noise_maps, noise_sigma
 from himap.instrument.observe import observe
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.blocked import centred, projection
+from himap.maps.modes import HarmonicModes
 from himap.measures import diagnostics
+from himap.measures.difference import FAINT, Moments, line_errors
 from himap.measures.power_spectra import (
     AngularPower,
     angular_power_pair,
     frequency_power,
     recovered_angular_power,
 )
-from himap.measures.results import Assessment, Modes, PowerSpectra, Residual
+from himap.measures.results import Assessment, PowerSpectra
 from himap.products.memory import check_memory
 from himap.products.store import product
-from himap.removal import peaks
+from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed
+from himap.removal.beam_projection import on_sky, seen_through
 from himap.sky.dimming import Dimming
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
@@ -38,11 +41,13 @@ __all__ = [
     "Case",
     "analysis",
     "assessment",
-    "cleaned",
     "components",
     "components_of_sky",
-    "cut_truth",
+    "error",
+    "error_of",
+    "foreground_analysed",
     "foreground_modes_of_sky",
+    "foreground_seen",
     "foregrounds",
     "hi",
     "hi_alms_of_sky",
@@ -51,7 +56,10 @@ __all__ = [
     "observation",
     "peak_masked",
     "power_spectra",
+    "residual",
+    "separation",
     "true_spectra",
+    "truth",
     "truth_alms",
 ]
 
@@ -127,11 +135,11 @@ def components_of_sky(survey, galaxy):
 
 @product
 def foreground_modes_of_sky(survey, galaxy, dimming):
-    """The foregrounds before the beam, a `Modes`: few, and shared by the beams."""
+    """The foregrounds before the beam, a `HarmonicModes`: few, and shared by the beams."""
     spectra, maps = emission_modes(components_of_sky(survey, galaxy), survey.freqs)
     if dimming is not None:
         maps *= dimming.weights(survey.nside)
-    return Modes(spectra=spectra, alms=sphere.analyse(maps))
+    return HarmonicModes(spectra=spectra, alms=sphere.analyse(maps))
 
 
 def foregrounds(survey, galaxy):
@@ -175,108 +183,164 @@ def _basis(case, mask_peaks):
 
 
 @product
-def cleaned(case, remover, mask_peaks=True):
-    """The `Residual` of a case cleaned by `remover`, a `ForegroundRemover` such as PCA(n_sources=3).
+def separation(case, remover, mask_peaks=True):
+    """The `Separation` that `remover`, a `ForegroundRemover` such as PCA(n_sources=3), makes of a case.
 
-    With `mask_peaks` the foreground is found in the peak-masked maps, and subtracted from those observed.
+    With `mask_peaks` the foreground is found in the peak-masked maps; it is subtracted from those observed.
     The method comes as an object, not by name, so that its result depends on the code of that method alone.
     """
     remover.check(case.survey.n_channels)
     observed = observation(case)
-    result = remover.clean(
-        observed.maps,
+    return remover.separate(
+        _basis(case, mask_peaks),
         freqs=observed.freqs,
         beams=observed.beams,
         noise=noise_sigma(case.survey),
         rng=case.survey.rng(f"removal {remover.name}"),
-        separate_on=_basis(case, mask_peaks) if mask_peaks else None,
         modes=analysis(case, mask_peaks) if remover.needs_modes else None,
     )
-    separation = result.separation
-    return Residual(
-        maps=result.residual,
-        mixing=separation.mixing,
-        sources=separation.sources,
-        converged=separation.converged,
-        n_iterations=separation.n_iterations,
-        flagged=separation.flagged,
-        lmax=separation.lmax,
+
+
+def residual(case, remover, mask_peaks=True):
+    """The cube that `remover` leaves, mK, (n_channels, n_pix) float32; not kept."""
+    found = separation.once(case, remover, mask_peaks)
+    modes = None if found.lmax is None else analysis(case, mask_peaks)
+    return found.left_of(observation(case).maps, _basis(case, mask_peaks), modes)
+
+
+@product
+def foreground_seen(case):
+    """The foreground through the beam, a `HarmonicModes`: what an observation is more than its truth."""
+    bright = foreground_modes_of_sky(case.survey.sky, case.galaxy, case.dimming)
+    return seen_through(
+        harmonic.to_modes(bright.alms), bright.spectra, case.beam.of_survey(case.survey).total
     )
 
 
-def truth_alms(case):
-    """Harmonic coefficients of the truth less its channel means, to 3 nside - 1; complex64, not kept."""
+@product
+def foreground_analysed(case, mask_peaks=True):
+    """The foreground as the analysis of the maps has it, a `HarmonicModes`.
+
+    HEALPix holds no exact quadrature, so what is bright comes out of `analysis` with an error that may be as
+    large as HI where l is large. A method that works on those coefficients takes that error with the rest; to
+    the true foreground it would be one of the method.
+    """
+    modes, seen = analysis(case, mask_peaks), foreground_seen(case)
+    nside, axes = case.survey.nside, modes.spectra
+    bright = on_sky(seen, nside)
+    faint = projection(axes.T, _basis(case, mask_peaks)) - (axes.T @ bright.spectra) @ bright.maps
+    alms = harmonic.from_modes(modes.bright) - sphere.analyse(faint, n_iter=sphere.N_ITER_FLAT)
+    rest = seen.spectra - axes @ (axes.T @ seen.spectra)
+    return HarmonicModes(spectra=np.hstack([axes, rest]), alms=np.concatenate([alms, seen.alms]))
+
+
+def error(case, remover, mask_peaks=True):
+    """What `remover` leaves more than the truth, a `MapModes` less its channel means; not kept.
+
+    An observation is the truth and the foreground, so this is the foreground less that which was found. Where
+    the method ends at some l, it is that of what is left up to there against the truth up to there.
+    """
+    return error_of(case, separation.once(case, remover, mask_peaks), mask_peaks)
+
+
+def error_of(case, found, mask_peaks=True):
+    """`error` where the `Separation` is at hand."""
+    there = foreground_seen(case) if found.lmax is None else foreground_analysed(case, mask_peaks)
+    whole = on_sky(there, case.survey.nside, found.lmax) + -found.foreground
+    return whole.condensed(FAINT * _variance(true_spectra(case).angular))
+
+
+def _variance(angular):
+    """Variance, mK^2, summed over channels, of an `AngularPower` of the whole sky."""
+    return float(np.sum(angular.cl @ (2 * angular.degrees + 1)) / (4 * np.pi))
+
+
+def truth_alms(case, lmax=None):
+    """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept."""
     windows = case.beam.of_survey(case.survey)
     sky, noise = hi_alms_of_sky(case.survey.sky), noise_alms(case.survey)
-    alms = np.empty(sky.shape, dtype=np.complex64)
+    lmax = case.survey.lmax if lmax is None else min(lmax, case.survey.lmax)
+    alms = np.empty((len(sky), sphere.alm_size(lmax)), dtype=np.complex64)
     for n, out in enumerate(alms):
-        out[:] = sphere.multiply_beam(sky[n], windows.total[n])
-        resmoothing = windows.resmoothing
-        out += noise[n] if resmoothing is None else sphere.multiply_beam(noise[n], resmoothing[n])
+        out[:] = sphere.multiply_beam(sphere.alms_upto(sky[n], lmax), windows.total[n])
+        low, resmoothing = sphere.alms_upto(noise[n], lmax), windows.resmoothing
+        out += low if resmoothing is None else sphere.multiply_beam(low, resmoothing[n])
     alms[:, 0] = 0
     return alms
+
+
+def truth(case, lmax=None):
+    """The truth up to `lmax`, (n_channels, n_pix) float32, mK; the whole one is kept, others are made."""
+    if lmax is None:
+        return observation(case).truth
+    return _truth_of(truth_alms(case, lmax), case.survey.nside)
+
+
+def _truth_of(alms, nside):
+    return sphere.synthesise_cube(alms, nside, n_channels=len(alms), label="truth")
 
 
 @product
 def true_spectra(case):
     """The `PowerSpectra` of the truth."""
-    return _spectra(observation(case).truth, truth_alms(case), case.survey.channel_width, None)
+    return _spectra(observation(case).truth, truth_alms(case), case.survey.channel_width)
 
 
 @product
 def assessment(case, remover, mask_peaks=True, post_mask=False):
-    """The `Assessment` of what `remover` leaves of a case, found as in `cleaned`.
+    """The `Assessment` of what `remover` leaves of a case, found as in `separation`.
 
-    A cleaned cube that is not kept yet is not kept for this either: a scan over many methods would fill the
-    disk. With `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra
-    (paper, Sect. 5.1).
+    No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. With
+    `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
+    Sect. 5.1).
     """
-    residual, truth = cleaned.once(case, remover, mask_peaks), observation(case).truth
-    maps, alms, lmax = residual.maps, truth_alms(case), residual.lmax
-    if lmax is not None:
-        maps, (truth, alms) = sphere.cut_cube(maps, lmax), cut_truth(case, lmax)
-    errors = diagnostics.line_errors(maps, truth)
-    width = case.survey.channel_width
+    found = separation.once(case, remover, mask_peaks)
+    wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
+    alms = truth_alms(case, lmax)
+    true = observation(case).truth if lmax is None else _truth_of(alms, case.survey.nside)
+    spectra = true_spectra(case) if lmax is None else _spectra(true, alms, width)
+    moments = Moments.of(true, wrong)
+    errors = line_errors(wrong)
     masked = masked_truth = None
     if post_mask:
         mask = ~diagnostics.flagged_lines(errors)
-        pair = angular_power_pair(maps, truth, mask=mask, truth_alms=alms)
-        masked, masked_truth = (
-            PowerSpectra(angular=angular.upto(lmax), frequency=frequency_power(cube, width, mask=mask))
-            for angular, cube in zip(pair, (maps, truth), strict=True)
-        )
+        masked, masked_truth = _masked_spectra(case, true, wrong, mask, alms, lmax)
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=recovered_angular_power(maps, truth, alms).upto(lmax),
-            frequency=frequency_power(maps, width),
+            angular=recovered_angular_power(alms, wrong),
+            frequency=moments.frequency_power(spectra.frequency, width),
         ),
-        correlation=diagnostics.correlation(maps, truth),
+        correlation=moments.correlation,
         line_errors=errors,
         masked=masked,
         masked_truth=masked_truth,
-        converged=residual.converged,
-        n_iterations=residual.n_iterations,
-        mixing=residual.mixing,
-        truth=None if lmax is None else _spectra(truth, alms, width, lmax),
+        converged=found.converged,
+        n_iterations=found.n_iterations,
+        mixing=found.mixing,
+        truth=None if lmax is None else spectra,
     )
 
 
-def cut_truth(case, lmax):
-    """(maps, coefficients to 3 nside - 1) of the truth cut at `lmax`; not kept."""
-    alms = truth_alms(case)
-    low = (sphere.alms_upto(alm, lmax) for alm in alms)
-    maps = sphere.synthesise_cube(low, case.survey.nside, n_channels=len(alms), label="truth")
-    alms[:, sphere.alm_degree(case.survey.lmax) > lmax] = 0
-    return maps, alms
+def _masked_spectra(case, true, wrong, mask, alms, lmax):
+    """`PowerSpectra` of what is left and of the truth on the lines of sight in `mask`."""
+    if lmax is not None:
+        alms = sphere.alms_padded(alms, case.survey.lmax)  # a mask mixes multipoles
+    angular = angular_power_pair(true, wrong, mask=mask, truth_alms=alms)
+    frequency = frequency_power(true, case.survey.channel_width, mask=mask)
+    recovered = Moments.of(true, wrong, mask=mask).frequency_power(frequency, case.survey.channel_width)
+    return tuple(
+        PowerSpectra(angular=power.upto(lmax), frequency=along)
+        for power, along in zip(angular, (recovered, frequency), strict=True)
+    )
 
 
-def _spectra(maps, alms, width, lmax):
-    """`PowerSpectra` of a cube whose coefficients are at hand, up to `lmax`."""
+def _spectra(maps, alms, width):
+    """`PowerSpectra` of a cube whose coefficients are at hand."""
     cl = sphere.power_spectrum(alms)
     angular = AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl)
-    return PowerSpectra(angular=angular.upto(lmax), frequency=frequency_power(maps, width))
+    return PowerSpectra(angular=angular, frequency=frequency_power(maps, width))
 
 
 def power_spectra(case, remover=None, mask_peaks=True):
-    """The `PowerSpectra` of a case: of the truth, or of what `remover` leaves, found as in `cleaned`."""
+    """The `PowerSpectra` of a case: of the truth, or of what `remover` leaves, found as in `separation`."""
     return true_spectra(case) if remover is None else assessment(case, remover, mask_peaks).power_spectra

@@ -26,6 +26,7 @@ def observing_steps(cases):
         (pipeline.observation, case_calls),
         (pipeline.peak_masked, case_calls),
         (pipeline.true_spectra, case_calls),
+        (pipeline.foreground_seen, case_calls),
     ]
 
 
@@ -39,7 +40,7 @@ def make_observations(cases):
     return made
 
 
-def make(assessments, *, facts=(), keep_cubes=False, keep_observations=True):
+def make(assessments, *, facts=(), keep_separations=False, keep_observations=True):
     """Make the assessments of some methods on some cases, and before them what they share.
 
     Parameters
@@ -48,8 +49,8 @@ def make(assessments, *, facts=(), keep_cubes=False, keep_observations=True):
         The arguments of each `pipeline.assessment`: (case, remover, mask_peaks, post_mask).
     facts
         [(product, arguments)] of what else is measured on these cases (`himap.paper.evidence`).
-    keep_cubes
-        Whether cleaned cubes are kept, or only what is measured on them.
+    keep_separations
+        Whether what the methods find is kept, or only what is measured on it.
     keep_observations
         Whether what is as large as a cube and was made now stays: that of many realisations fills a disk.
         What was there before stays in any case.
@@ -66,19 +67,20 @@ def make(assessments, *, facts=(), keep_cubes=False, keep_observations=True):
     """
     cleanings = [call[:3] for call in assessments]
     steps = [(fact, [call for product, call in facts if product is fact]) for fact in dict(facts)]
-    steps += [(pipeline.cleaned, cleanings)] * keep_cubes + [(pipeline.assessment, assessments)]
+    steps += [(pipeline.separation, cleanings)] * keep_separations + [(pipeline.assessment, assessments)]
     if all(product.is_cached(*call) for product, calls in steps for call in calls):
         return 0
     cases = list(dict.fromkeys(case for case, *_ in assessments))
     check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
     made = make_observations(cases)
-    analyses = {(case, peaks): None for case, remover, peaks in cleanings if remover.needs_modes}
-    missing = [(pipeline.analysis, call) for call in analyses if not pipeline.analysis.is_cached(*call)]
-    make_all(pipeline.analysis, [call for _, call in missing], "analysis")
+    analyses = list({(case, peaks): None for case, remover, peaks in cleanings if remover.needs_modes})
+    for product in (pipeline.analysis, pipeline.foreground_analysed):
+        made += [(product, call) for call in analyses if not product.is_cached(*call)]
+        make_all(product, analyses, "analysis")
     for product, calls in steps:
         n_made = make_all(product, calls, product.name.rpartition(".")[2])
     if not keep_observations:
-        for product, call in made + missing:
+        for product, call in made:
             if product not in (pipeline.true_spectra, pipeline.components_of_sky):  # these are small
                 product.forget(*call)
     return n_made

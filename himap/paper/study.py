@@ -35,8 +35,8 @@ class Study:
         Which Galaxy, as in `Galaxy`.
     dimming
         A `Dimming` of the foregrounds along the Galactic plane, or None.
-    keep_cubes
-        Whether cleaned cubes are kept in the cache, or only what is measured on them.
+    keep_separations
+        Whether what methods find is kept in the cache, or only what is measured on it.
     """
 
     preset: str = "quick"
@@ -45,7 +45,7 @@ class Study:
     template_dir: str | None = None
     small_scales: bool = True
     dimming: Dimming | None = None
-    keep_cubes: bool = True
+    keep_separations: bool = True
 
     @cached_property
     def survey(self):
@@ -84,14 +84,19 @@ class Study:
         """The `PowerSpectra` of the truth, HI plus noise through the beam."""
         return pipeline.true_spectra(self.case(beam))
 
-    def cleaned(self, beam, remover, **options):
-        """What `remover` leaves, a `Residual`; options as in `pipeline.cleaned`."""
-        return pipeline.cleaned(self.case(beam), remover, **options)
+    def separation(self, beam, remover, **options):
+        """What `remover` finds, a `Separation`; options as in `pipeline.separation`."""
+        return pipeline.separation(self.case(beam), remover, **options)
+
+    def residual(self, beam, remover, **options):
+        """The cube that `remover` leaves, (n_channels, n_pix) float32, mK; made anew at each call."""
+        self.separation(beam, remover, **options)
+        return pipeline.residual(self.case(beam), remover, **options)
 
     def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
-        """How well `remover` did, an `Assessment`; keeps the cleaned cube if the study does."""
-        if self.keep_cubes:
-            self.cleaned(beam, remover, mask_peaks=mask_peaks)
+        """How well `remover` did, an `Assessment`; keeps what was found if the study does."""
+        if self.keep_separations:
+            self.separation(beam, remover, mask_peaks=mask_peaks)
         return pipeline.assessment(self.case(beam), remover, mask_peaks, post_mask)
 
     def compared(self, beam, remover, *, masked=False, **options):
@@ -111,7 +116,7 @@ class Study:
             for beam, methods in removers.items()
             for method in methods
         ]
-        plan.make(calls, keep_cubes=self.keep_cubes)
+        plan.make(calls, keep_separations=self.keep_separations)
 
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.
@@ -197,12 +202,10 @@ class Study:
 
     def channel_figure(self, beam, remover, **options):
         """One channel in the middle of the band: observed, cleaned, truth, and what is wrong."""
-        observation, result = self.observed(beam), self.cleaned(beam, remover, **options)
+        observation, found = self.observed(beam), self.separation(beam, remover, **options)
         channel = self.survey.n_channels // 2
-        truth = observation.truth
-        if result.lmax is not None:
-            truth, _ = pipeline.cut_truth(self.case(beam), result.lmax)
-        cubes = (observation.maps, result.maps, truth)
+        truth = pipeline.truth(self.case(beam), found.lmax)
+        cubes = (observation.maps, self.residual(beam, remover, **options), truth)
         observed, cleaned, truth = (cube[channel] - cube[channel].mean(dtype=float) for cube in cubes)
         maps = {
             f"observed, {observation.freqs[channel]:.0f} MHz": observed,
@@ -216,7 +219,7 @@ class Study:
 
     def mixing_figure(self, beam, remover, *, ylabel="mixing coefficient", names=None, **options):
         """The spectra that a method removes: columns of its mixing matrix against frequency."""
-        mixing = self.cleaned(beam, remover, **options).mixing
+        mixing = self.separation(beam, remover, **options).mixing
         curves = []
         for n, column in enumerate(mixing.T):
             style = {"color": styles.COLOURS[n % 5], "linestyle": _LINES[n % 5]}
@@ -227,7 +230,7 @@ class Study:
 
     def sources_figure(self, beam, remover, *, n_shown=6, limits=(2, 98), **options):
         """The maps that go with the columns of the mixing matrix."""
-        sources = self.cleaned(beam, remover, **options).sources[:n_shown]
+        sources = self.separation(beam, remover, **options).sources[:n_shown]
         maps = {f"component {n + 1}": source for n, source in enumerate(sources)}
         return self._of_method(plotting.sky_maps(maps, limits=limits), beam, remover)
 

@@ -1,5 +1,6 @@
 """Harmonic analysis of a cube, once for all that is asked of it."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,12 @@ class CubeModes:
         modes = self.spectra @ self.bright[:, :n_modes]
         modes += self.rest[:, :n_modes]
         return modes
+
+    def low_cube(self, lmax):
+        """The maps up to `lmax`, (n_channels, n_pix) float32."""
+        nside = math.isqrt(self.rest.shape[1]) // 3
+        alms = (harmonic.from_modes(channel) for channel in self.upto(lmax))
+        return sphere.synthesise_cube(alms, nside, n_channels=len(self.spectra), label=f"maps to l = {lmax}")
 
     def along(self, rows, lmax):
         """Modes of ``rows @ maps`` to `lmax`, (n_rows, (lmax + 1)^2) float64."""

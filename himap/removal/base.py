@@ -6,7 +6,7 @@ one class in `himap/removal/`; it registers by its name, and the contract test r
 
 import warnings
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, checked_noise, parameter
 from himap.errors import InputError
 from himap.maps.blocked import centred
+from himap.maps.modes import MapModes
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
@@ -31,13 +32,14 @@ class Separation:
 
     Attributes
     ----------
-    foreground
-        (n_channels, n_pix) float32, mK, a new array. `_separate` gives that of the maps it is given; the
-        base class adds the channel means in place, for a second cube of that size is not small.
     mixing
-        (n_channels, n_sources).
+        A, (n_channels, n_sources).
     sources
-        (n_sources, n_pix).
+        S, (n_sources, n_pix), mK.
+    taken
+        The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
+    means
+        What was taken from every channel before, (n_channels,): `_separate` leaves it to the base class.
     converged
         False if the method stopped at its limit.
     n_iterations
@@ -47,38 +49,64 @@ class Separation:
     remark
         What the user should know of the result, for a warning; empty if there is nothing.
     lmax
-        Multipole at which what is left ends, since the method finds nothing beyond; None if it does not end.
+        Multipole at which the method ends: beyond all goes with the foreground; None if it does not end.
     """
 
-    foreground: np.ndarray
     mixing: np.ndarray
     sources: np.ndarray
+    taken: MapModes | None = None
+    means: np.ndarray | None = None
     converged: bool = True
     n_iterations: int = 0
     flagged: np.ndarray | None = None
     remark: str = ""
     lmax: int | None = None
 
+    @property
+    def foreground(self):
+        """The foreground up to `lmax`, less the channel means, a `MapModes`."""
+        return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
+
+    def left_of(self, maps, basis, modes=None):
+        """What is left of `maps` once the foreground of `basis` is taken, (n_channels, n_pix) float32.
+
+        Parameters
+        ----------
+        maps, basis
+            (n_channels, n_pix), mK; `basis` are those that this was found in.
+        modes
+            The `CubeModes` of `basis`, where this ends at `lmax`: beyond, all that `basis` holds is taken.
+        """
+        if self.lmax is None:
+            return self.foreground.taken_from(maps, self.means)
+        left = self.foreground.taken_from(modes.low_cube(self.lmax))
+        for observed, found, out in zip(maps, basis, left, strict=True):
+            out += observed - found
+        return left
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cleaned:
-    """A cleaned cube: `residual` + `foreground` is the input, up to float32 rounding.
+    """A cleaned cube.
 
     Attributes
     ----------
+    maps
+        What came, (n_channels, n_pix), mK.
     residual
         HI plus noise as the method sees it, (n_channels, n_pix) float32, mK.
     separation
         The `Separation` behind it.
     """
 
+    maps: np.ndarray
     residual: np.ndarray
     separation: Separation
 
     @property
     def foreground(self):
-        """What was subtracted, the mean of every channel included, same shape."""
-        return self.separation.foreground
+        """What was subtracted, the mean of every channel included, float32, made when asked for."""
+        return (self.maps - self.residual).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +148,40 @@ class ForegroundRemover(ABC):
     def __post_init__(self):
         checked_fields(self)
 
-    def clean(self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None):
+    def clean(self, maps, *, separate_on=None, **known):
         """Find the foreground and subtract it.
+
+        Parameters
+        ----------
+        maps
+            (n_channels, n_pix), mK; left as they are.
+        separate_on
+            Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
+            themselves unless given. The foreground is always subtracted from `maps`.
+        known
+            freqs, and what else `separate` takes.
+
+        Returns
+        -------
+        Cleaned
+
+        Raises
+        ------
+        InputError
+            Maps of different shapes; and as `separate`.
+        """
+        maps = checked_cube("maps", maps, min_channels=2)
+        basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
+        if basis.shape != maps.shape:
+            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
+        if self.needs_modes and known.get("modes") is None:
+            known["modes"] = _analysed(basis)
+        separation = self.separate(basis, **known)
+        residual = separation.left_of(maps, basis, known.get("modes"))
+        return Cleaned(maps=maps, residual=residual, separation=separation)
+
+    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None):
+        """Find the foreground.
 
         Parameters
         ----------
@@ -135,48 +195,35 @@ class ForegroundRemover(ABC):
             Noise of the instrument per pixel, mK, a number or (n_channels,), for methods that use it.
         rng
             numpy Generator, for methods that draw numbers.
-        separate_on
-            Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
-            themselves unless given. The foreground is always subtracted from `maps`.
         modes
-            The `CubeModes` of those maps less their channel means (`himap.removal.analysis.analysed`), where
+            The `CubeModes` of the maps less their channel means (`himap.removal.analysis.analysed`), where
             they are at hand, for methods that need them: to make them is half of the work.
 
         Returns
         -------
-        Cleaned
+        Separation
 
         Raises
         ------
         InputError
-            Maps that are not finite, of one channel or of different shapes; frequencies or beams that do
-            not fit them; more sources than channels.
+            Maps that are not finite or of one channel; frequencies or beams that do not fit them; more
+            sources than channels.
         """
         maps = checked_cube("maps", maps, min_channels=2)
-        basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
-        if basis.shape != maps.shape:
-            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
         noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
-        means = basis.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        basis = centred(basis, means)
-        separate = self._separate
+        find = self._separate
         if self.needs_noise:
-            separate = partial(separate, noise=noise)
+            find = partial(find, noise=noise)
         if self.needs_modes:
-            # Imported here: the others do without transforms, and to import these takes a second.
-            from himap.removal.analysis import analysed
-
-            separate = partial(separate, modes=analysed(basis) if modes is None else modes)
-        separation = separate(basis, freqs=freqs, beams=beams, rng=rng)
+            find = partial(find, modes=_analysed(maps) if modes is None else modes)
+        means = maps.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
+        maps = centred(maps, means)
+        separation = replace(find(maps, freqs=freqs, beams=beams, rng=rng), means=means)
         self._check_result(separation, maps.shape)
-        residual = np.empty(maps.shape, dtype=np.float32)
-        for observed, foreground, mean, out in zip(maps, separation.foreground, means, residual, strict=True):
-            foreground += mean
-            out[:] = observed - foreground
-        return Cleaned(residual=residual, separation=separation)
+        return separation
 
     def _own_beams(self, beams, n_channels):
         if not self.needs_beams:
@@ -205,11 +252,12 @@ class ForegroundRemover(ABC):
 
     def _check_result(self, separation, shape):
         """Hold a method to what it promises, and pass on what it says of its result."""
-        foreground = separation.foreground
-        if foreground.shape != shape or foreground.dtype != np.float32:
+        spectra, maps = separation.foreground.spectra, separation.foreground.maps
+        expected = (shape[0], len(maps)), (len(maps), shape[1])
+        if (spectra.shape, maps.shape) != expected:
             raise TypeError(
-                f"{type(self).__name__}._separate must return a new float32 foreground of shape {shape}, "
-                f"got {foreground.dtype} of {foreground.shape}."
+                f"{type(self).__name__}._separate must return spectra {expected[0]} times maps "
+                f"{expected[1]}, got {spectra.shape} and {maps.shape}."
             )
         remarks = [separation.remark] if separation.remark else []
         if not (separation.converged or self.ends_by_count):
@@ -234,3 +282,11 @@ class ForegroundRemover(ABC):
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
         """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
+
+
+def _analysed(maps):
+    """The `CubeModes` of maps (n_channels, n_pix) less their channel means."""
+    # Imported here: most methods do without transforms, and to import these takes a second.
+    from himap.removal.analysis import analysed
+
+    return analysed(centred(maps))

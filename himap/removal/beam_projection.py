@@ -3,17 +3,18 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import mixture, projection
+from himap.maps.blocked import projection
+from himap.maps.modes import HarmonicModes, MapModes
 from himap.progress import progress
 from himap.removal import harmonic
 
-__all__ = ["seen_through", "through_beams"]
+__all__ = ["on_sky", "seen_through", "through_beams"]
 
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 def through_beams(maps, space, beams, modes):
-    """What the spectra `space`, seen through `beams`, hold of `maps`, (n_channels, n_pix) float32.
+    """What the spectra `space`, seen through `beams`, hold of `maps`, a `MapModes`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
     regularisation. All W_l lie in a space of a few dozen spectra V, so V^T X is all that is projected and
@@ -45,11 +46,11 @@ def through_beams(maps, space, beams, modes):
     foreground = last_basis @ (last_basis.T @ projection(spectra.T, maps))
     for pixels, mode in zip(progress(foreground, "foreground"), projected, strict=True):
         pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-    return mixture(spectra, foreground)
+    return MapModes(spectra=spectra, maps=foreground)
 
 
-def seen_through(sources, mixing, beams, nside):
-    """Maps of sources mixed and seen through beams, diag(beams_l) A S_l, (n_channels, n_pix) float32, mK.
+def seen_through(sources, mixing, beams):
+    """Sources mixed and seen through beams, diag(beams_l) A S_l, in few spectra: a `HarmonicModes`, mK.
 
     Parameters
     ----------
@@ -59,21 +60,23 @@ def seen_through(sources, mixing, beams, nside):
         A, (n_channels, n_sources).
     beams
         b_l, (n_channels, lmax + 1).
-    nside
-        Of the maps.
     """
-    bases = _bases(mixing, beams)
-    spectra = _common(bases)
-    within = np.einsum("cv,cl,cn->lvn", spectra, beams, mixing, optimize=True)
-    projected = np.empty((spectra.shape[1], sources.shape[1]))
-    for matrix, source, block in zip(
-        within, harmonic.blocks(sources), harmonic.blocks(projected), strict=True
-    ):
-        np.matmul(matrix, source, out=block)
-    maps = np.empty((len(projected), 12 * nside**2))
-    for pixels, mode in zip(progress(maps, "foreground"), projected, strict=True):
-        pixels[:] = sphere.synthesise(harmonic.from_modes(mode), nside)
-    return mixture(spectra, maps)
+    matrices = beams.T[:, :, None] * mixing
+    blocks = harmonic.blocks(sources)
+    sizes = (np.linalg.qr(block.T, mode="r").T for block in blocks)
+    spectra = _common([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
+    seen = np.empty((spectra.shape[1], sources.shape[1]))
+    for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
+        np.matmul(matrix, source, out=out)
+    return HarmonicModes(spectra=spectra, alms=harmonic.from_modes(seen))
+
+
+def on_sky(modes, nside, lmax=None):
+    """The `MapModes` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
+    maps = np.empty((len(modes.alms), 12 * nside**2))
+    for alm, pixels in zip(progress(modes.alms, "foreground"), maps, strict=True):
+        pixels[:] = sphere.synthesise(alm if lmax is None else sphere.alms_upto(alm, lmax), nside)
+    return MapModes(spectra=modes.spectra, maps=maps)
 
 
 def _bases(space, beams):
@@ -82,7 +85,7 @@ def _bases(space, beams):
     return np.linalg.qr(beams.T[:, :, None] * space)[0]
 
 
-def _common(bases):
-    """Orthonormal spectra that hold all of `bases`, (n_channels, n_spectra)."""
-    spectra, values, _ = np.linalg.svd(np.hstack(list(bases)), full_matrices=False)
+def _common(columns):
+    """Orthonormal spectra that hold all of some columns (n_channels, n), (n_channels, n_spectra)."""
+    spectra, values, _ = np.linalg.svd(np.hstack(list(columns)), full_matrices=False)
     return spectra[:, values > _RANK * values[0]]

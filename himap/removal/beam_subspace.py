@@ -78,7 +78,7 @@ class BeamSubspace(ForegroundRemover):
         mixing, converged, n_iterations = self._settled(mixture, mixing)
         mixing, sources = ordered(mixing, mixture.sources(mixing))
         return Separation(
-            foreground=through_beams(maps, mixing, beams / best, modes),
+            taken=through_beams(maps, mixing, beams / best, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=converged,

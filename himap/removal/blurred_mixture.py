@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.removal.covariance import principal_axes
-from himap.removal.harmonic import at_one_resolution, cross_products, less, project, safe_inverse
+from himap.removal.harmonic import at_one_resolution, blocks, cross_products, project, safe_inverse
 
 __all__ = ["BlurredMixture"]
 
@@ -53,7 +53,11 @@ class BlurredMixture:
 
     def residual(self, mixing, sources):
         """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
-        return less(self.modes, self.matrices(mixing), sources)
+        residual = np.empty_like(self.modes)
+        by_degree = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, residual)), strict=True)
+        for matrix, source, data, out in by_degree:
+            np.subtract(data, matrix @ source, out=out)
+        return residual
 
     def corrected(self, mixing, residual, sources, kept):
         """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.

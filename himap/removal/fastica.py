@@ -53,7 +53,7 @@ class FastICA(ForegroundRemover):
                 axes.mixing[:, :rank] * scale[:rank] @ rotation.T, rotation @ white
             )
         return Separation(
-            foreground=axes.foreground,
+            taken=axes.foreground,
             mixing=mixing,
             sources=sources,
             converged=n_iterations < self.max_iterations,

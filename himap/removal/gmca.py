@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import SplitCube, mixture, projection
+from himap.maps.blocked import SplitCube, projection
 from himap.maps.starlets import starlet_bands
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
@@ -59,7 +59,6 @@ class GMCA(ForegroundRemover):
             last = step
         mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), maps))
         return Separation(
-            foreground=mixture(mixing, sources),
             mixing=mixing,
             sources=sources,
             converged=last.converged,

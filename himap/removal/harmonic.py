@@ -17,7 +17,6 @@ __all__ = [
     "cross_products",
     "degrees",
     "from_modes",
-    "less",
     "project",
     "safe_inverse",
     "to_modes",
@@ -123,14 +122,6 @@ def project(inverses, modes):
     for inverse, data, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
         np.matmul(inverse, data, out=out)
     return sources
-
-
-def less(modes, matrices, sources):
-    """X_l - W_l S_l of every l, (n_channels, n_modes), a new array; W_l are (n_l, n_channels, n_sources)."""
-    left = np.empty_like(modes)
-    for matrix, source, data, out in zip(matrices, *map(blocks, (sources, modes, left)), strict=True):
-        np.subtract(data, matrix @ source, out=out)
-    return left
 
 
 def at_one_resolution(modes, ratios, *, halve=False):

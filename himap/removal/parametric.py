@@ -9,6 +9,7 @@ from scipy.special import exprel
 
 from himap.errors import InputError
 from himap.maps.blocked import blocks
+from himap.maps.modes import MapModes
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
@@ -18,6 +19,7 @@ FIXED_INDEX = -2.13
 """Spectral index of the first term, free-free emission (Bennett et al. 1992)."""
 
 _BLOCK = 4096  # pixels at a time: the float64 copies of a block stay small
+_RANK = 1e-13  # directions of q2(beta) below this share of the largest are rounding
 _DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band and indices the fields allow
 _N_GRID = 65  # starting values of beta
 _MAX_STEPS = 60  # bisection alone needs 45
@@ -65,18 +67,18 @@ class Parametric(ForegroundRemover):
     def _separate(self, maps, *, freqs, beams, rng):
         _check_total(maps)
         model = _TwoPowerLaws(freqs / self.nu0, self.beta_min, self.beta_max)
-        foreground = np.empty_like(maps)
+        fits = np.empty((model.spectra.shape[1], maps.shape[1]))
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
         n_steps, n_lost = 0, 0
         for block in progress(blocks(maps.shape[1], _BLOCK), "parametric"):
             flat, series = model.project(maps[:, block].astype(np.float64))
             best = _highest(series)
-            foreground[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
+            fits[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
             flagged[block] = best.at_bound | ~best.converged
             n_steps, n_lost = max(n_steps, best.n_steps), n_lost + np.count_nonzero(~best.converged)
         return Separation(
-            foreground=foreground,
+            taken=MapModes(spectra=model.spectra, maps=fits),
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,
             converged=n_lost == 0,
@@ -102,6 +104,11 @@ class _TwoPowerLaws:
     vector along what x^beta adds to it. It is taken from (x^beta - x^-2.13) / (beta + 2.13), written with
     exprel, which loses no digits where the power laws meet. q2 is smooth in beta: a short Chebyshev series,
     in t from -1 to 1 over the range of beta, holds it to rounding.
+
+    Attributes
+    ----------
+    spectra
+        Orthonormal spectra that hold every model, q1 first, (n_channels, n_spectra).
     """
 
     def __init__(self, x, beta_min, beta_max):
@@ -112,6 +119,11 @@ class _TwoPowerLaws:
         self.q1 = first / self.norm
         table = chebyshev.chebinterpolate(np.vectorize(self._table, signature="()->(n)"), _DEGREE)
         self.q2, self.overlap, self.inverse_norm = table[:, :-2], table[:, -2], table[:, -1]
+        # All q2 that there are lie in a few directions, to the rounding of the series.
+        _, size, axes = np.linalg.svd(self.q2, full_matrices=False)
+        axes = axes[size > _RANK * size[0]]
+        self.spectra = np.stack([self.q1, *axes], axis=1)
+        self._along = self.q2 @ axes.T
 
     def _table(self, t):
         """q2, and the product with q1 and the inverse norm of the vector it comes from, in one row."""
@@ -130,10 +142,10 @@ class _TwoPowerLaws:
         return self.q1 @ lines, self.q2 @ (lines - np.outer(self.q1, self.q1 @ lines))
 
     def evaluate(self, flat, series, t):
-        """The fit, (n_channels, n_pix), and a1, a2, beta, (3, n_pix), at the given t, (n_pix,)."""
+        """The fit along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix), at the t, (n_pix,)."""
         powers = chebyshev.chebvander(t, _DEGREE).T
         height = np.einsum("ij,ij->j", powers, series)
-        fit = np.outer(self.q1, flat) + (self.q2.T @ powers) * height
+        fit = np.vstack([flat, (self._along.T @ powers) * height])
         beta = self.middle + self.half * t
         slope = height * (self.inverse_norm @ powers)
         second = slope / (beta - FIXED_INDEX)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from himap.maps.blocked import mixture, projection
+from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import channel_covariance, principal_axes
 
@@ -28,5 +28,4 @@ class PCA(ForegroundRemover):
 def principal_components(maps, n_sources):
     """The `Separation` of PCA: `n_sources` principal components of maps (n_channels, n_pix), centred, mK."""
     mixing = principal_axes(channel_covariance(maps), n_sources)
-    sources = projection(mixing.T, maps)
-    return Separation(foreground=mixture(mixing, sources), mixing=mixing, sources=sources)
+    return Separation(mixing=mixing, sources=projection(mixing.T, maps))

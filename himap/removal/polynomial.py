@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from himap.maps.blocked import mixture
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import check_clipping, smooth_baselines
 
@@ -31,5 +30,4 @@ class Polynomial(ForegroundRemover):
 
     def _separate(self, maps, *, freqs, beams, rng):
         baselines = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
-        foreground = mixture(baselines.basis, baselines.second)
-        return Separation(foreground=foreground, mixing=baselines.basis, sources=baselines.second)
+        return Separation(mixing=baselines.basis, sources=baselines.second)

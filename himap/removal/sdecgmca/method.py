@@ -12,7 +12,7 @@ from himap.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.beam_projection import seen_through, through_beams
+from himap.removal.beam_projection import on_sky, seen_through, through_beams
 from himap.removal.conventions import ordered
 from himap.removal.sdecgmca.iteration import iterations, last_sources
 from himap.removal.sdecgmca.pixels import Grid, HEALPix
@@ -146,10 +146,10 @@ class SDecGMCA(ForegroundRemover):
             start = problem.start(self.n_sources, self.start)
             steps = enumerate(iterations(self, problem, scales, start), 1)
             ((n_iterations, step),) = deque(steps, maxlen=1)
-        sources, foreground = self._last(maps, problem, scales, step, windows, modes)
+        sources, taken = self._last(maps, problem, scales, step, windows, modes)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(
-            foreground=foreground,
+            taken=taken,
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=step.settled,
@@ -158,7 +158,7 @@ class SDecGMCA(ForegroundRemover):
         )
 
     def _last(self, maps, problem, scales, step, windows, modes):
-        """The last S, real modes to the l that it is found to, and the foreground (n_channels, n_pix)."""
+        """The last S, real modes to the l that it is found to, and the foreground, a `MapModes`."""
         if self.beyond == "regularised":
             top = min(3 * sphere.nside_of(maps), windows.shape[1]) - 1
             problem = Problem(
@@ -170,16 +170,14 @@ class SDecGMCA(ForegroundRemover):
         mixing = step.mixing
         sources = last_sources(self, problem, scales, mixing, step.sources)
         nside = sphere.nside_of(maps)
-        if self.beyond == "cut":
-            return sources, maps - _left(problem, mixing, sources, nside)
-        if self.beyond == "regularised":
-            return sources, seen_through(sources, mixing, problem.beams, nside)
+        if self.beyond != "projection":
+            return sources, on_sky(seen_through(sources, mixing, problem.beams), nside)
         # All l by projection, and up to lmax what the last S is more than that.
-        foreground = through_beams(maps, mixing, windows, modes)
+        taken = through_beams(maps, mixing, windows, modes)
         if self.last != "unregularised":
             more = sources - problem.sources(problem.inverses(mixing, 0))
-            foreground += seen_through(more, mixing, problem.beams, nside)
-        return sources, foreground
+            taken += on_sky(seen_through(more, mixing, problem.beams), nside)
+        return sources, taken
 
     def _noise_per_mode(self, noise, n_channels, n_pix):
         """Variance per mode and channel, (n_channels,), or None where it is not known."""
@@ -187,10 +185,3 @@ class SDecGMCA(ForegroundRemover):
         if noise is None:
             return None
         return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))
-
-
-def _left(problem, mixing, sources, nside):
-    """Maps of X_l - diag(H_l) A S_l up to lmax, (n_channels, n_pix) float32."""
-    modes = harmonic.less(problem.modes, problem.beams.T[:, :, None] * mixing, sources)
-    alms = (harmonic.from_modes(mode).astype(np.complex64) for mode in modes)
-    return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label="what is left")
