@@ -113,7 +113,7 @@ def measure(label, remover, data):
         n_iterations=getattr(separation, "n_iterations", 0),
         seconds=seconds,
     )
-    del result, separation  # two cubes that the alternatives do not need
+    del result, separation  # a cube that the alternatives do not need
     each = f"{run.n_iterations:10d} {seconds / run.n_iterations:10.3g} s" if run.n_iterations else ""
     n_sources = getattr(remover, "n_sources", "")
     lines = [f"{label:20s} {n_sources!s:>4} {seconds:9.3g} s {cpu:9.3g} s {memory:7.2f} GB {each}".rstrip()]

@@ -113,7 +113,7 @@ class TestReadings:
         assert (code, err) == (0, "")
         assert [sky.survey.seed for sky in seen[0]] == [7, 8]
         assert seen[0][0].n_sources == tuple(range(2, 13))
-        assert re.search(r"^letter \(sign = nonnegative\) +0 +0 of 2 +1 +0 +1 +0 +1.25", out, re.M)
+        assert re.search(r"^letter \(thresholds = mad\) +0 +0 of 2 +1 +0 +1 +0 +1.25", out, re.M)
         path = Path("results/readings_ci_seed=7.json")
         assert f"{path}  (" in out
         outcomes, about = read_readings(path)

@@ -48,7 +48,7 @@ def test_only_foregrounds_are_dimmed():
 
 def test_a_dimmed_case_is_a_product_of_its_own():
     case = pipeline.Case(survey=SMALL, dimming=Dimming())
-    one, two = (pipeline.cleaned(c, PCA(n_sources=2)).maps for c in (case, pipeline.Case(survey=SMALL)))
+    one, two = (pipeline.residual(c, PCA(n_sources=2)) for c in (case, pipeline.Case(survey=SMALL)))
     assert not np.array_equal(one, two)
 
 

@@ -48,7 +48,7 @@ def test_sources_are_coefficients_of_the_mixing(sextic):
     assert separation.mixing.shape == (100, 7)
     assert separation.mixing.T @ separation.mixing == pytest.approx(np.eye(7), abs=1e-13)
     model = separation.mixing @ separation.sources
-    assert separation.foreground == pytest.approx(model, rel=1e-7)
+    assert separation.foreground.cube() == pytest.approx(model, rel=1e-7)
 
 
 def test_blocks_do_not_show(sextic, monkeypatch):

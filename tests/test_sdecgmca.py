@@ -76,7 +76,7 @@ class TestSeparation:
         """With five scales to l = 8 no smooth rest is left, and no coefficient is above such noise."""
         method = SDecGMCA(**QUICK | {"noise": 1e6, "n_scales": 5}, lmax=8, thresholds="analytic")
         found = clean(method, problem[0]).separation
-        assert np.isfinite(found.foreground).all()
+        assert np.isfinite(found.foreground.maps).all()
         assert np.linalg.norm(found.mixing, axis=0) == pytest.approx(1)
 
     def test_equal_channels_are_no_trouble(self, rng):

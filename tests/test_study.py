@@ -40,8 +40,8 @@ def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     monkeypatch.setattr("himap.paper.pipeline.peaks.mask_peaks", lower)
     study = Study(preset="ci", overrides=TINY | {"seed": 7})
     assert study.peak_masked(Degraded()).flagged.any()
-    with_mask = study.cleaned(Degraded(), PCA(n_sources=2)).maps
-    without = study.cleaned(Degraded(), PCA(n_sources=2), mask_peaks=False).maps
+    with_mask = study.residual(Degraded(), PCA(n_sources=2))
+    without = study.residual(Degraded(), PCA(n_sources=2), mask_peaks=False)
     direct = PCA(n_sources=2).clean(
         study.observed(Degraded()).maps,
         freqs=study.survey.freqs,

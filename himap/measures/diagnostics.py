@@ -3,8 +3,6 @@
 import numpy as np
 
 from himap.errors import InputError
-from himap.maps.blocked import blocks
-from himap.progress import progress
 
 __all__ = [
     "BUMP",
@@ -13,11 +11,9 @@ __all__ = [
     "band_mean",
     "band_means",
     "band_median",
-    "correlation",
     "error_variance",
     "flagged_lines",
     "largest_deviation",
-    "line_errors",
     "mean_squared_error",
     "ratio",
 ]
@@ -125,26 +121,9 @@ def mean_squared_error(recovered, true, definition="relative"):
     return float(np.average((over - 1) ** 2, weights=np.square(true, dtype=float)))
 
 
-def line_errors(recovered, true):
-    """Mean squared error of every line of sight, (n_pix,) float64, mK^2 (paper, Sect. 5.1).
-
-    Both cubes (n_channels, n_pix) less the mean of each channel over the sky, which no method recovers.
-    """
-    shift = _channel_means(recovered) - _channel_means(true)
-    errors = np.empty(np.shape(true)[1])
-    for block in progress(blocks(len(errors)), "errors of lines of sight"):
-        errors[block] = np.mean((recovered[:, block] - true[:, block] - shift) ** 2, axis=0)
-    return errors
-
-
 def flagged_lines(errors):
     """Lines of sight with ``|mean(MSE) - MSE| > sigma(MSE)``, (n_pix,) bool (paper, Sect. 5.1)."""
     return np.abs(errors.mean() - errors) > errors.std()
-
-
-def correlation(recovered, true):
-    """Pearson r of recovered and true map in every channel, (n_channels,) (paper, Eq. A.1)."""
-    return np.array([_pearson(*channel) for channel in zip(recovered, true, strict=True)])
 
 
 def error_variance(recovered, true):
@@ -154,15 +133,6 @@ def error_variance(recovered, true):
     everywhere alike has none.
     """
     return np.var(1 - ratio(recovered, true), axis=0)
-
-
-def _channel_means(maps):
-    return np.mean(maps, axis=1, dtype=np.float64)[:, None]
-
-
-def _pearson(recovered, true):
-    recovered, true = (pixels - pixels.mean(dtype=np.float64) for pixels in (recovered, true))
-    return recovered @ true / np.sqrt((recovered @ recovered) * (true @ true))
 
 
 def _within(x, low, high):

@@ -17,6 +17,8 @@ from himap.progress import progress
 
 __all__ = ["FAINT", "Moments", "difference", "line_errors"]
 
+_BLOCK = 4096  # lines of sight at a time: their float64 copy stays small
+
 FAINT = 3e-8
 """Of the variance of the truth, summed over channels: terms of an error that no spectrum shows."""
 
@@ -94,7 +96,7 @@ class Moments:
         total, squares = np.zeros(n_channels), np.zeros(n_channels)
         cross = np.zeros((n_channels, len(maps)))
         start = 0
-        for block in progress(blocks(n_pix), "moments"):
+        for block in progress(blocks(n_pix, _BLOCK), "moments"):
             inside = truth[:, block] if mask is None else truth[:, block][:, mask[block]]
             lines = inside.astype(np.float64)
             total += lines.sum(axis=1)

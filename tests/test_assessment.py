@@ -1,0 +1,95 @@
+"""Everything that is measured on what a method leaves, against the same of the cube that it leaves."""
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cube_measures import correlation, line_errors
+
+from himap.instrument.beams import Degraded, Oscillating
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.measures.power_spectra import angular_power, frequency_power
+from himap.paper import pipeline
+from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
+from himap.sky.dimming import Dimming
+from himap.survey import Survey
+
+SURVEY = Survey.preset("ci", nside=16, n_channels=24, box_cells=16)
+SHORT = {"n_sources": 3, "n_warmup": 10, "n_refinement": 3, "regularisation": 1e-2, "share": 0.7}
+METHODS = [
+    PCA(n_sources=3),
+    FastICA(n_sources=3),
+    GMCA(n_sources=3, max_iterations=60),
+    Polynomial(order=4),
+    Parametric(),
+    BeamSubspace(n_sources=3),
+    SDecGMCA(**SHORT),
+    SDecGMCA(**SHORT, lmax=12),
+    SDecGMCA(**SHORT, beyond="regularised"),
+    SDecGMCA(**SHORT, beyond="projection", mixing_scales="detail"),
+]
+
+
+FAINTER = Dimming(weight=1e-2, edge=90.0)  # so that the rounding of cubes in float32 does not show
+
+
+def case_of(beam, survey=SURVEY):
+    return pipeline.Case(survey=survey, beam=beam, dimming=FAINTER)
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+@pytest.mark.parametrize("beam", [Degraded(), Oscillating()], ids=lambda beam: beam.name)
+@pytest.mark.parametrize("remover", METHODS, ids=lambda method: method.name)
+class TestAgainstTheCube:
+    @pytest.fixture
+    def cubes(self, beam, remover):
+        """(what is left, truth), both up to where the method ends."""
+        case = case_of(beam)
+        lmax = pipeline.separation(case, remover).lmax
+        left = pipeline.residual(case, remover)
+        return left if lmax is None else sphere.cut_cube(left, lmax), pipeline.truth(case, lmax)
+
+    def test_the_error_is_their_difference(self, beam, remover, cubes):
+        left, truth = (maps - maps.mean(axis=1, keepdims=True, dtype=float) for maps in cubes)
+        found = pipeline.error(case_of(beam), remover).lines(slice(None))
+        close = 0.02 if getattr(remover, "beyond", "") == "cut" else 0.005
+        assert (found - (left - truth)).std() < close * truth.std()
+
+    def test_all_measures(self, beam, remover, cubes):
+        left, truth = cubes
+        found = pipeline.assessment(case_of(beam), remover, True, True)
+        width = SURVEY.channel_width
+        degrees = found.power_spectra.angular.degrees
+        seen = slice(2, int(min(degrees[-1], 1.5 * SURVEY.nside)))  # beyond, HEALPix has no good quadrature
+        cl = angular_power(left, lmax=int(degrees[-1])).mean
+        assert found.power_spectra.angular.mean[seen] == pytest.approx(cl[seen], rel=0.01)
+        power = frequency_power(left, width).power
+        assert found.power_spectra.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+        assert found.correlation == pytest.approx(correlation(left, truth), abs=2e-3)
+        errors = line_errors(left, truth)
+        # What is left up to some l comes out of an analysis, whose quadrature changes HI too, near the poles.
+        cut = getattr(remover, "beyond", "") == "cut"
+        close = 0.02 * truth.var() if cut else 0.01 * errors.mean()
+        off = np.abs(found.line_errors - errors) > 0.05 * errors + close
+        assert off.mean() < (0.01 if cut else 1e-9)
+        mask = ~diagnostics.flagged_lines(found.line_errors)
+        assert 0 < np.count_nonzero(~mask) < len(mask) / 2
+        power = frequency_power(left, width, mask=mask).power
+        assert found.masked.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+        power = frequency_power(truth, width, mask=mask).power
+        assert found.masked_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+
+
+def test_an_assessment_holds_no_cube_but_the_truth():
+    """What it allocates at its peak, beside the coefficients of the truth, is less than one cube in float32."""
+    case = case_of(Degraded(), replace(SURVEY, n_channels=200, nside=32))
+    remover = PCA(n_sources=3)
+    pipeline.separation(case, remover)
+    pipeline.assessment.compute(case, remover)  # makes what is shared, and tables of transforms
+    tracemalloc.start()
+    pipeline.assessment.compute(case, remover)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak - pipeline.truth_alms(case).nbytes < pipeline.observation(case).truth.nbytes
