@@ -1,5 +1,6 @@
 """Cached products: computed once, whole or not at all, under the right key."""
 
+import json
 import os
 import pickle
 import signal
@@ -7,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,6 +90,27 @@ def slow(size, gate=""):
     while gate and not Path(gate).exists():
         time.sleep(0.01)
     return np.ones(size)
+
+
+@dataclass(frozen=True)
+class Odd:
+    pairs: list
+    table: dict
+    shape: tuple
+    nothing: None = None
+
+
+@product
+def odd():
+    first = Pair(first=np.array([True, False]), label="é")
+    second = Pair(first=np.empty((0, 3)), label="")
+    table = {1: np.float64(np.inf), "a": np.array(3 + 4j)}
+    return Odd(pairs=[first, second], table=table, shape=(2, (3,)))
+
+
+@product
+def pickled(what):
+    return {"object": np.array([{}], dtype=object), "set": {1}}[what]
 
 
 @product
@@ -172,8 +195,42 @@ def test_products_nest_also_in_workers(lab):
     assert len(lab.computed()) == 4
 
 
+def test_all_kinds_of_values_come_back(lab):
+    value = lab.odd()
+    assert lab.odd.is_cached()
+    first, second = value.pairs
+    assert first.first.tolist() == [True, False] and first.label == "é"
+    assert second.first.shape == (0, 3)
+    assert value.table[1] == np.inf and value.table["a"] == 3 + 4j
+    assert value.shape == (2, (3,)) and value.nothing is None
+    (folder,) = cache.cache_folder().glob("*/*")
+    assert sorted(path.suffix for path in folder.iterdir()) == [".json", ".json", ".npy", ".npy", ".npy"]
+
+
+@pytest.mark.parametrize(("what", "got"), [("object", "ndarray of object"), ("set", "set")])
+def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
+    with pytest.raises(InputError, match=f"an array of numbers.*got {got}"):
+        lab.pickled(what)
+    assert not cache.cache_info()
+
+
+@pytest.mark.parametrize("name", [["antigravity", "fly"], ["os", "system"], ["himap.errors", "InputError"]])
+def test_reading_a_result_runs_and_imports_nothing(lab, name):
+    """A class that is no dataclass of a loaded module: damaged, and computed again."""
+    lab.pair(SURVEY)
+    (tree,) = (path for path in cache.cache_folder().glob("*.pair/*/value.json"))
+    content = json.loads(tree.read_text())
+    tree.write_text(json.dumps(content | {"class": name}))
+    note = json.loads(tree.with_name("note.json").read_text())
+    note["files"]["value.json"] = [tree.stat().st_size, zlib.crc32(tree.read_bytes())]
+    tree.with_name("note.json").write_text(json.dumps(note))
+    with pytest.warns(UserWarning, match="is damaged and is computed again .there is no class"):
+        assert lab.pair(SURVEY).label == "sum"
+    assert name[0] == "os" or name[0].startswith("himap") or name[0] not in sys.modules
+
+
 def _value_file():
-    (file,) = cache.cache_folder().rglob("value.pkl")
+    (file,) = cache.cache_folder().rglob("0.npy")
     return file
 
 
@@ -217,7 +274,7 @@ def test_what_the_machine_refuses_is_no_damage(lab, monkeypatch):
         raise OSError(24, "too many open files")
 
     with monkeypatch.context() as patched, pytest.raises(OSError, match="too many open files"):
-        patched.setattr("joblib.load", refuse)
+        patched.setattr("numpy.load", refuse)
         lab.base(SURVEY)
     lab.base(SURVEY)
     assert lab.computed() == ["base"]

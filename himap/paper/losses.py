@@ -45,4 +45,4 @@ def error_parts(case, remover):
     else:
         basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
         hi_lost = basis @ (basis.T @ known)
-    return pipeline.error_of(case, found).cube() + hi_lost, hi_lost, centred(pipeline.truth(case, found.lmax))
+    return pipeline.error(case, remover).cube() + hi_lost, hi_lost, centred(pipeline.truth(case, found.lmax))

@@ -44,7 +44,6 @@ __all__ = [
     "components",
     "components_of_sky",
     "error",
-    "error_of",
     "foreground_analysed",
     "foreground_modes_of_sky",
     "foreground_seen",
@@ -240,11 +239,10 @@ def error(case, remover, mask_peaks=True):
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
     the method ends at some l, it is that of what is left up to there against the truth up to there.
     """
-    return error_of(case, separation.once(case, remover, mask_peaks), mask_peaks)
+    return _error(case, separation.once(case, remover, mask_peaks), mask_peaks)
 
 
-def error_of(case, found, mask_peaks=True):
-    """`error` where the `Separation` is at hand."""
+def _error(case, found, mask_peaks):
     there = foreground_seen(case) if found.lmax is None else foreground_analysed(case, mask_peaks)
     whole = on_sky(there, case.survey.nside, found.lmax) + -found.foreground
     return whole.condensed(FAINT * _variance(true_spectra(case).angular))
@@ -295,7 +293,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     Sect. 5.1).
     """
     found = separation.once(case, remover, mask_peaks)
-    wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
+    wrong, lmax, width = _error(case, found, mask_peaks), found.lmax, case.survey.channel_width
     alms = truth_alms(case, lmax)
     true = observation(case).truth if lmax is None else _truth_of(alms, case.survey.nside)
     spectra = true_spectra(case) if lmax is None else _spectra(true, alms, width)

@@ -1,8 +1,9 @@
 """The folder that results are kept in: each whole or not there, and checked before it is used.
 
-A result is a folder of its own, ``PRODUCT/KEY``, with the pickled value and a note of what it is and of its
-checksum. Both are written under another name, which is then renamed: a process that is killed, or a
-second one that writes the same, leaves nothing half done under the right name. Arrays are mapped from disk.
+A result is a folder of its own, ``PRODUCT/KEY``, with the value as arrays and JSON
+(`himap.products.arrays`), and a note of what it is and of the checksums of its files. All is written under
+another name, which is then renamed: a process that is killed, or a second one that writes the same, leaves
+nothing half done under the right name. Arrays are mapped from disk.
 """
 
 import contextlib
@@ -17,11 +18,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-import joblib
 import platformdirs
 import psutil
 
 from himap.errors import InputError
+from himap.products.arrays import TREE, read_value, write_value
 
 __all__ = [
     "CacheEntry",
@@ -35,7 +36,7 @@ __all__ = [
     "save",
 ]
 
-_VALUE, _NOTE, _UNFINISHED = "value.pkl", "note.json", "unfinished"
+_NOTE, _UNFINISHED = "note.json", "unfinished"
 _CHUNK = 2**24  # bytes
 _whole = set()  # files that this process wrote or found whole, as (path, time, size)
 
@@ -70,9 +71,10 @@ def load(product, key):
     folder = cache_folder() / product / key
     try:
         note = json.loads((folder / _NOTE).read_text())
-        _check(folder / _VALUE, note["n_bytes"], note["checksum"])
-        return joblib.load(folder / _VALUE, mmap_mode="r")
-    except Exception as error:  # a pickle of classes that are no more raises anything
+        for name, (n_bytes, checksum) in note["files"].items():
+            _check(folder / name, n_bytes, checksum)
+        return read_value(folder)
+    except Exception as error:  # a class that has other fields now raises anything
         if isinstance(error, OSError | MemoryError) and not isinstance(error, FileNotFoundError):
             raise  # the machine is short of something, or may not read it: that is no damage
         shutil.rmtree(folder, ignore_errors=True)
@@ -92,20 +94,21 @@ def save(product, key, value, *, arguments, seconds):
     Raises
     ------
     InputError
-        It cannot be written: a full disk, a folder of somebody else. Nothing is left of it.
+        It cannot be written: a full disk, a folder of somebody else, a value that is no arrays and JSON.
+        Nothing is left of it.
     """
     home = cache_folder()
     part = home / product / f"{_UNFINISHED}-{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
     try:
         part.mkdir(parents=True)
         _remove_abandoned(home / product)
-        joblib.dump(value, part / _VALUE)
-        note = {"product": product, "arguments": arguments, "seconds": seconds}
-        note |= {"n_bytes": (part / _VALUE).stat().st_size, "checksum": _checksum(part / _VALUE)}
+        names = write_value(value, part)
+        files = {name: [(part / name).stat().st_size, _checksum(part / name)] for name in names}
+        note = {"product": product, "arguments": arguments, "seconds": seconds, "files": files}
         (part / _NOTE).write_text(json.dumps(note, indent=1))
         with contextlib.suppress(FileExistsError):
             _rename(part, part.with_name(key))
-            _whole.add(_identity(part.with_name(key) / _VALUE))
+            _whole.update(_identity(part.with_name(key) / name) for name in names)
     except OSError as error:
         raise InputError(_refused(home, product, error)) from None
     finally:
@@ -194,7 +197,7 @@ def _is_ours(path):
     """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too."""
     if re.fullmatch(rf"{_UNFINISHED}-.+-\d+-[0-9a-f]{{8}}", path.name):
         return path.is_dir()
-    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and (path / _VALUE).is_file()
+    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and (path / TREE).is_file()
 
 
 def _entry(path):

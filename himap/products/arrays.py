@@ -1,0 +1,103 @@
+"""Results on disk as arrays and JSON: to be mapped, to be opened by anybody, and to run nothing when read.
+
+A folder has ``value.json``, the tree of what there is, and every array of it as a ``.npy`` file. A dataclass
+is the name of its class and its fields; when it is read back that class is looked up among the modules that
+are loaded, and nothing is imported.
+"""
+
+import json
+import sys
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from himap.errors import InputError
+
+__all__ = ["TREE", "read_value", "write_value"]
+
+TREE = "value.json"
+_KINDS = "biufc"  # of arrays: numbers and bools
+_ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"
+
+
+def write_value(value, folder):
+    """Write a result into a `Path`: arrays of numbers, dataclasses, lists, tuples, dicts, text and numbers.
+
+    Returns
+    -------
+    list
+        The names of the files.
+
+    Raises
+    ------
+    InputError
+        Something else is in it.
+    """
+    arrays = []
+    tree = _taken_apart(value, arrays)
+    names = [f"{n}.npy" for n in range(len(arrays))]
+    for name, array in zip(names, arrays, strict=True):
+        np.save(folder / name, array, allow_pickle=False)
+    (folder / TREE).write_text(json.dumps(tree, indent=1))
+    return [TREE, *names]
+
+
+def read_value(folder):
+    """What `write_value` wrote; its arrays are mapped from disk and read-only.
+
+    Raises
+    ------
+    ValueError
+        A class that is not loaded, or another tree than what `write_value` writes.
+    """
+    return _put_together(json.loads((folder / TREE).read_text()), folder)
+
+
+def _taken_apart(value, arrays):
+    """The tree of a value; its arrays are appended to `arrays`."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in _KINDS:
+        arrays.append(value)
+        return {_ARRAY: f"{len(arrays) - 1}.npy"}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list):
+        return [_taken_apart(item, arrays) for item in value]
+    if isinstance(value, tuple):
+        return {_TUPLE: [_taken_apart(item, arrays) for item in value]}
+    if isinstance(value, dict):
+        # Pairs, for the keys of JSON are text.
+        return {_DICT: [[_taken_apart(part, arrays) for part in pair] for pair in value.items()]}
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = type(value)
+        own = {item.name: _taken_apart(getattr(value, item.name), arrays) for item in fields(value)}
+        return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
+    kind = f"{type(value).__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
+    raise InputError(
+        "the result of a product is an array of numbers, or a dataclass, list, tuple or dict of these, of "
+        f"text and of numbers, got {kind}."
+    )
+
+
+def _put_together(tree, folder):
+    if isinstance(tree, list):
+        return [_put_together(item, folder) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    if _ARRAY in tree:
+        return np.load(folder / tree[_ARRAY], mmap_mode="r", allow_pickle=False)
+    if _TUPLE in tree:
+        return tuple(_put_together(tree[_TUPLE], folder))
+    if _DICT in tree:
+        return dict(_put_together(pair, folder) for pair in tree[_DICT])
+    own = {name: _put_together(item, folder) for name, item in tree["fields"].items()}
+    return _class_of(*tree[_CLASS])(**own)
+
+
+def _class_of(module, name):
+    """The dataclass of that name, if its module is loaded."""
+    kind = getattr(sys.modules.get(module), name, None)
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise ValueError(f"there is no class {name} in {module} any more")
+    return kind
