@@ -60,9 +60,9 @@ def environment(folder):
 
 
 def checksums():
-    """{(product, key): checksum} of everything in the cache."""
+    """{(product, key): checksums} of everything in the cache."""
     notes = cache.cache_folder().glob("*/[0-9a-f]*/note.json")  # not what is being written
-    return {note.parts[-3:-1]: json.loads(note.read_text())["checksum"] for note in notes}
+    return {note.parts[-3:-1]: json.loads(note.read_text())["files"] for note in notes}
 
 
 def kill_when(process, ready):
