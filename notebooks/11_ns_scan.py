@@ -184,7 +184,10 @@ def scan_panel(definition):
     return axis | {"curves": curves, "points": points, "yscale": "log", "ylim": (0.3 * low, 3 * high)}
 
 
-whole = scan_panel(definition) | {"ylabel": f"total MSE, {definition}", "legend": {"loc": "upper right"}}
+whole = scan_panel(definition) | {
+    "ylabel": f"total MSE, {definition}",
+    "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "ncols": 2},
+}
 parts = np.array([errors(comparison, definition) for comparison in comparisons[method].values()]).T
 for values, of, line in zip(parts, (r"$C_\ell$", r"$P(k_\nu)$"), ((0, (5, 1.5)), ":"), strict=True):
     look = {"color": looks[method]["color"], "linestyle": line, "linewidth": 1.1}

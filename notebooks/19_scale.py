@@ -121,7 +121,9 @@ for way, label in {"nside": "nside", "n_channels": "channels"}.items():
         (run["sizes"], run["seconds"], style | {"marker": "."})
         for run, style in zip(found.values(), styles.sequence(list(found)), strict=True)
     ]
-    panels.append({"curves": curves, "title": f"with {label}", "xlabel": label, "xscale": "log"})
+    sizes = sorted({size for run in found.values() for size in run["sizes"]})
+    ticks = {"xticks": sizes, "xticklabels": sizes, "xlabel": label, "xscale": "log"}
+    panels.append(ticks | {"curves": curves, "title": f"with {label}"})
     panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": below}
 plotting.stamp(plotting.lines(panels, size=(4.6, 4.6)), Provenance.of_stored(scaling["about"]))
 

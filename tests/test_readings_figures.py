@@ -38,7 +38,8 @@ def test_claims_are_grouped_by_where_they_stand():
 
 def test_bands_have_a_point_for_every_run():
     figure = bands_figure(OUTCOMES)
-    assert len([axes for axes in figure.axes if axes.get_visible()]) == 10
+    titles = [axes.get_title() for axes in figure.axes if axes.get_visible()]
+    assert len(titles) == 5 and "$C/C_0$, 5 to 9" not in titles  # bands that no run has are left out
     found = [row for row in numbers(figure) if row[0] == "$P/P_0$, bump" and row[1]]
     assert len(found) == 7
     assert {curve for _, curve, *_ in found} == {
@@ -53,7 +54,6 @@ def test_bands_have_a_point_for_every_run():
     by_title = {axes.get_title(): axes for axes in figure.axes}
     assert by_title["$P/P_0$, bump"].get_xscale() == "log"
     assert by_title["$C/C_0$, 2 to 4"].get_xscale() == "linear"
-    assert not [row for row in numbers(figure) if row[0] == "$C/C_0$, 5 to 9" and row[1]]  # not measured
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert labels == ["default", "code", "last = repeated"]
 

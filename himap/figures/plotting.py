@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.maps import sphere
@@ -67,8 +67,11 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     axes.set_axis_off()
     axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
     bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
-    if not log:
-        bar.locator = MaxNLocator(4)  # five-digit numbers would run into each other
+    # More would run into each other.
+    bar.locator = (
+        LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5), numticks=6) if log else MaxNLocator(4)
+    )
+    bar.minorticks_off()
     return shown
 
 
@@ -206,7 +209,8 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
                 axes.plot(x, y, **({"linestyle": "none", "marker": "o", "markersize": 4} | style))
             axes.set(**settings)
             low, high = axes.get_xlim()
-            if axes.get_xscale() == "log" and high < 200 * low:  # powers of ten alone would be too few
+            # Powers of ten alone would be too few.
+            if axes.get_xscale() == "log" and high < 200 * low and "xticks" not in panel:
                 _plain_ticks(axes.xaxis, (low, high))
             if axes.get_legend_handles_labels()[1]:
                 axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))

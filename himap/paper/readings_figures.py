@@ -57,9 +57,16 @@ def bands_figure(outcomes):
     quantities |= {f"$P/P_0$, {band}": band for band in FREQUENCY_BANDS} | {"$P/P_0$, bump": None}
     known, places = readings(), _places(outcomes)
     panels = []
-    for n, (title, band) in enumerate(quantities.items()):
-        points = list(_points(outcomes, places, band, shown=n == 7))
-        values = np.concatenate([x for x, _, _ in points]) if points else np.ones(1)
+    # Coarse maps end before the last bands.
+    every = [run for one in outcomes.values() for run in one.runs]
+    there = {
+        title: band
+        for title, band in quantities.items()
+        if np.isfinite([_value(run, band) for run in every]).any()
+    }
+    for n, (title, band) in enumerate(there.items()):
+        points = list(_points(outcomes, places, band, shown=n == min(7, len(there) - 1)))
+        values = np.concatenate([x for x, _, _ in points])
         panel = {
             "curves": [([1, 1], [-0.7, max(places.values()) + 0.7], {"color": "black", "linewidth": 0.8})],
             "points": points,
