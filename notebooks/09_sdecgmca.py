@@ -107,10 +107,11 @@ quote(sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside))
 # \epsilon_{n, \ell} = c\, \frac{C_\ell^\mathrm{noise}}{C_\ell(\hat{\mathbf{S}}_n)} .
 # ```
 #
-# **Thresholds.** The sources go to five starlet scales, where coefficients below three times the noise of a scale are dropped; of the others a share is kept that grows
+# **Thresholds.** The sources go to five starlet scales, where coefficients below three times their noise, by default that of the instrument carried through the inversion, are dropped (the paper
+# says neither the three nor whose noise); of the others a share is kept that grows
 # to $K_\mathrm{max}$ in the warm-up, less their threshold. In the refinement large coefficients have lower thresholds ($\ell_1$ reweighting).
 #
-# **A from S** is least squares in every channel over all harmonics, with columns of unit length (Eqs. 14 to 16 of C21):
+# **A from S** is least squares in every channel over all harmonics; then a column whose sum is negative is turned, negative entries are set to zero, and columns get unit length (Eqs. 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -118,8 +119,8 @@ quote(sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside))
 #   \Big( \sum_{\ell m} (\hat H_\nu^\ell)^2\, \hat{\mathbf{S}}^{\ell m} \hat{\mathbf{S}}^{\ell m\,\top} \Big)^{-1} .
 # ```
 #
-# **The end.** Warm-up and refinement end when $\hat{\mathbf{S}}$ hardly changes, or by count. The foreground is $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a
-# last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds, found in the maps with their peaks masked and subtracted from those with their peaks.
+# **The end.** Warm-up and refinement end when $\hat{\mathbf{S}}$ hardly changes, as the paper has it, or by count, as the code of C21 has it. The foreground is $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a
+# last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds, found in the maps with their peaks masked and subtracted from those with their peaks (the paper says neither).
 # The paper chooses three parameters by beam (its Table 1):
 
 # %%
@@ -134,8 +135,8 @@ show(rows)
 # ## What the paper leaves open
 #
 # Some of these steps can be read in more than one way, and what the authors' public code does is not always what the text says. So each choice has a name, and
-# four sets of them are *readings*: the **letter**, every word of the text; the **code** of C21; the **follow-up** code of the paper's first author; and the **default**, which is
-# the one nearest to the text that does not fail. How that was decided, and what each reading reproduces, is in {doc}`16_readings`. Here: {glue:text}`sdecgmca_reading`.
+# four sets of them are *readings*: the **letter**, with nothing that the text speaks against; the **code** of C21; the **follow-up**, that with what the later code of the paper's first author
+# changes in the inversion; and the **default**, of those that do not fail the nearest to the letter. How that was decided, and what each reading reproduces, is in {doc}`16_readings`. Here: {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
 head = ["What is to be decided", *READINGS]
@@ -179,7 +180,7 @@ show(numbers)
 # %% [markdown]
 # ## The last step, and what lies beyond
 #
-# The paper inverts the beam up to $\ell = 200$ and cuts its curves there. What does the method take away beyond? Its text leaves that open, and three answers have names: with
+# The paper inverts the beam up to $\ell = 200$ and cuts its curves there. What does the method take away beyond? Its text does not say what maps and $P(k)$ hold there, and three answers have names: with
 # `beyond="cut"` nothing is found there, the maps that are left end, and so does the truth that they are compared with; with `"regularised"`
 # {eq}`eq-sdecgmca-sources` goes on to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it goes on without. Up to the end all three are the same
 # $\mathbf{A}$ and the same $\hat{\mathbf{S}}$.
@@ -317,7 +318,7 @@ quote(
 #
 # SDecGMCA fits $\mathbf{A}$ to the data with sources of which the thresholds have taken something. The largest sources are many times brighter than HI, and cancel each other to that precision in every channel; what
 # is cut from one of them stays in the data, blurred differently by each beam, and $\mathbf{A}$ bends to describe it. BeamSubspace, which is ours and not the paper's,
-# has the same model, start and sparsity, and subtracts the *whole* sources before it asks what is left for $\mathbf{A}$:
+# has the same mixture, a start of the same kind and thresholds on the same starlets. It has no constraint on signs and no $\epsilon$, takes the beam over that of the best channel, and subtracts the *whole* sources before it asks what is left for $\mathbf{A}$:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction

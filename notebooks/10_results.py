@@ -191,6 +191,6 @@ quote(
 #
 # ```sh
 # himap run 10_results -p n_oscillating=6                      # one component more for the hardest case
-# himap run 10_results -p reading=letter                       # every word of the paper about SDecGMCA
+# himap run 10_results -p reading=letter                       # another reading of the paper on SDecGMCA
 # himap run 10_results --preset laptop                         # twice the resolution
 # ```

@@ -393,7 +393,7 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("11_ns_scan")))
 # Three commands worth trying:
 #
 # ```sh
-# himap run 11_ns_scan -p reading=letter -p n_sources_max=10    # every word of the paper about SDecGMCA
+# himap run 11_ns_scan -p reading=letter -p n_sources_max=10    # another reading of the paper on SDecGMCA
 # himap run 11_ns_scan -p beside=beam_subspace                  # another method that knows the beam
 # himap run 11_ns_scan -p n_channels=250 -p n_sources_max=10    # twice the channels, half the price of a source
 # ```

@@ -423,6 +423,6 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("12_post_masking")))
 #
 # ```sh
 # himap run 12_post_masking -p method=pca                    # lines of sight with foreground left in them
-# himap run 12_post_masking -p reading=letter                # every word of the paper about SDecGMCA
+# himap run 12_post_masking -p reading=letter                # another reading of the paper on SDecGMCA
 # himap run 12_post_masking -p beam=evolving -p n_sources=4  # a beam without a ripple
 # ```

@@ -351,5 +351,5 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("13_dimmed_galaxy")))
 # ```sh
 # himap run 13_dimmed_galaxy -p plane_weight=0.01              # a plane almost gone
 # himap run 13_dimmed_galaxy -p plane_edge=30                  # dimmed over half of the sky
-# himap run 13_dimmed_galaxy -p reading=letter                 # every word of the paper about SDecGMCA
+# himap run 13_dimmed_galaxy -p reading=letter                 # another reading of the paper on SDecGMCA
 # ```

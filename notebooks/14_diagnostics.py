@@ -359,7 +359,7 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("14_diagnostics")))
 # Three commands worth trying:
 #
 # ```sh
-# himap run 14_diagnostics -p reading=letter                   # every word of the paper about SDecGMCA
+# himap run 14_diagnostics -p reading=letter                   # another reading of the paper on SDecGMCA
 # himap run 14_diagnostics -p n_sources=6                      # one source more
 # himap run 14_diagnostics -p beam=degraded -p n_sources=3     # one resolution for all channels
 # ```

@@ -95,8 +95,8 @@ rows.append(["all", f"**{whole}**" if total > goal else whole, f"{goal} min"])
 Markdown("\n".join(Table(["Part", "Time", "Goal"], rows).markdown()))
 
 # %% [markdown]
-# The claims take most: they measure 64 cleaned cubes (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18. The chapters on post-masking and on the dimmed Galaxy clean some of them again, as
-# assessments do not keep the cubes.
+# The claims take most: they measure what 64 separations leave (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18. No cleaned cube is made for it: a method gives a few spectra times maps, and
+# so does its error.
 
 # %% [markdown]
 # ## The same at half that size
@@ -141,12 +141,12 @@ Markdown(growth_table(scaling))
 # himap cache info
 # ```
 #
-# - **Stopped?** Run the same command again. Every product (a light cone, an observation, a cleaned cube, a spectrum) is written whole or not at all,
+# - **Stopped?** Run the same command again. Every product (a light cone, an observation, what a method found, a spectrum) is written whole or not at all,
 #   with a checksum; what is there is used, what was cut short or altered is reported and made again. The result equals that of an undisturbed run bit for bit.
 # - **Memory** is estimated before anything is computed, and what does not fit is refused, for the light cone with a box that would. `--max-memory`
 #   (the variable `HIMAP_MAX_MEMORY`) says what may be used; the default is what is free. `--jobs 2` cleans two cubes at once and needs twice as much for it.
 # - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; one realisation of the ledger keeps many of them while it works. Cubes can be deleted at any time, with
-#   `himap cache clear pipeline.cleaned` for instance; `himap claims` deletes those that it made itself once they are measured, but not
+#   `himap cache clear pipeline.observation` for instance; `himap claims` deletes those that it made itself once they are measured, but not
 #   those that an interrupted run left.
 #
 # ## On a cluster

@@ -13,6 +13,8 @@ from himap.measures import diagnostics
 from himap.measures.power_spectra import angular_power, frequency_power
 from himap.paper import pipeline
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
+from himap.removal.base import Separation
+from himap.removal.beam_projection import on_sky
 from himap.sky.dimming import Dimming
 from himap.survey import Survey
 
@@ -76,10 +78,42 @@ class TestAgainstTheCube:
         assert off.mean() < (0.01 if cut else 1e-9)
         mask = ~diagnostics.flagged_lines(found.line_errors)
         assert 0 < np.count_nonzero(~mask) < len(mask) / 2
+        for angular, maps in ((found.masked.angular, left), (found.masked_truth.angular, truth)):
+            expected = angular_power(maps, mask=mask)
+            inside = (angular.degrees > 2) & (angular.degrees < seen.stop)
+            at = np.searchsorted(expected.degrees, angular.degrees[inside])
+            assert angular.mean[inside] == pytest.approx(expected.mean[at], rel=0.03)
         power = frequency_power(left, width, mask=mask).power
         assert found.masked.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
         power = frequency_power(truth, width, mask=mask).power
         assert found.masked_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+
+
+@pytest.mark.parametrize("mask_peaks", [True, False])
+def test_a_method_that_ends_with_and_without_peak_masking(mask_peaks):
+    """On the sky as bright as it is, to the rounding of its maps."""
+    case = pipeline.Case(survey=SURVEY, beam=Oscillating())
+    remover = SDecGMCA(**SHORT)
+    truth = pipeline.truth(case, pipeline.separation(case, remover, mask_peaks).lmax)
+    left = sphere.cut_cube(pipeline.residual(case, remover, mask_peaks), 2 * SURVEY.nside)
+    wrong = left - truth - (left - truth).mean(axis=1, keepdims=True)
+    rounding = 3e-7 * pipeline.observation(case).maps.std()
+    found = pipeline.error(case, remover, mask_peaks).lines(slice(None))
+    assert (found - wrong).std() < 0.02 * truth.std() + rounding
+
+
+def test_nothing_wrong_is_no_error(monkeypatch):
+    """A method that finds the foreground itself leaves an error without any term, and the truth."""
+    case = case_of(Degraded())
+    there = on_sky(pipeline.foreground_seen(case), SURVEY.nside)
+    found = Separation(mixing=there.spectra, sources=there.maps)
+    monkeypatch.setattr(pipeline.separation, "once", lambda *call: found)
+    assert pipeline.error(case, PCA()).spectra.shape == (SURVEY.n_channels, 0)
+    assessed = pipeline.assessment.compute(case, PCA())
+    true = pipeline.true_spectra(case)
+    assert assessed.power_spectra.angular.cl == pytest.approx(true.angular.cl, rel=1e-6)
+    assert np.array_equal(assessed.power_spectra.frequency.power, true.frequency.power)
+    assert assessed.correlation == pytest.approx(1) and not assessed.line_errors.any()
 
 
 def test_an_assessment_holds_no_cube_but_the_truth():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from cube_measures import correlation, line_errors
 
+from himap.errors import InputError
 from himap.maps.modes import MapModes
 from himap.measures import difference as measures
 from himap.measures.power_spectra import frequency_power
@@ -50,6 +51,7 @@ class TestMoments:
         true = frequency_power(truth.astype(float), 2.0)
         left = measures.Moments.of(truth, whole).frequency_power(true, 2.0)
         assert np.abs(left.power).max() < 1e-12 * true.power.max()
+        assert np.isnan(measures.Moments.of(np.zeros_like(truth), whole).correlation).all()
 
 
 def test_line_errors_are_those_of_the_cube(truth, error):
@@ -67,6 +69,16 @@ class TestDifference:
         cube, mask = recovered(truth, error), np.arange(3000) > 10
         cube[:, ~mask] = np.nan
         assert np.isfinite(measures.difference(cube, truth, mask=mask).maps).all()
+
+    def test_cubes_that_do_not_belong_together(self, truth):
+        with pytest.raises(InputError, match="one shape"):
+            measures.difference(truth[:1], truth)
+        with pytest.raises(InputError, match="mask"):
+            measures.difference(truth, truth, mask=np.ones(7, dtype=bool))
+        broken = truth.copy()
+        broken[2, 5] = np.nan
+        with pytest.raises(InputError, match="finite|NaN"):
+            measures.difference(broken, truth)
 
     def test_faint_terms_are_left_out(self, truth, rng):
         size = np.sqrt(measures.FAINT * 6 * 10)  # of a truth with a mean square of 10 in each of 6 channels

@@ -299,6 +299,21 @@ class TestPair:
         with pytest.raises(InputError, match=expected):
             angular_pair(*pair, truth_alms=alms)
 
+    @pytest.mark.parametrize("shape", [(12, sphere.alm_size(9)), (11, sphere.alm_size(LMAX)), (5,)])
+    def test_coefficients_that_do_not_fit_an_error(self, pair, shape):
+        alms = np.zeros(shape, dtype=np.complex64)
+        with pytest.raises(InputError, match="truth_alms must have shape"):
+            spectra.recovered_angular_power(alms, difference(*pair), mask=cut(10))
+
+    def test_a_small_mask_and_a_mean_leave_it_as_close(self, pair):
+        """Whether a term is minor is judged on what the mask leaves, and without the means of channels."""
+        mask = cut(80)
+        faint = pair[1] + 0.1 * (pair[0] - pair[1])
+        found, _ = angular_pair(faint + 100, pair[1] + 100, mask=mask)
+        expected = spectra.angular_power(faint + 100, mask=mask)
+        inside = (expected.degrees > 10) & (expected.degrees < 2 * NSIDE)
+        assert found.mean[inside] == pytest.approx(expected.mean[inside], rel=5e-3)
+
     def test_equal_cubes_have_equal_spectra(self, pair):
         found, true = angular_pair(pair[1], pair[1])
         assert np.array_equal(found.cl, true.cl)

@@ -56,12 +56,19 @@ class TestReadings:
 
     def test_distance_from_the_text_counts_what_it_speaks_of(self):
         there = readings()
-        assert [there[name].distance for name in ("letter", "default", "last = repeated")] == [0, 0, 1]
-        assert there["floor = 1e-09"].distance == 0
-        differs = [
-            READINGS["code"][name] != READINGS["letter"][name] for name, one in OPTIONS.items() if one.said
+        assert [there[name].distance for name in ("letter", "default", "last = repeated", "sign = free")] == [
+            0,
+            0,
+            0,
+            1,
         ]
-        assert there["code"].distance == sum(differs) > 2
+        assert there["floor = 1e-09"].distance == 0
+        assert there["code"].distance == 6
+
+    def test_the_text_speaks_against_choices_that_there_are_and_never_against_the_letter(self):
+        for name, option in OPTIONS.items():
+            assert set(option.against) < set(option.choices)
+            assert READINGS["letter"][name] not in option.against
 
     def test_options_that_exclude_each_other_are_left_out(self, monkeypatch):
         monkeypatch.setitem(READINGS, "default", READINGS["default"] | {"beyond": "regularised"})

@@ -219,29 +219,47 @@ def test_not_converging_is_a_warning(sky):
         name = "stuck"
 
         def _separate(self, maps, *, freqs, beams, rng):
-            zeros = np.zeros_like(maps)
+            zeros = np.zeros(maps.shape)
             return Separation(mixing=zeros[:, :1], sources=zeros[:1], converged=False, n_iterations=7)
 
     try:
-        with pytest.warns(SeparationWarning, match="stuck: stopped after 7 iterations"):
-            Stuck().clean(sky, freqs=FREQS)
+        for call in (Stuck().clean, Stuck().separate):
+            with pytest.warns(SeparationWarning, match="stuck: stopped after 7 iterations") as caught:
+                call(sky, freqs=FREQS)
+            assert caught[0].filename == __file__
     finally:
         REGISTRY.pop("stuck")
 
 
-@pytest.mark.parametrize(("channels", "pixels"), [(30, 5), (29, N_PIX)])
-def test_a_method_that_breaks_its_promise(sky, channels, pixels):
+@pytest.mark.parametrize(
+    ("channels", "pixels", "kind"), [(30, 5, float), (29, N_PIX, float), (30, N_PIX, np.float32)]
+)
+def test_a_method_that_breaks_its_promise(sky, channels, pixels, kind):
     class Wrong(ForegroundRemover):
         name = "wrong"
 
         def _separate(self, maps, *, freqs, beams, rng):
-            return Separation(mixing=np.zeros((channels, 2)), sources=np.zeros((2, pixels)))
+            return Separation(mixing=np.zeros((channels, 2), kind), sources=np.zeros((2, pixels), kind))
 
     try:
         with pytest.raises(TypeError, match=r"Wrong._separate must return spectra \(30, 2\) times maps"):
             Wrong().clean(sky, freqs=FREQS)
     finally:
         REGISTRY.pop("wrong")
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "message"),
+    [
+        (removal.SDecGMCA(noise=1.0), {"freqs": FREQS[::-1]}, "ascending"),
+        (removal.SDecGMCA(noise=1.0), {"freqs": FREQS}, "needs beams="),
+        (removal.BeamSubspace(n_sources=99), {"freqs": FREQS, "beams": np.ones((30, 48))}, "n_sources"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_analysis(sky, monkeypatch, method, given, message):
+    monkeypatch.setattr("himap.removal.base._analysed", None)
+    with pytest.raises(InputError, match=message):
+        method.clean(sky, **given)
 
 
 def test_covariance_is_of_centred_maps(sky):

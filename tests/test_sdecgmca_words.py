@@ -5,21 +5,33 @@ import pytest
 from himap.paper.captions import of_sdecgmca
 from himap.removal import SDecGMCA
 
-WORD, SILENT = "every word of the paper's text", "which does not say the "
-ENDS = "and ends at ℓ = 128, as does the truth that it is divided by"
+ENDS = "; it ends at ℓ = 128, as does the truth that it is divided by"
+SILENT = (
+    "and, where it is silent, noise of the thresholds (that of the instrument, carried through the inversion)"
+)
 
 
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({}, f"SDecGMCA is read as “default”, {WORD} ({SILENT}noise of the thresholds), {ENDS}"),
-        ({"reading": "letter"}, f"SDecGMCA is read as “letter”, {WORD}, {ENDS}"),
-        ({"reading": "letter", "sign": "free"}, "“letter”, the paper's text but for the sign of A, "),
-        ({"sign": "free"}, f"text but for the sign of A ({SILENT}noise of the thresholds), "),
-        ({"reading": "code"}, f"“code”, the paper's text but for 7 choices ({SILENT}smallest eigenvalue of"),
-        ({"reading": "follow-up"}, "goes on beyond ℓ = 128 with its regularised inversion"),
-        ({"beyond": "projection"}, "goes on beyond ℓ = 128 without regularisation"),
-        ({"lmax": 30}, "ends at ℓ = 30,"),
+        ({}, f"SDecGMCA is read as “default”: the paper's text {SILENT}{ENDS}"),
+        ({"reading": "letter"}, f"SDecGMCA is read as “letter”: the paper's text{ENDS}"),
+        (
+            {"reading": "letter", "sign": "free"},
+            f"“letter”: the paper's text but for sign of A (as it comes){ENDS}",
+        ),
+        ({"sign": "free"}, f"the paper's text but for sign of A (as it comes) {SILENT}{ENDS}"),
+        (
+            {"reading": "letter", "last": "repeated"},
+            "the paper's text and, where it is silent, the last S (Eq. 23 with",
+        ),
+        (
+            {"reading": "code"},
+            "“code”: the paper's text but for 6 choices and, where it is silent, smallest eigenvalue",
+        ),
+        ({"reading": "follow-up"}, "it goes on beyond ℓ = 128 with its regularised inversion"),
+        ({"beyond": "projection"}, "it goes on beyond ℓ = 128 without regularisation"),
+        ({"lmax": 30}, "it ends at ℓ = 30,"),
     ],
 )
 def test_words(options, words):

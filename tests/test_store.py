@@ -110,7 +110,12 @@ def odd():
 
 @product
 def pickled(what):
-    return {"object": np.array([{}], dtype=object), "set": {1}}[what]
+    @dataclass
+    class Local:
+        n: int = 1
+
+    odd = {"object": np.array([{}], dtype=object), "set": {1}, "Local": Local()}
+    return (odd | {"MaskedArray": np.ma.array([1.0])})[what]
 
 
 @product
@@ -207,7 +212,10 @@ def test_all_kinds_of_values_come_back(lab):
     assert sorted(path.suffix for path in folder.iterdir()) == [".json", ".json", ".npy", ".npy", ".npy"]
 
 
-@pytest.mark.parametrize(("what", "got"), [("object", "ndarray of object"), ("set", "set")])
+@pytest.mark.parametrize(
+    ("what", "got"),
+    [("object", "ndarray of object"), ("set", "set"), ("Local", "Local"), ("MaskedArray", "MaskedArray")],
+)
 def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
     with pytest.raises(InputError, match=f"an array of numbers.*got {got}"):
         lab.pickled(what)
@@ -306,6 +314,17 @@ def test_a_writer_that_is_killed_leaves_no_result(lab):
     assert left.product == "unfinished" and left.n_bytes < size * 8
     assert lab.slow(1000).sum() == 1000  # the next writer tidies up
     assert not _unfinished()
+
+
+def test_what_an_earlier_himap_kept_is_listed_and_cleared(lab):
+    folder = cache.cache_folder() / "pipeline.cleaned" / ("0" * 32)
+    folder.mkdir(parents=True)
+    (folder / "value.pkl").write_bytes(b"0" * 1000)
+    (folder / "note.json").write_text('{"product": "pipeline.cleaned"}')
+    (entry,) = cache.cache_info()
+    assert entry.product == "pipeline.cleaned" and entry.n_bytes > 1000
+    cache.clear_cache()
+    assert not folder.exists()
 
 
 def test_writers_at_work_are_left_alone(lab):

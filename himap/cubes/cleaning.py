@@ -31,7 +31,7 @@ class CleanedCube:
     residual
         The cleaned maps, (n_channels, n_seen) float32, mK.
     separation
-        The `Separation`: foreground, mixing matrix, sources.
+        The `Separation`: mixing matrix, sources, what is taken as a few spectra times maps.
     flagged
         Share of the voxels that peak masking replaced before the foreground was looked for.
     """
@@ -45,7 +45,7 @@ class CleanedCube:
     @property
     def foreground(self):
         """What was subtracted, (n_channels, n_seen) float32, mK, made when asked for."""
-        return (self.cube.maps - self.residual).astype(np.float32)
+        return (self.cube.maps - self.residual).astype(np.float32, copy=False)
 
     @property
     def remarks(self):

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
+from himap.errors import InputError
 from himap.maps.blocked import blocks
 from himap.maps.modes import MapModes
-from himap.measures.power_spectra import FrequencyPower
+from himap.measures.power_spectra import FrequencyPower, checked_maps
 from himap.progress import progress
 
 __all__ = ["FAINT", "Moments", "difference", "line_errors"]
@@ -27,14 +28,21 @@ def difference(recovered, truth, *, mask=None):
     """recovered - truth of two cubes (n_channels, n_pix), mK, a `MapModes` without its faintest terms.
 
     Where the `mask` (n_pix,), bool or weights, is zero, both may be anything and the maps are zero.
+
+    Raises
+    ------
+    InputError
+        Cubes of different shapes or that are not finite where kept, or a bad mask.
     """
-    n_channels, n_pix = truth.shape
-    kept = np.ones(n_pix, dtype=bool) if mask is None else np.asarray(mask) > 0
+    (recovered, weights), (truth, _) = checked_maps(recovered, mask), checked_maps(truth, mask)
+    if recovered.shape != truth.shape:
+        raise InputError(f"both cubes must have one shape, got {recovered.shape} and {truth.shape}.")
+    (n_channels, n_pix), kept = truth.shape, weights > 0
 
     def lines(block):
-        values = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
-        values[:, ~kept[block]] = 0
-        return values
+        difference = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
+        difference[:, ~kept[block]] = 0
+        return difference
 
     covariance, floor = np.zeros((n_channels, n_channels)), 0.0
     for block in progress(blocks(n_pix), "difference to the truth"):
@@ -86,7 +94,7 @@ class Moments:
 
     @classmethod
     def of(cls, truth, error, *, mask=None):
-        """Of a cube (n_channels, n_pix) and a `MapModes`, over the lines in `mask` (n_pix,).
+        """Of a cube (n_channels, n_pix) and a `MapModes`, over the lines in `mask` (n_pix,) bool.
 
         Both less their means over these lines; no copy of the cube is made.
         """
@@ -112,10 +120,14 @@ class Moments:
 
     @property
     def correlation(self):
-        """Pearson r of T and of T with its error in every channel, (n_channels,) (paper, Eq. A.1)."""
+        """Pearson r of T and of T with its error in every channel, (n_channels,) (paper, Eq. A.1).
+
+        NaN where nothing of T is left.
+        """
         common = np.einsum("cm,cm->c", self.spectra, self.cross)
         recovered = self.truth + 2 * common + np.einsum("cm,mn,cn->c", self.spectra, self.gram, self.spectra)
-        return (self.truth + common) / np.sqrt(self.truth * recovered)
+        size = np.sqrt(self.truth * np.maximum(recovered, 0))
+        return np.divide(self.truth + common, size, out=np.full(len(size), np.nan), where=size > 0)
 
     def frequency_power(self, true, channel_width):
         """`FrequencyPower` of T with its error, from that of T on the same lines of sight.

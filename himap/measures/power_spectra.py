@@ -21,6 +21,7 @@ __all__ = [
     "FrequencyPower",
     "angular_power",
     "angular_power_pair",
+    "checked_maps",
     "frequency_power",
     "masked_alms",
     "recovered_angular_power",
@@ -85,7 +86,7 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
     InputError
         A mask of the wrong shape or that keeps nothing, or a bad bin width.
     """
-    maps, weights = _checked(maps, mask)
+    maps, weights = checked_maps(maps, mask)
     nside = sphere.nside_of(maps)
     lmax = 3 * nside - 1 if lmax is None else whole_number("lmax", lmax, 2, 3 * nside - 1)
     f_sky = weights.mean()
@@ -116,7 +117,8 @@ def angular_power_pair(truth, error, *, mask=None, truth_alms=None):
     truth
         (n_channels, n_pix), mK, RING.
     error
-        What the cleaned cube is more, a `MapModes` (`himap.measures.difference`).
+        What the cleaned cube is more, a `MapModes` of `himap.measures.difference.difference` or `condensed`:
+        products are in single precision, which terms that cancel would not survive.
     mask
         As in `angular_power`.
     truth_alms
@@ -134,14 +136,14 @@ def angular_power_pair(truth, error, *, mask=None, truth_alms=None):
     InputError
         As `angular_power`; coefficients or an error of another shape than the truth.
     """
-    truth, weights = _checked(truth, mask)
+    truth, weights = checked_maps(truth, mask)
     _check_error(error, truth.shape)
     if truth_alms is not None:
-        _checked(truth, None)
-        _check_alms(truth_alms, truth)
+        checked_maps(truth, None)
+        _check_alms(truth_alms, truth.shape)
     lmax = 3 * sphere.nside_of(truth) - 1
     kept = weights > 0
-    variance = np.array([np.mean(pixels[kept] ** 2, dtype=np.float64) for pixels in truth])
+    variance = np.array([np.mean(_centred(pixels, weights, kept) ** 2) for pixels in truth])
     alms = _alms_of_error(error, weights, lmax, variance)
     pseudo = np.empty((2, len(truth), lmax + 1))
     for channels in progress(blocks(len(truth), _CHANNELS), "angular spectra"):
@@ -166,10 +168,18 @@ def recovered_angular_power(truth_alms, error, *, mask=None):
         mask they may end at any l, and the spectra end there.
     error, mask
         As there.
+
+    Raises
+    ------
+    InputError
+        A bad mask; coefficients that are not those of the channels of the error, or with a mask not to
+        3 nside - 1.
     """
-    n_channels, n_alm = np.shape(truth_alms)
-    weights = mask_weights(mask, error.maps.shape[1])
-    _check_error(error, (n_channels, len(weights)))
+    n_pix = error.maps.shape[1]
+    weights = mask_weights(mask, n_pix)
+    if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != len(error.spectra):
+        _check_alms(truth_alms, (len(error.spectra), n_pix))
+    n_channels, n_alm = truth_alms.shape
     lmax = sphere.lmax_of_size(n_alm)
     variance = np.array([_variance(alm, lmax) for alm in truth_alms])
     alms = _alms_of_error(error, weights, lmax, variance)
@@ -185,7 +195,7 @@ def masked_alms(maps, *, mask=None):
 
     Maps, mask and errors as in `angular_power`; complex64 for maps in float32.
     """
-    return _alms(*_checked(maps, mask))
+    return _alms(*checked_maps(maps, mask))
 
 
 def _alms(maps, weights):
@@ -222,16 +232,15 @@ def _from_pseudo(pseudo, weights, mask):
 def _alms_of_error(error, weights, lmax, variance):
     """Coefficients of the maps of a `MapModes`, times weights, (n_modes, n_alm) complex64.
 
-    `variance` (n_channels,) is that of the truth: of terms that are minor beside it in every channel a rough
-    analysis will do.
+    `variance` (n_channels,) is the mean square over the sphere of the truth, less its mean, times weights: of
+    terms that are minor beside it in every channel a rough analysis will do.
     """
     kept = weights > 0
-    size = np.mean((error.maps * weights) ** 2, axis=1)
-    minor = (error.spectra**2 * size < _MINOR * variance[:, None]).all(axis=0)
     alms = np.empty((len(error.maps), sphere.alm_size(lmax)), dtype=np.complex64)
-    for pixels, rough, alm in zip(error.maps, minor, alms, strict=True):
-        centred = _centred(pixels, weights, kept).astype(np.float32)
-        alm[:] = sphere.analyse(centred, lmax, n_iter=0 if rough else sphere.N_ITER)
+    for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
+        centred = _centred(pixels, weights, kept)
+        minor = (spectrum**2 * np.mean(centred**2) < _MINOR * variance).all()
+        alm[:] = sphere.analyse(centred.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
     return alms
 
 
@@ -247,8 +256,14 @@ def _centred(pixels, weights, kept):
     return weights * np.where(kept, pixels - mean, 0)
 
 
-def _checked(maps, mask):
-    """Maps and weights; what the mask leaves out may be anything."""
+def checked_maps(maps, mask):
+    """Maps (n_channels, n_pix) and the weights (n_pix,) of a mask; what that leaves out may be anything.
+
+    Raises
+    ------
+    InputError
+        Maps that are not finite where kept, or a bad mask.
+    """
     shape = np.shape(maps)
     weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
@@ -261,10 +276,10 @@ def _check_error(error, shape):
         raise InputError(f"the error must have the channels and pixels of the truth, {shape}, got {got}.")
 
 
-def _check_alms(truth_alms, truth):
-    """Refuse coefficients that cannot be those of the channels of `truth`, to 3 nside - 1."""
-    lmax = 3 * sphere.nside_of(truth) - 1
-    expected = (len(truth), sphere.alm_size(lmax))
+def _check_alms(truth_alms, shape):
+    """Refuse coefficients that cannot be those of a cube (n_channels, n_pix), to 3 nside - 1."""
+    lmax = 3 * sphere.nside_of(np.empty(shape[1], dtype=bool)) - 1
+    expected = (shape[0], sphere.alm_size(lmax))
     if np.shape(truth_alms) != expected:
         raise InputError(
             f"truth_alms must have shape (n_channels, n_alm) = {expected}, got {np.shape(truth_alms)}; "
@@ -291,7 +306,7 @@ def frequency_power(maps, channel_width, *, mask=None):
     -------
     FrequencyPower
     """
-    maps, weights = _checked(maps, mask)
+    maps, weights = checked_maps(maps, mask)
     if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):
         raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
     n_channels, n_pix = maps.shape

@@ -8,9 +8,9 @@ _FEW = 3  # departures from the text that a caption can list
 
 
 def of_sdecgmca(method, nside):
-    """Which reading of the paper an `SDecGMCA` is, in what it departs from the text, and where it ends.
+    """Which reading of the paper an `SDecGMCA` is, what in it the text does not have, and where it ends.
 
-    Choices on which the text is silent are named where they are not those of the letter.
+    What the text is silent on is named where it is not as the letter has it.
 
     Parameters
     ----------
@@ -24,18 +24,28 @@ def of_sdecgmca(method, nside):
     str
         A sentence without its full stop.
     """
+    values = {name: getattr(method, name) for name in OPTIONS}
+    against = [name for name, option in OPTIONS.items() if values[name] in option.against]
     letter = READINGS["letter"]
-    apart = [option for name, option in OPTIONS.items() if getattr(method, name) != letter[name]]
-    against = [option.question for option in apart if option.said]
-    silent = [option.question for option in apart if not option.said]
-    differs = f"the {', '.join(against)}" if len(against) <= _FEW else f"{len(against)} choices"
-    text = f"the paper's text but for {differs}" if against else "every word of the paper's text"
+    silent = [name for name in OPTIONS if name not in against and values[name] != letter[name]]
+    text = "the paper's text"
+    if against:
+        text += (
+            f" but for {len(against)} choices"
+            if len(against) > _FEW
+            else f" but for {_said(values, against)}"
+        )
     if silent:
-        text += f" (which does not say the {', '.join(silent)})"
+        text += f" and, where it is silent, {_said(values, silent)}"
     end = min(method.lmax, 2 * nside)
     beyond = {
-        "cut": f"ends at ℓ = {end}, as does the truth that it is divided by",
-        "regularised": f"goes on beyond ℓ = {end} with its regularised inversion",
-        "projection": f"goes on beyond ℓ = {end} without regularisation",
+        "cut": f"it ends at ℓ = {end}, as does the truth that it is divided by",
+        "regularised": f"it goes on beyond ℓ = {end} with its regularised inversion",
+        "projection": f"it goes on beyond ℓ = {end} without regularisation",
     }
-    return f"SDecGMCA is read as “{method.reading}”, {text}, and {beyond[method.beyond]}"
+    return f"SDecGMCA is read as “{method.reading}”: {text}; {beyond[method.beyond]}"
+
+
+def _said(values, names):
+    """What is decided and how, one after the other."""
+    return ", ".join(f"{OPTIONS[name].question} ({OPTIONS[name].choices[values[name]]})" for name in names)

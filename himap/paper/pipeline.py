@@ -1,4 +1,4 @@
-"""The chain of products: sky, observation, cleaned maps, spectra. Each is computed once and kept.
+"""The chain of products: sky, observation, separation, spectra. Each is computed once and kept.
 
 A `Case` names one observation; every product is a function of a case or of a survey, so a notebook
 asks for what it shows and what is behind it is made, or found, on the way.

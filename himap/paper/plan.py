@@ -73,10 +73,11 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     cases = list(dict.fromkeys(case for case, *_ in assessments))
     check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
     made = make_observations(cases)
-    analyses = list({(case, peaks): None for case, remover, peaks in cleanings if remover.needs_modes})
-    for product in (pipeline.analysis, pipeline.foreground_analysed):
-        made += [(product, call) for call in analyses if not product.is_cached(*call)]
-        make_all(product, analyses, "analysis")
+    wanted = {pipeline.analysis: "needs_modes", pipeline.foreground_analysed: "ends"}
+    for product, asked in wanted.items():
+        calls = list({(case, peaks): None for case, remover, peaks in cleanings if getattr(remover, asked)})
+        made += [(product, call) for call in calls if not product.is_cached(*call)]
+        make_all(product, calls, "analysis")
     for product, calls in steps:
         n_made = make_all(product, calls, product.name.rpartition(".")[2])
     if not keep_observations:

@@ -85,11 +85,16 @@ class Reading:
         return READINGS[given.pop("reading", "default")] | given
 
     @property
+    def unlike(self):
+        """How many values are not those of the letter."""
+        return sum(
+            self.values[name] != value for name, value in READINGS["letter"].items() if name in OPTIONS
+        )
+
+    @property
     def distance(self):
-        """How many options are not as the paper's text has them; where it says nothing, none is."""
-        letter = READINGS["letter"]
-        said = [name for name, option in OPTIONS.items() if option.said]
-        return sum(self.values[name] != letter[name] for name in said)
+        """How many values the paper's text speaks against."""
+        return sum(self.values[name] in option.against for name, option in OPTIONS.items())
 
 
 def readings():

@@ -125,11 +125,14 @@ def _judged(outcomes):
 
 
 def nearest_sound(outcomes):
-    """Labels of the readings of which no run fails, and that have the fewest choices off the text."""
+    """Labels of the readings of which no run fails, and that have the fewest choices off the text.
+
+    Of several such, those that have the fewest choices unlike the letter.
+    """
     known = readings()
     sound = [label for label, one in outcomes.items() if not one.n_failing]
-    least = min((known[label].distance for label in sound), default=0)
-    return [label for label in sound if known[label].distance == least]
+    places = {label: (known[label].distance, known[label].unlike) for label in sound}
+    return [label for label in sound if places[label] == min(places.values())]
 
 
 def option_rows(outcomes):

@@ -1,8 +1,8 @@
-"""Results on disk as arrays and JSON: to be mapped, to be opened by anybody, and to run nothing when read.
+"""Results on disk as arrays and JSON: to be mapped, to be opened by anybody, and no pickle to be run.
 
 A folder has ``value.json``, the tree of what there is, and every array of it as a ``.npy`` file. A dataclass
 is the name of its class and its fields; when it is read back that class is looked up among the modules that
-are loaded, and nothing is imported.
+are loaded and made of its fields; nothing is imported.
 """
 
 import json
@@ -55,7 +55,7 @@ def read_value(folder):
 
 def _taken_apart(value, arrays):
     """The tree of a value; its arrays are appended to `arrays`."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in _KINDS:
+    if type(value) in (np.ndarray, np.memmap) and value.dtype.kind in _KINDS:
         arrays.append(value)
         return {_ARRAY: f"{len(arrays) - 1}.npy"}
     if isinstance(value, np.generic):
@@ -69,14 +69,14 @@ def _taken_apart(value, arrays):
     if isinstance(value, dict):
         # Pairs, for the keys of JSON are text.
         return {_DICT: [[_taken_apart(part, arrays) for part in pair] for pair in value.items()]}
-    if is_dataclass(value) and not isinstance(value, type):
-        kind = type(value)
+    kind = type(value)
+    if _is_kept(kind):
         own = {item.name: _taken_apart(getattr(value, item.name), arrays) for item in fields(value)}
         return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
-    kind = f"{type(value).__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
+    name = f"{kind.__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
     raise InputError(
-        "the result of a product is an array of numbers, or a dataclass, list, tuple or dict of these, of "
-        f"text and of numbers, got {kind}."
+        "the result of a product is an array of numbers, or a dataclass of a module, list, tuple or dict of "
+        f"these, of text and of numbers, got {name}."
     )
 
 
@@ -97,7 +97,17 @@ def _put_together(tree, folder):
 
 def _class_of(module, name):
     """The dataclass of that name, if its module is loaded."""
-    kind = getattr(sys.modules.get(module), name, None)
+    kind = _found(module, name)
     if not (isinstance(kind, type) and is_dataclass(kind)):
         raise ValueError(f"there is no class {name} in {module} any more")
     return kind
+
+
+def _found(module, name):
+    return getattr(sys.modules.get(module), name, None)
+
+
+def _is_kept(kind):
+    """Whether a class is a dataclass that can be found and made again from its fields."""
+    there = is_dataclass(kind) and _found(kind.__module__, kind.__qualname__) is kind
+    return there and all(item.init for item in fields(kind))

@@ -61,7 +61,7 @@ def holds(product, key):
 def load(product, key):
     """The result of `product` under `key`, its arrays mapped from disk and read-only.
 
-    Its checksum is compared once by every process that reads it.
+    The checksums of its files are compared once by every process that reads it.
 
     Raises
     ------
@@ -197,7 +197,8 @@ def _is_ours(path):
     """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too."""
     if re.fullmatch(rf"{_UNFINISHED}-.+-\d+-[0-9a-f]{{8}}", path.name):
         return path.is_dir()
-    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and (path / TREE).is_file()
+    known = (path / name for name in (TREE, _NOTE))  # an earlier himap had other values beside its note
+    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and any(file.is_file() for file in known)
 
 
 def _entry(path):

@@ -29,7 +29,7 @@ def product(function):
     bools, None, paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by
     its content). A dataclass also counts with the code of its class, and an argument with a method
     `digest()` with what that returns, for instance the hash of a file. The result is an array, or
-    a dataclass that holds arrays; the arrays are read-only.
+    a dataclass, list, tuple or dict of arrays, text and numbers; arrays are read-only.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class Separation:
 
     @property
     def foreground(self):
-        """The foreground up to `lmax`, less the channel means, a `MapModes`."""
+        """The foreground up to `lmax`, less `means`, a `MapModes`."""
         return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
 
     def left_of(self, maps, basis, modes=None):
@@ -75,10 +75,12 @@ class Separation:
         maps, basis
             (n_channels, n_pix), mK; `basis` are those that this was found in.
         modes
-            The `CubeModes` of `basis`, where this ends at `lmax`: beyond, all that `basis` holds is taken.
+            The `CubeModes` of `basis` where they are at hand, if this ends at `lmax`: beyond, all that
+            `basis` holds is taken.
         """
         if self.lmax is None:
             return self.foreground.taken_from(maps, self.means)
+        modes = _analysed(basis) if modes is None else modes
         left = self.foreground.taken_from(modes.low_cube(self.lmax))
         for observed, found, out in zip(maps, basis, left, strict=True):
             out += observed - found
@@ -106,7 +108,7 @@ class Cleaned:
     @property
     def foreground(self):
         """What was subtracted, the mean of every channel included, float32, made when asked for."""
-        return (self.maps - self.residual).astype(np.float32)
+        return (self.maps - self.residual).astype(np.float32, copy=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +143,11 @@ class ForegroundRemover(ABC):
     needs_modes: ClassVar[bool] = False
     ends_by_count: ClassVar[bool] = False
 
+    @property
+    def ends(self):
+        """Whether what is left ends at some multipole (`Separation.lmax`)."""
+        return False
+
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
         REGISTRY[cls.name] = cls
@@ -148,18 +155,20 @@ class ForegroundRemover(ABC):
     def __post_init__(self):
         checked_fields(self)
 
-    def clean(self, maps, *, separate_on=None, **known):
+    def clean(self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None):
         """Find the foreground and subtract it.
 
         Parameters
         ----------
         maps
             (n_channels, n_pix), mK; left as they are.
+        freqs, beams, noise, rng
+            As in `separate`.
         separate_on
             Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
             themselves unless given. The foreground is always subtracted from `maps`.
-        known
-            freqs, and what else `separate` takes.
+        modes
+            As in `separate`, of those maps.
 
         Returns
         -------
@@ -174,10 +183,8 @@ class ForegroundRemover(ABC):
         basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
         if basis.shape != maps.shape:
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
-        if self.needs_modes and known.get("modes") is None:
-            known["modes"] = _analysed(basis)
-        separation = self.separate(basis, **known)
-        residual = separation.left_of(maps, basis, known.get("modes"))
+        separation, modes = self._found(basis, freqs, beams, noise, rng, modes)
+        residual = separation.left_of(maps, basis, modes)
         return Cleaned(maps=maps, residual=residual, separation=separation)
 
     def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None):
@@ -210,20 +217,24 @@ class ForegroundRemover(ABC):
             sources than channels.
         """
         maps = checked_cube("maps", maps, min_channels=2)
+        return self._found(maps, freqs, beams, noise, rng, modes)[0]
+
+    def _found(self, maps, freqs, beams, noise, rng, modes):
+        """The `Separation` of checked maps, and their `CubeModes` where the method needs them."""
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
         noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
-        find = self._separate
+        find = partial(self._separate, freqs=freqs, beams=beams, rng=rng)
         if self.needs_noise:
             find = partial(find, noise=noise)
         if self.needs_modes:
-            find = partial(find, modes=_analysed(maps) if modes is None else modes)
+            modes = _analysed(maps) if modes is None else modes
+            find = partial(find, modes=modes)
         means = maps.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        maps = centred(maps, means)
-        separation = replace(find(maps, freqs=freqs, beams=beams, rng=rng), means=means)
+        separation = replace(find(centred(maps, means)), means=means)
         self._check_result(separation, maps.shape)
-        return separation
+        return separation, modes
 
     def _own_beams(self, beams, n_channels):
         if not self.needs_beams:
@@ -254,16 +265,18 @@ class ForegroundRemover(ABC):
         """Hold a method to what it promises, and pass on what it says of its result."""
         spectra, maps = separation.foreground.spectra, separation.foreground.maps
         expected = (shape[0], len(maps)), (len(maps), shape[1])
-        if (spectra.shape, maps.shape) != expected:
+        # A foreground is 1e5 times brighter than what is left: single precision would not do.
+        double = spectra.dtype == maps.dtype == np.float64
+        if (spectra.shape, maps.shape) != expected or not double:
             raise TypeError(
                 f"{type(self).__name__}._separate must return spectra {expected[0]} times maps "
-                f"{expected[1]}, got {spectra.shape} and {maps.shape}."
+                f"{expected[1]}, float64, got {spectra.dtype} {spectra.shape} and {maps.dtype} {maps.shape}."
             )
         remarks = [separation.remark] if separation.remark else []
         if not (separation.converged or self.ends_by_count):
             remarks.insert(0, f"stopped after {separation.n_iterations} iterations without converging")
         for remark in remarks:
-            warnings.warn(f"{self.name}: {remark}.", SeparationWarning, stacklevel=3)
+            warnings.warn(f"{self.name}: {remark}.", SeparationWarning, stacklevel=4)
 
     def check(self, n_channels):
         """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.

@@ -95,6 +95,10 @@ class SDecGMCA(ForegroundRemover):
         None, "relative change that ends the turns of the last S; as the reading has it", minimum=0
     )
 
+    @property
+    def ends(self):
+        return self.beyond == "cut"
+
     def __post_init__(self):
         options = resolved(self.reading, {name: getattr(self, name) for name in _BY_READING})
         for name, value in options.items():
@@ -154,7 +158,7 @@ class SDecGMCA(ForegroundRemover):
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=step.settled,
             n_iterations=n_iterations,
-            lmax=lmax if self.beyond == "cut" else None,
+            lmax=lmax if self.ends else None,
         )
 
     def _last(self, maps, problem, scales, step, windows, modes):

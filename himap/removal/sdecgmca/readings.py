@@ -1,9 +1,10 @@
 """Readings of the paper's SDecGMCA: where its text leaves a choice, each choice by name, and sets of them.
 
-`OPTIONS` is what there is to choose, and `READINGS` are the sets. The letter is every word of the paper's
-text; the code is what the public code of Carloni Gertosio & Bobin (2021, C21) does; the follow-up is what
-the public code of the paper's first author does since. The default is the one nearest to the text that does
-not fail, which the book shows.
+`OPTIONS` is what there is to choose, and `READINGS` are the sets. The letter takes nothing that the paper's
+text speaks against, and where that is silent what is usual; the code is the steps of the public code of
+Carloni Gertosio & Bobin (2021, C21); the follow-up is that with what the later code of the paper's first
+author changes in the inversion. The default is the letter with the noise of the instrument in the thresholds;
+the book shows why.
 """
 
 from dataclasses import dataclass
@@ -11,8 +12,6 @@ from dataclasses import dataclass
 from himap.errors import InputError
 
 __all__ = ["OPTIONS", "READINGS", "Option", "resolved"]
-
-_SILENT = "not said"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +26,14 @@ class Option:
         {value: what it means}.
     word
         What the paper says about it.
+    against
+        The values that this speaks against.
     """
 
     question: str
     choices: dict
     word: str
-
-    @property
-    def said(self):
-        """Whether the text has a word on it; where it has none, no choice departs from it."""
-        return self.word != _SILENT
+    against: tuple = ()
 
 
 OPTIONS = {
@@ -44,16 +41,19 @@ OPTIONS = {
         question="what A is fitted to",
         choices={"detail": "the detail scales of data and sources", "all": "all multipoles of both"},
         word="Sect. 3.3 (iv): a least squares “over all spherical harmonics”",
+        against=("detail",),
     ),
     "sign": Option(
         question="sign of A",
         choices={"free": "as it comes", "nonnegative": "negative entries set to zero"},
         word="Sect. 3.3 (iv): “negative entries are set to zero”",
+        against=("free",),
     ),
     "coefficients": Option(
         question="epsilon in the refinement",
         choices={"spectrum": "from the spectra of the sources (#4)", "matrix": "from A and the beams (#3)"},
         word="Sect. 3.3: “for the refinement phase, we use Strategy #4”",
+        against=("matrix",),
     ),
     "thresholds": Option(
         question="noise of the thresholds",
@@ -61,17 +61,19 @@ OPTIONS = {
             "mad": "median absolute deviation of each scale",
             "analytic": "that of the instrument, carried through the inversion",
         },
-        word=_SILENT,
+        word="not said; for the levels Sect. 3.3 (v) names Table 1 of C21",
     ),
     "least_kept": Option(
         question="fewest coefficients that a scale of a source keeps",
         choices={5: "five", 0: "none"},
         word="Sect. 3.3 (iii): the active support grows “from 0”",
+        against=(5,),
     ),
     "reweighted": Option(
         question="lower thresholds of large coefficients (l1 reweighting) in the refinement",
         choices={True: "yes, with a memory that starts empty", False: "no"},
         word="Sect. 3.3 (iii): “an l1 reweighting step is applied”",
+        against=(False,),
     ),
     "wavelets": Option(
         question="low passes of the starlets",
@@ -80,16 +82,18 @@ OPTIONS = {
             "ratio": "the ratio of two that follow each other, each on the map itself",
         },
         word="Sect. 3.3 (iii): “isotropic undecimated wavelet (starlet) basis”",
+        against=("ratio",),
     ),
     "floor": Option(
         question="smallest eigenvalue of the normal equations, relative to the largest",
         choices={1e-9: "1e-9", 1e-14: "rounding"},
-        word=_SILENT,
+        word="not said",
     ),
     "resolution": Option(
         question="what H is",
         choices={"beam": "the beam", "best": "the beam relative to that of the best channel"},
         word="Sect. 3.3: H is “the beam transfer function”",
+        against=("best",),
     ),
     "start": Option(
         question="channel to whose resolution the data of the first A are brought",
@@ -98,6 +102,7 @@ OPTIONS = {
             "first": "the first one, each coefficient with m > 0 counted once",
         },
         word="Sect. 3.3 (i): “the lowest-resolution channel”",
+        against=("first",),
     ),
     "last": Option(
         question="the last S",
@@ -107,12 +112,13 @@ OPTIONS = {
             "thresholded": "the same with thresholds",
             "unregularised": "least squares without epsilon",
         },
-        word="Eq. 23: S with its epsilon; how often is not said",
+        word="Eq. 23: S with its epsilon; how often, and whether with thresholds, is not said",
+        against=("unregularised",),
     ),
     "last_coefficients": Option(
         question="epsilon of the last S",
         choices={"spectrum": "from the spectra of the sources (#4)", "matrix": "from A and the beams (#3)"},
-        word=_SILENT,
+        word="not said",
     ),
     "beyond": Option(
         question="foreground beyond lmax",
@@ -121,7 +127,8 @@ OPTIONS = {
             "regularised": "the regularised inversion carried on to l = 3 nside",
             "projection": "least squares without epsilon",
         },
-        word="Sect. 3.3: “restricted to l <= 200”; Sect. 4.2: curves are cut there",
+        word="Sect. 3.3: “restricted to l <= 200”; of what P(k) holds beyond nothing is said",
+        against=("regularised", "projection"),
     ),
 }
 """{field of `SDecGMCA`: `Option`}."""
