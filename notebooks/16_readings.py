@@ -29,7 +29,7 @@
 #   both, and its example the former.
 #
 # The default is chosen by a rule: *of the readings that speak against no word of the text and fail in no run, the one with the fewest choices unlike the letter*. A run fails if the mean $|C/C_0 - 1|$ through the
-# oscillating beam is above {glue:text}`readings_failing` at $10 < \ell < 200$, or up to the end of the maps. The paper's 5 % is of every $\ell$: not to fail is not yet to be right.
+# oscillating beam is above {glue:text}`readings_failing` at $10 < \ell < 200$, or up to the end of the maps. The paper's mark is of every $\ell$: not to fail is not yet to be right.
 #
 # Why *any* run? Because the iteration is chaotic. The noise level that SDecGMCA is told is set 0.1 % lower and higher, which should change nothing, and under many readings does: one can be fine in one run and
 # useless in the next. So every reading is run on {glue:text}`readings_skies` at three noise levels, {glue:text}`readings_runs` runs for each. The noise level enters by the thresholds (`analytic`), by strategy 4, or by both; under
