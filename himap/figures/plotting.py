@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.ticker import LogLocator, MaxNLocator
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
 
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.maps import sphere
@@ -67,10 +67,11 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     axes.set_axis_off()
     axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
     bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
-    # More would run into each other.
-    bar.locator = (
-        LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5), numticks=6) if log else MaxNLocator(4)
-    )
+    if log:
+        bar.locator = LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5), numticks=6)
+        bar.formatter = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all of them
+    else:
+        bar.locator = MaxNLocator(4)  # more would run into each other
     bar.minorticks_off()
     return shown
 
