@@ -39,16 +39,15 @@ class SDecGMCA(ForegroundRemover):
     A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
     comes from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its
     starlet coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and
-    A comes from S by least squares (C21, Eq. 14), its negative entries set to zero and its columns of unit
-    length. In the warm-up the share grows
-    evenly to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon follows the
-    spectra of the sources (#4) and large coefficients have lower thresholds. The foreground is H A S with the
-    last S without thresholds, up to `lmax`.
+    A comes from S by least squares (C21, Eqs. 14 to 16), negative entries set to zero, columns of unit
+    length. In the warm-up the share grows evenly to `share` and epsilon follows A and the beams (strategy
+    #3); in the refinement epsilon follows the spectra of the sources (#4) and large coefficients have lower
+    thresholds. The foreground is H A S with the last S without thresholds, up to `lmax`.
 
     The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
-    `reading` is a set of them: "default", "letter" (nothing that the text speaks against), "code" (the steps of
-    the public code of C21, which this follows, as a test shows), "follow-up". The coefficient that is itself
-    the threshold stays whole, as in that code. There is no randomness.
+    `reading` is a set of them: "default", "letter" (nothing that the text speaks against), "code" (the steps
+    of the public code of C21, which this follows, as a test shows), "follow-up". The coefficient that is
+    itself the threshold stays whole, as in that code. There is no randomness.
 
     With ``beyond="cut"`` nothing is found beyond `lmax`, and all that is there goes with the foreground: the
     maps that are left end at `lmax` (`Separation.lmax`), and are compared with a truth that ends there too.
