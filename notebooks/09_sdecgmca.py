@@ -338,7 +338,7 @@ study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
 #
 # - SDecGMCA puts the beam into the mixture, and finds sources and spectra in turns: sparse sources, least squares, an $\epsilon$ where the beam leaves too little.
 # - The text leaves choices; each has a name here, and wherever a result of SDecGMCA is shown the reading is said.
-# - Its curves end where the inversion does. What happens beyond is a choice, and a large one for the spectrum along the line of sight.
+# - Its curves end where the inversion does. What happens beyond is a choice, and the figure shows what hangs on it.
 # - It trusts its beam, and its iteration is sensitive: look at how far an answer moves before it is compared with anything.
 #
 # Three commands worth trying:
