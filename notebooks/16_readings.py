@@ -67,7 +67,7 @@ Markdown(f"*{made.footer()}*")
 # They are made by
 #
 # ```sh
-# himap readings --preset quick -p galaxy=templates -p template_dir=FOLDER --jobs 2
+# himap readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_sources_max=7 --jobs 2
 # ```
 #
 # and stored with the book, because they take long.
