@@ -276,8 +276,8 @@ for kind, results in runs.items():
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
-# In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. A tolerance of SDecGMCA is the distance between
-# these, for another machine rounds differently, and that moves the iteration as far.
+# In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. The tolerance of SDecGMCA is wide, for another
+# machine rounds differently, and that moves the iteration as a noise level does.
 
 # %%
 rows, worst = {}, {}
@@ -288,7 +288,7 @@ for kind, results in runs.items():
     ]
     for name, value in bands[0].items():
         values = [band[name] for band in bands]
-        tolerance = max(np.ptp(values), 0.02 * max(1, value))
+        tolerance = (0.001 if kind == "BeamSubspace" else 0.15) * max(1, value)
         rows[f"{kind}: {name}"] = {
             "as it is": (value, tolerance),
             "lowest": (min(values), tolerance),
@@ -296,7 +296,7 @@ for kind, results in runs.items():
         }
     curves = np.array([one.angular_ratio for one in results.values()])
     factor = np.max(curves.max(axis=0) / curves.min(axis=0))
-    worst[kind] = (factor, max(factor - 1, 0.001))
+    worst[kind] = (factor, 0.2)
 show_table(rows)
 
 # %% tags=["hide-input"]
