@@ -24,7 +24,10 @@ _run = IPyNbCell.runtest
 def compare_outputs(self, test, ref, skip_compare=None):
     """nbval's comparison, after texts that agree within tolerance were made the same."""
     settled = [_settled(mine, theirs) for mine, theirs in zip(test, ref, strict=False)]
-    return _compare_exactly(self, settled + test[len(ref) :], ref, skip_compare)
+    same = _compare_exactly(self, settled + test[len(ref) :], ref, skip_compare)
+    if not same:  # nbval names the stream only
+        self.comparison_traceback += [one["text"] for one in test if one.get("name") == "stderr"]
+    return same
 
 
 def runtest(self):
