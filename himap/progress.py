@@ -42,7 +42,7 @@ def progress(iterable=None, description="", *, total=None):
         terminal, line = sys.stderr, 0
     else:  # one line below the bar of the process that watches the notebook
         terminal, line = _open_terminal(os.environ.get(TERMINAL_VARIABLE, "")), 1
-    return tqdm(
+    return _Bar(
         iterable,
         desc=description,
         total=total,
@@ -53,6 +53,12 @@ def progress(iterable=None, description="", *, total=None):
         leave=False,
         dynamic_ncols=True,
     )
+
+
+class _Bar(tqdm):
+    """A bar that no thread watches: tqdm's warns, now and then, when other bars begin and end as it looks."""
+
+    monitor_interval = 0
 
 
 @lru_cache(maxsize=4)

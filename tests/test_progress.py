@@ -5,6 +5,8 @@ import os
 import pty
 import select
 import struct
+import subprocess
+import sys
 import termios
 
 import pytest
@@ -68,3 +70,12 @@ def test_what_is_quick_has_no_bar(terminal, monkeypatch):
     with open(path, "w") as screen:
         screen.write("the end")
     assert read("the end") == "the end"
+
+
+def test_no_thread_looks_after_bars():
+    """tqdm's own warns on standard error if bars begin and end while it looks, in notebooks too."""
+    code = (
+        "import threading; from himap.progress import progress; "
+        "list(progress(range(3))); print(threading.active_count())"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "1\n"

@@ -1,5 +1,8 @@
 """The transforms: against healpy, and the properties any transform must have."""
 
+import ctypes
+import random
+
 import healpy as hp
 import numpy as np
 import pytest
@@ -150,6 +153,46 @@ def test_closely_analysed_maps_come_back(rng):
     ]
     assert left[0] < 3e-3
     assert left[0] < 0.1 * left[1]
+
+
+class TestSameBits:
+    """The same numbers give the same, wherever the scratch of the transforms lies in memory."""
+
+    @pytest.fixture
+    def shuffle(self):
+        """Takes and frees blocks of memory, about as large as that scratch, in a new order every time."""
+        library, held, order = ctypes.CDLL(None), [], random.Random(1)
+        library.malloc.restype, library.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+        library.free.argtypes = [ctypes.c_void_p]
+
+        def shuffle(lmax):
+            near = [8 * (lmax + n) for n in range(1, 6)] + [4 * lmax, 16, 48, 256, 1000]
+            held.extend(library.malloc(order.choice(near)) for _ in range(40))
+            order.shuffle(held)
+            while len(held) > 60:
+                library.free(held.pop())
+
+        yield shuffle
+        for block in held:
+            library.free(block)
+
+    @pytest.mark.parametrize("lmax", [31, 63, 99])
+    def test_on_the_grid(self, lmax, rng, shuffle):
+        alm = sphere.gaussian_alm(np.ones(lmax + 1), rng)
+        field = sphere.synthesise_grid(alm)
+        back = sphere.analyse_grid(field, lmax)
+        for _ in range(400):
+            shuffle(lmax)
+            assert np.array_equal(sphere.synthesise_grid(alm), field)
+            assert np.array_equal(sphere.analyse_grid(field, lmax), back)
+
+    def test_on_healpix(self, alm, rng, shuffle):
+        maps = sphere.synthesise(alm, NSIDE)
+        back = sphere.analyse(maps, 43, n_iter=1)
+        for _ in range(400):
+            shuffle(43)
+            assert np.array_equal(sphere.synthesise(alm, NSIDE), maps)
+            assert np.array_equal(sphere.analyse(maps, 43, n_iter=1), back)
 
 
 class TestGrid:

@@ -48,6 +48,11 @@ N_ITER_FLAT = 2
 """Refinements for maps with much power up to l = 3 nside, such as HI and noise: a third makes them worse
 beyond 2 nside (there C_l are 1 to 10 % off, 0.2 to 2 % with two) and little better below."""
 
+_ROOMY = 160
+"""To this l, at least, transforms are told to go; what is beyond the lmax asked for is zero. Below l of about
+130 the last bits of ducc0's Legendre functions depend on the order in which its scratch lies in memory, and
+what is iterated over thresholds (SDecGMCA) grows such a difference into another result."""
+
 
 def is_n_pix(number):
     """Whether a sphere can have this number of pixels: 12 nside^2, nside a power of two."""
@@ -114,8 +119,7 @@ def synthesise(alm, nside):
     real = np.float32 if alm.dtype == np.complex64 else np.float64
     maps = np.empty((len(flat), 12 * nside**2), dtype=real)
     for row, out in zip(flat, maps, strict=True):
-        row = row.astype(np.result_type(real, 1j), copy=False)
-        ducc0.sht.synthesis(alm=row[None], map=out[None], lmax=lmax, spin=0, nthreads=0, **_geometry(nside))
+        _synthesise(row.astype(np.result_type(real, 1j), copy=False), out, lmax, _geometry(nside))
     return maps.reshape(*alm.shape[:-1], -1)
 
 
@@ -142,9 +146,37 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER):
 
 def _adjoint(pixels, lmax, nside):
     """Plain quadrature: coefficients of one map with equal pixel weights."""
-    alm = ducc0.sht.adjoint_synthesis(map=pixels[None], lmax=lmax, spin=0, nthreads=0, **_geometry(nside))[0]
+    alm = _adjoint_synthesis(pixels, lmax, _geometry(nside))
     alm *= 4 * np.pi / len(pixels)
     return alm
+
+
+def _synthesise(alm, out, lmax, rings):
+    """One field of coefficients, into `out`, on any rings."""
+    if lmax < _ROOMY:
+        size, places = _places(lmax)
+        alm, own = np.zeros(size, dtype=alm.dtype), alm
+        alm[places] = own
+    ducc0.sht.synthesis(alm=alm[None], map=out[None], lmax=max(lmax, _ROOMY), mmax=lmax, **_PLAIN, **rings)
+
+
+def _adjoint_synthesis(field, lmax, rings):
+    """Coefficients, the sum over pixels of field times Y_lm^*, on any rings."""
+    room = max(lmax, _ROOMY)
+    alm = ducc0.sht.adjoint_synthesis(map=field[None], lmax=room, mmax=lmax, **_PLAIN, **rings)[0]
+    return alm if lmax == room else alm[_places(lmax)[1]]
+
+
+_PLAIN = {"spin": 0, "nthreads": 0}  # as many threads as ducc0 is set to
+
+
+@lru_cache(maxsize=32)
+def _places(lmax):
+    """How many coefficients there are to `_ROOMY` of m <= `lmax`, and where those to `lmax` are among them."""
+    degree, order = hp.Alm.getlm(lmax)
+    places = order * (2 * _ROOMY + 1 - order) // 2 + degree
+    places.flags.writeable = False
+    return hp.Alm.getsize(_ROOMY, lmax), places
 
 
 def analyse_closely(pixels, lmax, tolerance):
@@ -200,19 +232,15 @@ def synthesise_grid(alm, grid_lmax=None):
     rings, area = _grid(lmax if grid_lmax is None else grid_lmax)
     fields = np.empty((*alm.shape[:-1], len(area)))
     for row, out in zip(alm.reshape(-1, alm.shape[-1]), fields.reshape(-1, len(area)), strict=True):
-        ducc0.sht.synthesis(alm=row[None], map=out[None], lmax=lmax, spin=0, nthreads=0, **rings)
+        _synthesise(row, out, lmax, rings)
     return fields
 
 
 def analyse_grid(fields, lmax):
     """Coefficients of a field on the grid of `synthesise_grid`; exact if the field goes to `lmax` only."""
     rings, area = _grid(lmax)
-    alms = np.empty((*fields.shape[:-1], alm_size(lmax)), dtype=complex)
-    for row, out in zip(fields.reshape(-1, len(area)), alms.reshape(-1, alms.shape[-1]), strict=True):
-        ducc0.sht.adjoint_synthesis(
-            map=(row * area)[None], alm=out[None], lmax=lmax, spin=0, nthreads=0, **rings
-        )
-    return alms
+    alms = [_adjoint_synthesis(row * area, lmax, rings) for row in fields.reshape(-1, len(area))]
+    return np.array(alms).reshape(*fields.shape[:-1], -1)
 
 
 def gaussian_beam(fwhm, lmax):
