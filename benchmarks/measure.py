@@ -8,7 +8,7 @@ from multiprocessing import get_context
 import psutil
 
 from benchmarks.steps import STEPS
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
 from himap.survey import Survey
 
@@ -53,7 +53,7 @@ def _child(name, case, beside, pipe):
     (step,) = (step for step in STEPS if step.name == name)
     tiny = pipeline.Case(survey=Survey(nside=8, n_channels=30, box_cells=16), beam=case.beam)
     pipeline.hi_of_sky.compute(tiny.survey.sky)  # compiles
-    pipeline.separation.compute(tiny, Parametric())
+    cleaned.separation.compute(tiny, Parametric())
     pipe.send("ready")
     pipe.recv()
     started = time.perf_counter()

@@ -18,7 +18,7 @@ from benchmarks.alternatives import (
     plain_residual,
 )
 from himap.maps import sphere
-from himap.paper import pipeline, plan
+from himap.paper import cleaned, pipeline, plan
 from himap.paper.methods import methods_for, paper_beams, table_1
 from himap.removal.base import SeparationWarning
 from himap.removal.parametric import Parametric
@@ -111,7 +111,7 @@ def _cleaner(name):
         (method,) = (method for method in methods_for(case.beam) if method.name == name)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SeparationWarning)
-            return pipeline.separation.compute(case, method)
+            return cleaned.separation.compute(case, method)
 
     return work
 
@@ -145,12 +145,12 @@ def beside_parametric(case):
 
 def both_spectra(case):
     """C_l, P(k), correlation and errors of what a method leaves, found already."""
-    pipeline.assessment.compute(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
+    cleaned.assessment.compute(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
 
 
 def beside_spectra(case):
     """healpy's anafast, channel by channel."""
-    residual = pipeline.residual(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
+    residual = cleaned.residual(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
     sample = residual[evenly(len(residual), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",

@@ -11,7 +11,7 @@ from himap.instrument.beams import Degraded, Oscillating
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.power_spectra import angular_power, frequency_power
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 from himap.removal.base import Separation
 from himap.removal.beam_projection import on_sky
@@ -49,19 +49,19 @@ class TestAgainstTheCube:
     def cubes(self, beam, remover):
         """(what is left, truth), both up to where the method ends."""
         case = case_of(beam)
-        lmax = pipeline.separation(case, remover).lmax
-        left = pipeline.residual(case, remover)
+        lmax = cleaned.separation(case, remover).lmax
+        left = cleaned.residual(case, remover)
         return left if lmax is None else sphere.cut_cube(left, lmax), pipeline.truth(case, lmax)
 
     def test_the_error_is_their_difference(self, beam, remover, cubes):
         left, truth = (maps - maps.mean(axis=1, keepdims=True, dtype=float) for maps in cubes)
-        found = pipeline.error(case_of(beam), remover).lines(slice(None))
+        found = cleaned.error(case_of(beam), remover).lines(slice(None))
         close = 0.02 if getattr(remover, "beyond", "") == "cut" else 0.005
         assert (found - (left - truth)).std() < close * truth.std()
 
     def test_all_measures(self, beam, remover, cubes):
         left, truth = cubes
-        found = pipeline.assessment(case_of(beam), remover, True, True)
+        found = cleaned.assessment(case_of(beam), remover, True, True)
         width = SURVEY.channel_width
         degrees = found.power_spectra.angular.degrees
         seen = slice(2, int(min(degrees[-1], 1.5 * SURVEY.nside)))  # beyond, HEALPix has no good quadrature
@@ -94,11 +94,11 @@ def test_a_method_that_ends_with_and_without_peak_masking(mask_peaks):
     """On the sky as bright as it is, to the rounding of its maps."""
     case = pipeline.Case(survey=SURVEY, beam=Oscillating())
     remover = SDecGMCA(**SHORT)
-    truth = pipeline.truth(case, pipeline.separation(case, remover, mask_peaks).lmax)
-    left = sphere.cut_cube(pipeline.residual(case, remover, mask_peaks), 2 * SURVEY.nside)
+    truth = pipeline.truth(case, cleaned.separation(case, remover, mask_peaks).lmax)
+    left = sphere.cut_cube(cleaned.residual(case, remover, mask_peaks), 2 * SURVEY.nside)
     wrong = left - truth - (left - truth).mean(axis=1, keepdims=True)
     rounding = 3e-7 * pipeline.observation(case).maps.std()
-    found = pipeline.error(case, remover, mask_peaks).lines(slice(None))
+    found = cleaned.error(case, remover, mask_peaks).lines(slice(None))
     assert (found - wrong).std() < 0.02 * truth.std() + rounding
 
 
@@ -107,9 +107,9 @@ def test_nothing_wrong_is_no_error(monkeypatch):
     case = case_of(Degraded())
     there = on_sky(pipeline.foreground_seen(case), SURVEY.nside)
     found = Separation(mixing=there.spectra, sources=there.maps)
-    monkeypatch.setattr(pipeline.separation, "once", lambda *call: found)
-    assert pipeline.error(case, PCA()).spectra.shape == (SURVEY.n_channels, 0)
-    assessed = pipeline.assessment.compute(case, PCA())
+    monkeypatch.setattr(cleaned.separation, "once", lambda *call: found)
+    assert cleaned.error(case, PCA()).spectra.shape == (SURVEY.n_channels, 0)
+    assessed = cleaned.assessment.compute(case, PCA())
     true = pipeline.true_spectra(case)
     assert assessed.power_spectra.angular.cl == pytest.approx(true.angular.cl, rel=1e-6)
     assert np.array_equal(assessed.power_spectra.frequency.power, true.frequency.power)
@@ -120,10 +120,10 @@ def test_an_assessment_holds_no_cube_but_the_truth():
     """What it allocates at its peak is less than a cube in float32 and the coefficients of the truth."""
     case = case_of(Degraded(), replace(SURVEY, n_channels=200, nside=64))
     remover = PCA(n_sources=3)
-    pipeline.separation(case, remover)
-    pipeline.assessment.compute(case, remover)  # makes what is shared, and tables of transforms
+    cleaned.separation(case, remover)
+    cleaned.assessment.compute(case, remover)  # makes what is shared, and tables of transforms
     tracemalloc.start()
-    pipeline.assessment.compute(case, remover)
+    cleaned.assessment.compute(case, remover)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak - pipeline.truth_alms(case).nbytes < pipeline.observation(case).truth.nbytes

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.errors import InputError
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.products import cache
 from himap.products.parallel import DASK_VARIABLE, make_all
 from himap.removal.base import SeparationWarning
@@ -36,9 +36,9 @@ def test_the_same_results_as_without(address, monkeypatch, tmp_path):
     found = []
     for folder in ("with", "without"):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
-        assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
-        assert make_all(pipeline.assessment, CALLS, "test") == 0
-        found.append([pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS])
+        assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
+        assert make_all(cleaned.assessment, CALLS, "test") == 0
+        found.append([cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS])
         monkeypatch.delenv(DASK_VARIABLE, raising=False)
     assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
 
@@ -47,14 +47,14 @@ def test_warnings_come_back(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
     with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
-        make_all(pipeline.assessment, hasty, "test")
+        make_all(cleaned.assessment, hasty, "test")
 
 
 def test_errors_come_back(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     too_many = [(CASE, PCA(n_sources=30), True, False)]
     with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20, got 30"):
-        make_all(pipeline.assessment, too_many, "test")
+        make_all(cleaned.assessment, too_many, "test")
 
 
 KILL = """
@@ -82,7 +82,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
     victim = tmp_path / "victim"
     monkeypatch.setenv("HIMAP_TEST_VICTIM", str(victim))
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
-    expected = [pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS]
+    expected = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
     with distributed.LocalCluster(
         n_workers=2,
@@ -92,10 +92,10 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
         preload=[str(tmp_path / "fatal.py")],
     ) as two:
         monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
-        assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
+        assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
     assert victim.exists()
     monkeypatch.delenv(DASK_VARIABLE)
-    found = [pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS]
+    found = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
     assert "unfinished" not in {entry.product for entry in cache.cache_info()}
 
@@ -107,12 +107,12 @@ def test_no_scheduler(monkeypatch, tmp_path):
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         monkeypatch.setenv(DASK_VARIABLE, address)
         with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):
-            make_all(pipeline.assessment, CALLS, "test")
+            make_all(cleaned.assessment, CALLS, "test")
 
 
 def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
     """As on machines that do not share a disk: what the workers make does not show up here."""
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    monkeypatch.setattr(pipeline.assessment, "is_cached", lambda *call: False)
+    monkeypatch.setattr(cleaned.assessment, "is_cached", lambda *call: False)
     with pytest.raises(InputError, match=f"do not share the cache folder {tmp_path}"):
-        make_all(pipeline.assessment, CALLS[:1], "test")
+        make_all(cleaned.assessment, CALLS[:1], "test")

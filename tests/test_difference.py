@@ -94,7 +94,7 @@ class TestMapModes:
         other = MapModes(spectra=rng.standard_normal((6, 2)), maps=rng.standard_normal((2, 3000)))
         whole = error.lines(slice(None)) - other.lines(slice(None))
         assert (error + -other).lines(slice(None)) == pytest.approx(whole)
-        assert error.channel(4) == pytest.approx(error.lines(slice(None))[4])
+        assert error.of(slice(4, 5)).lines(slice(None)) == pytest.approx(error.lines(slice(None))[4:5])
         assert error.cube() == pytest.approx(error.lines(slice(None)), rel=1e-5, abs=1e-5)
         assert error.cube().dtype == np.float32
 

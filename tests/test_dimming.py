@@ -5,7 +5,7 @@ import pytest
 
 from himap.errors import InputError
 from himap.maps import sphere
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
 from himap.sky.dimming import Dimming
 from himap.survey import Survey
@@ -48,7 +48,7 @@ def test_only_foregrounds_are_dimmed():
 
 def test_a_dimmed_case_is_a_product_of_its_own():
     case = pipeline.Case(survey=SMALL, dimming=Dimming())
-    one, two = (pipeline.residual(c, PCA(n_sources=2)) for c in (case, pipeline.Case(survey=SMALL)))
+    one, two = (cleaned.residual(c, PCA(n_sources=2)) for c in (case, pipeline.Case(survey=SMALL)))
     assert not np.array_equal(one, two)
 
 

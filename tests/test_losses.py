@@ -6,7 +6,7 @@ import pytest
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.maps.blocked import centred
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.paper.losses import error_parts
 from himap.removal import PCA, BeamSubspace, SDecGMCA
 from himap.survey import Survey
@@ -20,7 +20,7 @@ SHORT = {"n_warmup": 4, "n_refinement": 2, "n_sources": 3}
 )
 def test_the_parts_are_the_error(remover):
     left, lost, truth = error_parts(CASE, remover)
-    residual = pipeline.residual(CASE, remover)
+    residual = cleaned.residual(CASE, remover)
     assert np.array_equal(truth, centred(pipeline.observation(CASE).truth))
     rounding = 3e-7 * np.abs(pipeline.observation(CASE).maps).max()  # of cubes in float32
     assert np.allclose(left - lost, centred(residual) - truth, atol=rounding)
@@ -30,14 +30,14 @@ def test_the_parts_are_the_error(remover):
 def test_what_pca_loses_lies_in_its_space():
     remover = PCA(n_sources=3)
     left, lost, _ = error_parts(CASE, remover)
-    basis = np.linalg.qr(pipeline.separation(CASE, remover).mixing)[0]
+    basis = np.linalg.qr(cleaned.separation(CASE, remover).mixing)[0]
     assert np.allclose(basis @ (basis.T @ lost), lost, atol=1e-6)
     assert (basis.T @ left).std() < 0.02 * left.std()  # but for rounding of float32
 
 
 def test_a_method_that_ends_is_compared_with_a_truth_that_ends_there():
     remover = SDecGMCA(lmax=10, **SHORT)
-    assert pipeline.separation(CASE, remover).lmax == 10
+    assert cleaned.separation(CASE, remover).lmax == 10
     for cube in error_parts(CASE, remover):
         power = sphere.power_spectrum(sphere.analyse(cube)).mean(axis=0)
         assert power[12:].max() < 0.02 * power[2:11].mean()

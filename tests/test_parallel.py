@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from himap.errors import InputError
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.products.parallel import JOBS_VARIABLE, make_all, n_jobs
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
@@ -21,10 +21,10 @@ CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
 def test_what_is_missing_is_made_once(monkeypatch, tmp_path, jobs):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     monkeypatch.setenv(JOBS_VARIABLE, str(jobs))
-    pipeline.assessment(*CALLS[1])
-    assert make_all(pipeline.assessment, CALLS, "test") == 2
-    assert all(pipeline.assessment.is_cached(*call) for call in CALLS)
-    assert make_all(pipeline.assessment, CALLS, "test") == 0
+    cleaned.assessment(*CALLS[1])
+    assert make_all(cleaned.assessment, CALLS, "test") == 2
+    assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
+    assert make_all(cleaned.assessment, CALLS, "test") == 0
 
 
 def test_processes_give_what_one_gives(monkeypatch, tmp_path):
@@ -32,18 +32,18 @@ def test_processes_give_what_one_gives(monkeypatch, tmp_path):
     for jobs in ("1", "2"):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / jobs))
         monkeypatch.setenv(JOBS_VARIABLE, jobs)
-        make_all(pipeline.assessment, CALLS, "test")
-        found.append([pipeline.assessment(*call).power_spectra.angular.cl for call in CALLS])
+        make_all(cleaned.assessment, CALLS, "test")
+        found.append([cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS])
     assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
 
 
 def test_processes_that_live_on_follow_the_settings(monkeypatch, tmp_path):
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "one"))
-    make_all(pipeline.assessment, CALLS, "test")
+    make_all(cleaned.assessment, CALLS, "test")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "two"))
-    assert make_all(pipeline.assessment, CALLS, "test") == len(CALLS)
-    assert all(pipeline.assessment.is_cached(*call) for call in CALLS)
+    assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
+    assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
 
 
 @pytest.mark.parametrize(("own_choice", "threads"), [(None, "1"), ("3", "3")])
@@ -66,7 +66,7 @@ def test_processes_share_the_cores(monkeypatch, tmp_path, own_choice, threads):
 
     monkeypatch.setattr("joblib.Parallel", InThisProcess)
     monkeypatch.setattr("joblib.cpu_count", lambda: 2)
-    make_all(pipeline.assessment, CALLS, "test")
+    make_all(cleaned.assessment, CALLS, "test")
     assert seen == [2, threads]
     assert os.environ.get("DUCC0_NUM_THREADS") == own_choice
 
@@ -88,4 +88,4 @@ def test_warnings_reach_the_process_that_asked(monkeypatch, tmp_path):
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
     with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
-        make_all(pipeline.assessment, hasty, "test")
+        make_all(cleaned.assessment, hasty, "test")

@@ -14,7 +14,7 @@ from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.power_spectra import frequency_power
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal import PCA, SDecGMCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
@@ -104,16 +104,16 @@ def test_readings_of_the_noise_share_the_sky():
 
 def test_the_analysis_of_an_observation_is_shared(monkeypatch):
     """By methods and numbers of sources; maps with their peaks have one of their own."""
-    pipeline.separation(CASE, SDecGMCA(n_sources=2))
+    cleaned.separation(CASE, SDecGMCA(n_sources=2))
     monkeypatch.setattr(pipeline, "analysed", None)
-    pipeline.separation(CASE, SDecGMCA(n_sources=3))
-    pipeline.separation(CASE, PCA(n_sources=3), mask_peaks=False)  # needs none
+    cleaned.separation(CASE, SDecGMCA(n_sources=3))
+    cleaned.separation(CASE, PCA(n_sources=3), mask_peaks=False)  # needs none
     with pytest.raises(TypeError):
-        pipeline.separation(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
+        cleaned.separation(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
 
 
 def test_cleaning_recovers_the_signal():
-    found, left = pipeline.separation(CASE, PCA(n_sources=3)), pipeline.residual(CASE, PCA(n_sources=3))
+    found, left = cleaned.separation(CASE, PCA(n_sources=3)), cleaned.residual(CASE, PCA(n_sources=3))
     truth = pipeline.observation(CASE).truth
     assert found.converged
     assert found.mixing.shape == (20, 3)
@@ -122,8 +122,8 @@ def test_cleaning_recovers_the_signal():
 
 
 def test_spectra_of_truth_and_residual():
-    true = pipeline.power_spectra(CASE)
-    pca = pipeline.power_spectra(CASE, PCA(n_sources=3))
+    true = cleaned.power_spectra(CASE)
+    pca = cleaned.power_spectra(CASE, PCA(n_sources=3))
     inside = slice(5, 32)
     ratio = diagnostics.ratio(pca.angular.mean[inside], true.angular.mean[inside])
     assert 0.7 < ratio.mean() < 1.1
@@ -136,7 +136,7 @@ def test_pca_on_the_real_sky(real_sky):
     case = pipeline.Case(
         survey=Survey.preset("ci"), galaxy=Galaxy(source="templates", template_dir=str(real_sky))
     )
-    true, pca = pipeline.power_spectra(case), pipeline.power_spectra(case, PCA(n_sources=3))
+    true, pca = cleaned.power_spectra(case), cleaned.power_spectra(case, PCA(n_sources=3))
     ratio = diagnostics.ratio(pca.angular.mean[1:], true.angular.mean[1:])
     worst, where = diagnostics.largest_deviation(true.angular.degrees[1:], ratio, 10, 64)
     assert worst < 0.1, f"C/C0 deviates by {worst:.3f} at l = {where:.0f}"
@@ -152,8 +152,8 @@ def test_what_ends_at_some_l_is_measured_against_a_truth_that_ends_there():
     """Spectra, errors and correlation are of what is left and of truth up to lmax, both."""
     case = replace(CASE, beam=Oscillating())
     remover = SDecGMCA(n_sources=2, lmax=10, n_warmup=2, n_refinement=2, warmup_tolerance=1e3, tolerance=1e3)
-    found = pipeline.assessment(case, remover, True, True)
-    left = _upto(pipeline.residual(case, remover), 10)
+    found = cleaned.assessment(case, remover, True, True)
+    left = _upto(cleaned.residual(case, remover), 10)
     truth = _upto(pipeline.observation(case).truth, 10)
     truth -= truth.mean(axis=1, keepdims=True)
     whole = pipeline.true_spectra(case)
@@ -167,4 +167,4 @@ def test_what_ends_at_some_l_is_measured_against_a_truth_that_ends_there():
     errors = line_errors(left, truth)
     assert found.line_errors == pytest.approx(errors, rel=0.05, abs=0.02 * errors.mean())
     assert found.correlation == pytest.approx(correlation(left, truth), abs=0.01)
-    assert pipeline.assessment(case, PCA(n_sources=2)).truth is None
+    assert cleaned.assessment(case, PCA(n_sources=2)).truth is None

@@ -16,7 +16,7 @@ ROOT = Path(himap.__file__).parents[1]
 
 CHAIN = """
 from himap.instrument.beams import Degraded, Oscillating
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 from himap.survey import Survey
@@ -24,7 +24,7 @@ from himap.survey import Survey
 for beam in (Degraded(), Oscillating()):
     case = pipeline.Case(survey=Survey(nside=16, n_channels=40, box_cells=32), beam=beam)
     for remover in (PCA(n_sources=2), GMCA(n_sources=2)):
-        pipeline.assessment(case, remover)
+        cleaned.assessment(case, remover)
 """
 
 NOTEBOOK = """\
@@ -37,12 +37,12 @@ survey: dict = {}  # Survey fields that differ from the preset
 n_sources: int = 2  # components to remove
 
 # %%
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
 from himap.survey import Survey
 
 case = pipeline.Case(survey=Survey.preset(preset, **survey))
-found = pipeline.power_spectra(case, PCA(n_sources=n_sources))
+found = cleaned.power_spectra(case, PCA(n_sources=n_sources))
 print(found.angular.mean.tolist(), found.frequency.power.tolist())
 """
 

@@ -10,7 +10,7 @@ from himap.errors import InputError
 from himap.maps.blocked import centred
 from himap.removal import available, create
 from himap.removal.analysis import analysed
-from himap.removal.base import REGISTRY, ForegroundRemover, Separation
+from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
 from himap.removal.peaks import mask_peaks
 
 __all__ = ["Basis", "CleanedCube", "clean_cube", "method_for"]
@@ -19,33 +19,22 @@ _LEAST_FOR_PEAKS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class CleanedCube:
-    """What `clean_cube` made of a `Cube`; maps are of its seen pixels.
+class CleanedCube(Cleaned):
+    """What `clean_cube` made of a `Cube`: what every method gives (`Cleaned`), and where it comes from.
 
     Attributes
     ----------
     cube
-        What was cleaned.
+        What was cleaned; `maps`, `residual` and `foreground` are of its seen pixels.
     method
         The `ForegroundRemover`.
-    residual
-        The cleaned maps, (n_channels, n_seen) float32, mK.
-    separation
-        The `Separation`: mixing matrix, sources, what is taken as a few spectra times maps.
     flagged
         Share of the voxels that peak masking replaced before the foreground was looked for.
     """
 
     cube: Cube
-    method: object
-    residual: np.ndarray
-    separation: Separation
+    method: ForegroundRemover
     flagged: float
-
-    @property
-    def foreground(self):
-        """What was subtracted, (n_channels, n_seen) float32, mK, made when asked for."""
-        return (self.cube.maps - self.residual).astype(np.float32, copy=False)
 
     @property
     def remarks(self):
@@ -142,13 +131,7 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
         separate_on=basis.maps,
         modes=basis.modes if remover.needs_modes else None,
     )
-    return CleanedCube(
-        cube=cube,
-        method=remover,
-        residual=result.residual,
-        separation=result.separation,
-        flagged=basis.flagged,
-    )
+    return CleanedCube(**vars(result), cube=cube, method=remover, flagged=basis.flagged)
 
 
 def method_for(cube, method, **parameters):

@@ -40,9 +40,9 @@ class MapModes:
         """The lines of sight of some pixels (a slice, numbers or a mask), (n_channels, n) float64."""
         return self.spectra @ self.maps[:, pixels]
 
-    def channel(self, n):
-        """The map of channel `n`, (n_pix,) float64."""
-        return self.spectra[n] @ self.maps
+    def of(self, channels):
+        """The same of some channels, a slice."""
+        return MapModes(spectra=self.spectra[channels], maps=self.maps)
 
     def cube(self):
         """(n_channels, n_pix) float32."""

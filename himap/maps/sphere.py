@@ -172,7 +172,7 @@ _PLAIN = {"spin": 0, "nthreads": 0}  # as many threads as ducc0 is set to
 
 @lru_cache(maxsize=32)
 def _places(lmax):
-    """How many coefficients there are to `_ROOMY` of m <= `lmax`, and where those to `lmax` are among them."""
+    """How many coefficients there are of l <= `_ROOMY`, m <= `lmax`; and which of them have l <= `lmax`."""
     degree, order = hp.Alm.getlm(lmax)
     places = order * (2 * _ROOMY + 1 - order) // 2 + degree
     places.flags.writeable = False

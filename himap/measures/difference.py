@@ -46,8 +46,8 @@ def difference(recovered, truth, *, mask=None):
 
     covariance, floor = np.zeros((n_channels, n_channels)), 0.0
     for block in progress(blocks(n_pix), "difference to the truth"):
-        values = lines(block)
-        covariance += values @ values.T
+        wrong = lines(block)
+        covariance += wrong @ wrong.T
         floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64))
     values, axes = np.linalg.eigh(covariance)
     spectra = axes[:, values > FAINT * floor]

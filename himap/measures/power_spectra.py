@@ -45,6 +45,11 @@ class AngularPower:
         """C_l averaged over channels, (n_l,)."""
         return self.cl.mean(axis=0)
 
+    @property
+    def variance(self):
+        """Variance over the sphere of every channel, (n_channels,), mK^2, where there is a C_l at every l."""
+        return self.cl @ (2 * self.degrees + 1) / (4 * np.pi)
+
     def upto(self, lmax):
         """The same to `lmax`, or as it is for None."""
         inside = slice(None) if lmax is None else self.degrees <= lmax

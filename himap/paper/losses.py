@@ -4,7 +4,7 @@ import numpy as np
 
 from himap.maps import sphere
 from himap.maps.blocked import centred
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.removal.analysis import analysed
 from himap.removal.beam_projection import through_beams
 
@@ -35,7 +35,7 @@ def error_parts(case, remover):
     foreground_left, hi_lost, truth
         (n_channels, n_pix) float32, mK, less their channel means.
     """
-    observed, found = pipeline.observation(case), pipeline.separation(case, remover)
+    observed, found = pipeline.observation(case), cleaned.separation(case, remover)
     known = centred(observed.truth - (observed.maps - pipeline.peak_masked(case).maps))
     if found.lmax is not None:
         known = sphere.cut_cube(known, found.lmax)
@@ -45,4 +45,4 @@ def error_parts(case, remover):
     else:
         basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
         hi_lost = basis @ (basis.T @ known)
-    return pipeline.error(case, remover).cube() + hi_lost, hi_lost, centred(pipeline.truth(case, found.lmax))
+    return cleaned.error(case, remover).cube() + hi_lost, hi_lost, centred(pipeline.truth(case, found.lmax))

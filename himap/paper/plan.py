@@ -4,7 +4,7 @@ The one place that knows which product comes before which; the products themselv
 need.
 """
 
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.products.memory import check_memory
 from himap.products.parallel import make_all, n_jobs
 
@@ -46,7 +46,7 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     Parameters
     ----------
     assessments
-        The arguments of each `pipeline.assessment`: (case, remover, mask_peaks, post_mask).
+        The arguments of each `cleaned.assessment`: (case, remover, mask_peaks, post_mask).
     facts
         [(product, arguments)] of what else is measured on these cases (`himap.paper.evidence`).
     keep_separations
@@ -67,7 +67,7 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     """
     cleanings = [call[:3] for call in assessments]
     steps = [(fact, [call for product, call in facts if product is fact]) for fact in dict(facts)]
-    steps += [(pipeline.separation, cleanings)] * keep_separations + [(pipeline.assessment, assessments)]
+    steps += [(cleaned.separation, cleanings)] * keep_separations + [(cleaned.assessment, assessments)]
     if all(product.is_cached(*call) for product, calls in steps for call in calls):
         return 0
     cases = list(dict.fromkeys(case for case, *_ in assessments))

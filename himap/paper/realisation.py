@@ -13,7 +13,7 @@ from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.results import Comparison
-from himap.paper import evidence, pipeline, plan
+from himap.paper import cleaned, evidence, pipeline, plan
 from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.dimming import Dimming
@@ -84,7 +84,7 @@ class Realisation:
 
     @property
     def assessments(self):
-        """The arguments of every `pipeline.assessment` that the claims need, a list of tuples."""
+        """The arguments of every `cleaned.assessment` that the claims need, a list of tuples."""
         calls = [call for case in self.cases for call in self.calls(case).values()]
         return [*calls, *map(self._beyond, BEAMS), *self._scan().values()]
 
@@ -95,7 +95,7 @@ class Realisation:
         return [(evidence.sky_brightness, (self.survey.sky, self.galaxy)), *voxels]
 
     def calls(self, case):
-        """{method: arguments of `pipeline.assessment`} of a case; "sdecgmca" is what stands in its place."""
+        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is what stands in its place."""
         observed, peaks, post = self.cases[case]
         methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
@@ -104,7 +104,7 @@ class Realisation:
         }
 
     def _beyond(self, beam):
-        """Arguments of `pipeline.assessment` for SD beyond l = 200; itself where it has no such option."""
+        """Arguments of `cleaned.assessment` for SD beyond l = 200; itself where it has no such option."""
         own = observed, method, *_ = self.calls(beam)["sdecgmca"]
         if not any(item.name == "beyond" for item in fields(method)):
             return own
@@ -115,7 +115,7 @@ class Realisation:
         return observed, further, True, False
 
     def _scan(self):
-        """{n_sources: arguments of `pipeline.assessment`}."""
+        """{n_sources: arguments of `cleaned.assessment`}."""
         case = self.cases["oscillating"][0]
         return {n: (case, self._in_place(case.beam, n_sources=n), True, False) for n in self.n_sources}
 
@@ -190,7 +190,7 @@ class Realisation:
 
     def mixing(self, beam):
         """Mixing matrix of SDecGMCA, (n_channels, n_sources)."""
-        return pipeline.assessment(*self.calls(beam)["sdecgmca"]).mixing
+        return cleaned.assessment(*self.calls(beam)["sdecgmca"]).mixing
 
     def windows(self, beam):
         """b_l from the sky to the maps, (n_channels, lmax + 1)."""
@@ -202,10 +202,10 @@ class Realisation:
 
     def assessed(self, method):
         """The `Assessment` of a method on the oscillating case."""
-        return pipeline.assessment(*self.calls("oscillating")[method])
+        return cleaned.assessment(*self.calls("oscillating")[method])
 
     def _assessed_against_truth(self, call):
-        result = pipeline.assessment(*call)
+        result = cleaned.assessment(*call)
         return self._comparison(result.power_spectra, _true_of(result, call[0]))
 
     def _comparison(self, recovered, true):

@@ -12,7 +12,7 @@ from himap.errors import InputError
 from himap.figures import comparisons, plotting, styles
 from himap.measures import diagnostics
 from himap.measures.results import Comparison
-from himap.paper import pipeline, plan
+from himap.paper import cleaned, pipeline, plan
 from himap.products.provenance import Provenance
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
@@ -85,19 +85,19 @@ class Study:
         return pipeline.true_spectra(self.case(beam))
 
     def separation(self, beam, remover, **options):
-        """What `remover` finds, a `Separation`; options as in `pipeline.separation`."""
-        return pipeline.separation(self.case(beam), remover, **options)
+        """What `remover` finds, a `Separation`; options as in `cleaned.separation`."""
+        return cleaned.separation(self.case(beam), remover, **options)
 
     def residual(self, beam, remover, **options):
         """The cube that `remover` leaves, (n_channels, n_pix) float32, mK; made anew at each call."""
         self.separation(beam, remover, **options)
-        return pipeline.residual(self.case(beam), remover, **options)
+        return cleaned.residual(self.case(beam), remover, **options)
 
     def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
         """How well `remover` did, an `Assessment`; keeps what was found if the study does."""
         if self.keep_separations:
             self.separation(beam, remover, mask_peaks=mask_peaks)
-        return pipeline.assessment(self.case(beam), remover, mask_peaks, post_mask)
+        return cleaned.assessment(self.case(beam), remover, mask_peaks, post_mask)
 
     def compared(self, beam, remover, *, masked=False, **options):
         """Both spectra against the truth, a `Comparison`.
@@ -204,16 +204,18 @@ class Study:
         """One channel in the middle of the band: observed, cleaned, truth, and what is wrong."""
         observation, found = self.observed(beam), self.separation(beam, remover, **options)
         channel = self.survey.n_channels // 2
-        truth = pipeline.truth(self.case(beam), found.lmax)
-        cubes = (observation.maps, self.residual(beam, remover, **options), truth)
-        observed, cleaned, truth = (cube[channel] - cube[channel].mean(dtype=float) for cube in cubes)
+        only = slice(channel, channel + 1)
+        (left,) = self.residual(beam, remover, channels=only, **options)
+        (truth,) = pipeline.truth(self.case(beam), found.lmax, only)
+        maps = (observation.maps[channel], left, truth)
+        observed, left, truth = (one - one.mean(dtype=float) for one in maps)
         maps = {
             f"observed, {observation.freqs[channel]:.0f} MHz": observed,
-            "cleaned": cleaned,
+            "cleaned": left,
             "truth": truth,
-            "cleaned minus truth": cleaned - truth,
+            "cleaned minus truth": left - truth,
         }
-        common = tuple(np.percentile([cleaned, truth], (1, 99)))  # to be compared with each other
+        common = tuple(np.percentile([left, truth], (1, 99)))  # to be compared with each other
         spans = {"cleaned": common, "truth": common}
         return self._of_method(plotting.sky_maps(maps, span=spans), beam, remover)
 

@@ -39,18 +39,18 @@ class CubeModes:
     bright: np.ndarray
     rest: np.ndarray
 
-    def upto(self, lmax):
-        """The modes of all channels to `lmax`, (n_channels, (lmax + 1)^2) float64."""
+    def upto(self, lmax, channels=slice(None)):
+        """The modes of all channels, or some, to `lmax`, (n_channels, (lmax + 1)^2) float64."""
         n_modes = (lmax + 1) ** 2
-        modes = self.spectra @ self.bright[:, :n_modes]
-        modes += self.rest[:, :n_modes]
+        modes = self.spectra[channels] @ self.bright[:, :n_modes]
+        modes += self.rest[channels, :n_modes]
         return modes
 
-    def low_cube(self, lmax):
-        """The maps up to `lmax`, (n_channels, n_pix) float32."""
-        nside = math.isqrt(self.rest.shape[1]) // 3
-        alms = (harmonic.from_modes(channel) for channel in self.upto(lmax))
-        return sphere.synthesise_cube(alms, nside, n_channels=len(self.spectra), label=f"maps to l = {lmax}")
+    def low_cube(self, lmax, channels=slice(None)):
+        """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""
+        nside, modes = math.isqrt(self.rest.shape[1]) // 3, self.upto(lmax, channels)
+        alms = (harmonic.from_modes(channel) for channel in modes)
+        return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label=f"maps to l = {lmax}")
 
     def along(self, rows, lmax):
         """Modes of ``rows @ maps`` to `lmax`, (n_rows, (lmax + 1)^2) float64."""

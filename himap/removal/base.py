@@ -67,7 +67,7 @@ class Separation:
         """The foreground up to `lmax`, less `means`, a `MapModes`."""
         return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
 
-    def left_of(self, maps, basis, modes=None):
+    def left_of(self, maps, basis, modes=None, *, channels=slice(None)):
         """What is left of `maps` once the foreground of `basis` is taken, (n_channels, n_pix) float32.
 
         Parameters
@@ -77,12 +77,15 @@ class Separation:
         modes
             The `CubeModes` of `basis` where they are at hand, if this ends at `lmax`: beyond, all that
             `basis` holds is taken.
+        channels
+            A slice: which channels are asked for.
         """
+        foreground = self.foreground.of(channels)
         if self.lmax is None:
-            return self.foreground.taken_from(maps, self.means)
+            return foreground.taken_from(maps[channels], self.means[channels])
         modes = _analysed(basis) if modes is None else modes
-        left = self.foreground.taken_from(modes.low_cube(self.lmax))
-        for observed, found, out in zip(maps, basis, left, strict=True):
+        left = foreground.taken_from(modes.low_cube(self.lmax, channels))
+        for observed, found, out in zip(maps[channels], basis[channels], left, strict=True):
             out += observed - found
         return left
 

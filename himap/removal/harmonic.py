@@ -12,8 +12,8 @@ import numpy as np
 from himap.maps import sphere
 
 __all__ = [
-    "blocks",
     "at_one_resolution",
+    "blocks",
     "cross_products",
     "degrees",
     "from_modes",

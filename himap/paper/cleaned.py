@@ -1,0 +1,119 @@
+"""What methods make of observations, as products: what they find, what it is worth, and spectra of it.
+
+Cubes are made only where they are asked for (`residual`): what a method takes is a few spectra times maps,
+and what is measured follows from these.
+"""
+
+from himap.instrument.noise import noise_sigma
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.measures.difference import FAINT, Moments, line_errors
+from himap.measures.power_spectra import angular_power_pair, frequency_power, recovered_angular_power
+from himap.measures.results import Assessment, PowerSpectra
+from himap.paper import pipeline
+from himap.products.store import product
+from himap.removal.beam_projection import on_sky
+
+__all__ = ["assessment", "error", "power_spectra", "residual", "separation"]
+
+
+@product
+def separation(case, remover, mask_peaks=True):
+    """The `Separation` that `remover`, a `ForegroundRemover` such as PCA(n_sources=3), makes of a case.
+
+    With `mask_peaks` the foreground is found in the peak-masked maps; it is subtracted from those observed.
+    The method comes as an object, not by name, so that its result depends on the code of that method alone.
+    """
+    remover.check(case.survey.n_channels)
+    observed = pipeline.observation(case)
+    return remover.separate(
+        pipeline.basis(case, mask_peaks),
+        freqs=observed.freqs,
+        beams=observed.beams,
+        noise=noise_sigma(case.survey),
+        rng=case.survey.rng(f"removal {remover.name}"),
+        modes=pipeline.analysis(case, mask_peaks) if remover.needs_modes else None,
+    )
+
+
+def residual(case, remover, mask_peaks=True, channels=slice(None)):
+    """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
+    found = separation.once(case, remover, mask_peaks)
+    modes = None if found.lmax is None else pipeline.analysis(case, mask_peaks)
+    return found.left_of(
+        pipeline.observation(case).maps, pipeline.basis(case, mask_peaks), modes, channels=channels
+    )
+
+
+def error(case, remover, mask_peaks=True):
+    """What `remover` leaves more than the truth, a `MapModes` less its channel means; not kept.
+
+    An observation is the truth and the foreground, so this is the foreground less that which was found. Where
+    the method ends at some l, it is that of what is left up to there against the truth up to there.
+    """
+    return _error(case, separation.once(case, remover, mask_peaks), mask_peaks)
+
+
+def _error(case, found, mask_peaks):
+    endless = found.lmax is None
+    there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
+    whole = on_sky(there, case.survey.nside, found.lmax) + -found.foreground
+    return whole.condensed(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
+
+
+@product
+def assessment(case, remover, mask_peaks=True, post_mask=False):
+    """The `Assessment` of what `remover` leaves of a case, found as in `separation`.
+
+    No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. With
+    `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
+    Sect. 5.1).
+    """
+    found = separation.once(case, remover, mask_peaks)
+    wrong, lmax, width = _error(case, found, mask_peaks), found.lmax, case.survey.channel_width
+    alms = pipeline.truth_alms(case, lmax)
+    if lmax is None:
+        true = pipeline.truth(case)
+    else:
+        true = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="truth")
+    spectra = pipeline.true_spectra(case) if lmax is None else pipeline.spectra_of(true, alms, width)
+    moments = Moments.of(true, wrong)
+    errors = line_errors(wrong)
+    masked = masked_truth = None
+    if post_mask:
+        mask = ~diagnostics.flagged_lines(errors)
+        masked, masked_truth = _masked_spectra(case, true, wrong, mask, alms, lmax)
+    return Assessment(
+        power_spectra=PowerSpectra(
+            angular=recovered_angular_power(alms, wrong),
+            frequency=moments.frequency_power(spectra.frequency, width),
+        ),
+        correlation=moments.correlation,
+        line_errors=errors,
+        masked=masked,
+        masked_truth=masked_truth,
+        converged=found.converged,
+        n_iterations=found.n_iterations,
+        mixing=found.mixing,
+        truth=None if lmax is None else spectra,
+    )
+
+
+def _masked_spectra(case, true, wrong, mask, alms, lmax):
+    """`PowerSpectra` of what is left and of the truth on the lines of sight in `mask`."""
+    if lmax is not None:
+        alms = sphere.alms_padded(alms, case.survey.lmax)  # a mask mixes multipoles
+    angular = angular_power_pair(true, wrong, mask=mask, truth_alms=alms)
+    frequency = frequency_power(true, case.survey.channel_width, mask=mask)
+    recovered = Moments.of(true, wrong, mask=mask).frequency_power(frequency, case.survey.channel_width)
+    return tuple(
+        PowerSpectra(angular=power.upto(lmax), frequency=along)
+        for power, along in zip(angular, (recovered, frequency), strict=True)
+    )
+
+
+def power_spectra(case, remover=None, mask_peaks=True):
+    """The `PowerSpectra` of a case: of the truth, or of what `remover` leaves, found as in `separation`."""
+    if remover is None:
+        return pipeline.true_spectra(case)
+    return assessment(case, remover, mask_peaks).power_spectra
