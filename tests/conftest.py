@@ -1,9 +1,15 @@
 """Shared fixtures."""
 
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import himap
 
 SHARED_SKY = Path(__file__).resolve().parents[2] / "shared" / "sky"
 
@@ -25,3 +31,20 @@ def real_sky():
     if not SHARED_SKY.is_dir():
         pytest.skip("the real Galaxy templates (../shared/sky) are not on this machine")
     return SHARED_SKY
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch, request):
+    """A module of its own with products, which tells what it `computed`; `start` runs code on it elsewhere."""
+    name = "lab_" + request.node.name.partition("[")[0]
+    shutil.copy(Path(__file__).with_name("product_lab.py"), tmp_path / f"{name}.py")
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("NOTES", str(tmp_path / "notes"))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(Path(himap.__file__).parents[1])]))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = __import__(name)
+    (tmp_path / "notes").touch()
+    module.computed = lambda: (tmp_path / "notes").read_text().split()
+    module.start = lambda code: subprocess.Popen([sys.executable, "-c", f"import {name} as lab\n{code}"])
+    yield module
+    del sys.modules[name]

@@ -185,3 +185,13 @@ def test_figures_of_curves_carry_their_numbers():
     points = {"curves": [([0, 1], [1 / 3, 5], {})], "points": [([2], [7], {"label": "one, two"})]}
     lines = plotting.lines([points])._repr_mimebundle_()["text/csv"].splitlines()
     assert lines[1:] == [",,0,0.33333", ",,1,5", ',"one, two",2,7']
+
+
+@pytest.mark.parametrize("factor", [2.2, 4.5, 8, 40, 3000])
+def test_a_logarithmic_bar_has_ticks_to_be_read(factor):
+    pixels = np.geomspace(70, 70 * factor, 768)
+    figure = plotting.sky_maps({"one": pixels}, log=True, limits=(0, 100))
+    bar = figure.axes[-1]
+    low, high = bar.get_xlim()
+    ticks = [tick for tick in bar.get_xticks() if low <= tick <= high]
+    assert 2 <= len(ticks) <= 7
