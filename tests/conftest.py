@@ -35,7 +35,7 @@ def real_sky():
 
 @pytest.fixture
 def lab(tmp_path, monkeypatch, request):
-    """A module of its own with products, which tells what it `computed`; `start` runs code on it elsewhere."""
+    """A module of its own with products; tells what it `computed`, and can `start` code on it elsewhere."""
     name = "lab_" + request.node.name.partition("[")[0]
     shutil.copy(Path(__file__).with_name("product_lab.py"), tmp_path / f"{name}.py")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))

@@ -52,8 +52,8 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     keep_separations
         Whether what the methods find is kept, or only what is measured on it.
     keep_observations
-        Whether what is as large as a cube and was made now stays: that of many realisations fills a disk.
-        What was there before stays in any case.
+        Whether what is as large as a cube and was made now stays. If not, one case is done after the other,
+        so that a disk holds no more than one. What was there before stays in any case.
 
     Returns
     -------
@@ -65,23 +65,46 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     InputError
         It will not fit into memory, or what the products refuse.
     """
-    cleanings = [call[:3] for call in assessments]
-    steps = [(fact, [call for product, call in facts if product is fact]) for fact in dict(facts)]
-    steps += [(cleaned.separation, cleanings)] * keep_separations + [(cleaned.assessment, assessments)]
-    if all(product.is_cached(*call) for product, calls in steps for call in calls):
+    work = [*facts] + [(cleaned.separation, call[:3]) for call in assessments if keep_separations]
+    work += [(cleaned.assessment, call) for call in assessments]
+    missing = [(product, call) for product, call in work if not product.is_cached(*call)]
+    if not missing:
         return 0
     cases = list(dict.fromkeys(case for case, *_ in assessments))
     check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
-    made = make_observations(cases)
-    wanted = {pipeline.analysis: "needs_modes", pipeline.foreground_analysed: "ends"}
-    for product, asked in wanted.items():
-        calls = list({(case, peaks): None for case, remover, peaks in cleanings if getattr(remover, asked)})
-        made += [(product, call) for call in calls if not product.is_cached(*call)]
-        make_all(product, calls, "analysis")
-    for product, calls in steps:
-        n_made = make_all(product, calls, product.name.rpartition(".")[2])
-    if not keep_observations:
-        for product, call in made:
-            if product not in (pipeline.true_spectra, pipeline.components_of_sky):  # these are small
-                product.forget(*call)
-    return n_made
+    rounds = [cases] if keep_observations else [[case] for case in cases]
+    made = []
+    for n, now in enumerate(rounds):
+        # What is measured on the sky alone belongs to the first case.
+        own = [one for one in missing if one[1][0] in now or (n == 0 and one[1][0] not in cases)]
+        if own:
+            made += make_observations(now) + _make_analyses([call for product, call in own if call[0] in now])
+            for product in dict.fromkeys(product for product, _ in own):
+                calls = [call for other, call in own if other is product]
+                make_all(product, calls, product.name.rpartition(".")[2])
+        if not keep_observations:
+            later = observing_steps([case for others in rounds[n + 1 :] for case in others])
+            made = _forgotten(made, {(product, call) for product, calls in later for call in calls})
+    return sum(product is cleaned.assessment for product, _ in missing)
+
+
+def _make_analyses(calls):
+    """Make the analyses that the methods in these arguments need; returns what was made, as above."""
+    made = []
+    cleanings = [call[:3] for call in calls if len(call) > 1]
+    for product, asked in {pipeline.analysis: "needs_modes", pipeline.foreground_analysed: "ends"}.items():
+        wanted = {(case, peaks): None for case, remover, peaks in cleanings if getattr(remover, asked)}
+        missing = [call for call in wanted if not product.is_cached(*call)]
+        make_all(product, missing, "analysis")
+        made += [(product, call) for call in missing]
+    return made
+
+
+def _forgotten(made, needed):
+    """Forget what was made, [(product, arguments)], but for what is small or needed; returns what is left."""
+    small = (pipeline.true_spectra, pipeline.components_of_sky)
+    left = [one for one in made if one in needed]
+    for product, call in made:
+        if product not in small and (product, call) not in needed:
+            product.forget(*call)
+    return left

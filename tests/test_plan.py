@@ -1,0 +1,71 @@
+"""What is made in which order, and what stays on disk."""
+
+from collections import Counter
+
+import pytest
+
+from himap.instrument.beams import Degraded, Oscillating
+from himap.paper import evidence, plan
+from himap.paper.pipeline import Case
+from himap.products import cache
+from himap.removal import PCA, SDecGMCA
+from himap.survey import Survey
+
+SURVEY = Survey(nside=8, n_channels=20, box_cells=16)
+CASES = [Case(survey=SURVEY, beam=beam) for beam in (Degraded(), Oscillating())]
+QUICK = SDecGMCA(n_sources=2, n_warmup=1, n_refinement=1, noise=0.1)
+CALLS = [(case, method, True, False) for case in CASES for method in (PCA(n_sources=2), QUICK)]
+FACTS = [(evidence.masked_voxels, (case,)) for case in CASES]
+SMALL = {
+    "pipeline.true_spectra",
+    "pipeline.components_of_sky",
+    "cleaned.assessment",
+    "evidence.masked_voxels",
+}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+
+
+def _held():
+    return Counter(entry.product for entry in cache.cache_info())
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+def test_one_case_after_the_other_where_observations_do_not_stay(monkeypatch):
+    most = Counter()
+
+    def watched(*args):
+        done = make_all(*args)
+        most.update({name: n - most[name] for name, n in _held().items() if n > most[name]})
+        return done
+
+    make_all = plan.make_all
+    monkeypatch.setattr(plan, "make_all", watched)
+    assert plan.make(CALLS, facts=FACTS, keep_observations=False) == 4
+    large = {name: n for name, n in most.items() if name not in SMALL}
+    assert large["pipeline.observation"] == large["pipeline.analysis"] == large["pipeline.hi_of_sky"] == 1
+    assert set(large.values()) == {1}
+    assert set(_held()) <= SMALL
+    assert _held()["cleaned.assessment"] == 4 and _held()["evidence.masked_voxels"] == 2
+    assert plan.make(CALLS, facts=FACTS, keep_observations=False) == 0
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+def test_what_was_there_before_stays():
+    plan.make_observations(CASES[:1])
+    before = _held()
+    assert plan.make(CALLS, keep_observations=False) == 4
+    assert {name: n for name, n in _held().items() if name in before and name not in SMALL} == {
+        name: n for name, n in before.items() if name not in SMALL
+    }
+    assert plan.make(CALLS[:1], keep_separations=True) == 0
+    assert _held()["cleaned.separation"] == 1
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+def test_all_stays_unless_told():
+    assert plan.make(CALLS) == 4
+    assert _held()["pipeline.observation"] == 2
