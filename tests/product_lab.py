@@ -1,6 +1,7 @@
 """Products to try the store with: `lab` of conftest.py imports a copy of this file under a new name."""
 
 import os
+import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,6 +91,11 @@ def pickled(what):
 
     odd = {"object": np.array([{}], dtype=object), "set": {1}, "Local": Local()}
     return (odd | {"MaskedArray": np.ma.array([1.0])})[what]
+
+
+@product
+def dying(number):
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @product

@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from himap.errors import InputError
 from himap.paper import cleaned, pipeline
@@ -89,3 +90,11 @@ def test_warnings_reach_the_process_that_asked(monkeypatch, tmp_path):
     hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
     with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
         make_all(cleaned.assessment, hasty, "test")
+
+
+def test_a_process_that_is_killed_is_one_clear_error(lab, monkeypatch):
+    monkeypatch.setenv(JOBS_VARIABLE, "2")
+    get_reusable_executor().shutdown()  # so that new ones find the module
+    with pytest.raises(InputError, match=r"one of 2 processes was killed as it made lab_\w+\.dying.*--jobs"):
+        make_all(lab.dying, [(1,), (2,)], "test")
+    assert make_all(lab.slow, [(1,), (2,)], "test") == 2

@@ -3,6 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
+from himap.maps.blocked import blocks
 from himap.paper import pipeline
 from himap.products.store import product
 from himap.removal.peaks import smooth_baselines
@@ -44,21 +45,23 @@ def masked_voxels(case):
     belongs to the one that adds most to it; the order is that of `STANDING_OUT`.
     """
     observed, flagged = pipeline.observation(case), pipeline.peak_masked(case).flagged
-    lines = flagged.any(axis=0)
-    if not lines.any():
-        return np.zeros(len(STANDING_OUT), dtype=int)
-    truth, hi = observed.truth[:, lines], _hi_through_beam(case, lines)
-    parts = (hi, truth - hi, observed.maps[:, lines] - truth)
-    masked = flagged[:, lines]
-    out = np.array([_less_baseline(part, observed.freqs)[masked] for part in parts])
-    largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
-    return np.bincount(largest, minlength=len(STANDING_OUT))
+    lines = np.flatnonzero(flagged.any(axis=0))
+    counts = np.zeros(len(STANDING_OUT), dtype=int)
+    whole = _hi_through_beam(case, lines)
+    for block in blocks(len(lines)):
+        hi, truth = whole[:, block], observed.truth[:, lines[block]]
+        parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
+        masked = flagged[:, lines[block]]
+        out = np.array([_less_baseline(part, observed.freqs)[masked] for part in parts])
+        largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
+        counts += np.bincount(largest, minlength=len(STANDING_OUT))
+    return counts
 
 
 def _hi_through_beam(case, lines):
     """HI through the beam without the noise, on some lines of sight, mK, (n_channels, n_lines) float32."""
     survey, windows = case.survey, case.beam.of_survey(case.survey).total
-    hi = np.empty((survey.n_channels, np.count_nonzero(lines)), dtype=np.float32)
+    hi = np.empty((survey.n_channels, len(lines)), dtype=np.float32)
     for row, alm, window in zip(hi, pipeline.hi_alms_of_sky(survey.sky), windows, strict=True):
         row[:] = sphere.synthesise(sphere.multiply_beam(alm, window), survey.nside)[lines]
     return hi

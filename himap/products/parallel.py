@@ -4,6 +4,7 @@ import os
 import warnings
 
 import joblib
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.errors import InputError
 from himap.products import cache
@@ -64,7 +65,8 @@ def make_all(product, calls, description):
     Raises
     ------
     InputError
-        A Dask scheduler that does not answer, or workers that write to another cache folder.
+        A process that was killed; a Dask scheduler that does not answer, or workers that write to another
+        cache folder.
     """
     missing = [call for call in calls if not product.is_cached(*call)]
     if not missing:
@@ -96,6 +98,11 @@ def _in_processes(product, missing):
         # The processes live on for the next call, so each piece of work brings the settings of this one.
         work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
         yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+    except TerminatedWorkerError:
+        raise InputError(
+            f"one of {jobs} processes was killed as it made {product.name}, most likely for want of memory. "
+            "What was done is kept: run the same again with fewer --jobs, or on a machine with more memory."
+        ) from None
     finally:
         if own_choice is None:
             del os.environ[_TRANSFORM_THREADS]
