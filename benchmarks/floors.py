@@ -74,23 +74,39 @@ def gmca(survey, residual):
     return Needs(**{name: residual.n_iterations * value for name, value in vars(work).items()})
 
 
-def sdecgmca(survey, residual):
-    """Every channel analysed once, a few bright maps closely; a transform for each common spectrum."""
-    share = (min(200, 2 * survey.nside) / survey.lmax) ** 2
-    n_sources = residual.mixing.shape[1]
-    sparse = 2 * n_sources * residual.n_iterations * share
+def analysis(survey, _):
+    """Every channel once, a few bright maps closely; a covariance and a projection of the cube."""
+    n = survey.n_channels * survey.n_pix
     return Needs(
-        transforms=sparse + 6 * n_sources + 6 * (2 * sphere.N_ITER + 1),
         transforms_single=survey.n_channels,
-        n_bytes=6 * _cube(survey),
+        transforms=6 * (2 * sphere.N_ITER + 1),
+        n_bytes=4 * _cube(survey),
+        operations=survey.n_channels * n,
+    )
+
+
+def beam_subspace(survey, found):
+    """As `sdecgmca`, and a transform for each spectrum of what is taken."""
+    return replace(sdecgmca(survey, found), transforms_single=len(found.foreground.maps))
+
+
+def sdecgmca(survey, found):
+    """In each iteration two products with the modes, float64, and four scales of every source and back."""
+    lmax, (n_channels, n_sources) = min(200, 2 * survey.nside), found.mixing.shape
+    n_modes, n_iterations = n_channels * (lmax + 1) ** 2, found.n_iterations
+    share = (lmax / survey.lmax) ** 3  # of the work of a whole transform
+    return Needs(
+        transforms=6 * n_sources * n_iterations * share,
+        n_bytes=2 * 8 * n_modes * n_iterations,
+        operations=4 * n_sources * n_modes * n_iterations,
     )
 
 
 def spectra(survey, _):
-    """The covariance of the difference, some ten maps analysed closely, Fourier transforms of all lines."""
+    """The coefficients of the truth, read and added to; some ten maps analysed; a product with the truth."""
     n = survey.n_channels * survey.n_pix
     return Needs(
-        transforms_single=(2 * sphere.N_ITER + 1) * 10 + 40,
-        n_bytes=6 * _cube(survey),
-        operations=survey.n_channels * n,
+        transforms_single=(2 * sphere.N_ITER + 1) * 10,
+        n_bytes=_cube(survey) + 3 * 4 * survey.n_channels * sphere.alm_size(survey.lmax) * 2,
+        operations=2 * 10 * n,
     )

@@ -25,9 +25,9 @@ from himap.survey import PRESETS
 
 SIZES = {
     "nside": [{"nside": n, "box_cells": 4 * n} for n in (32, 64, 128)],
-    "n_channels": [{"n_channels": n} for n in (62, 125, 250)],
+    "n_channels": [{"n_channels": n} for n in (125, 250, 500)],
 }
-BASES = {"nside": replace(PRESETS["ci"], nside=64), "n_channels": PRESETS["quick"]}
+BASES = {"nside": replace(PRESETS["ci"], nside=64), "n_channels": PRESETS["laptop"]}
 
 
 def exponents(sizes, seconds):
@@ -62,6 +62,7 @@ def measure(steps):
         for survey in surveys:
             case = pipeline.Case(survey=survey, beam=Oscillating())
             plan.make_observations([case])
+            pipeline.analysis(case)
             for step in steps:
                 probe_before = probe()
                 measurement = measured(step, case, beside=False)

@@ -21,6 +21,7 @@ from himap.maps import sphere
 from himap.paper import cleaned, pipeline, plan
 from himap.paper.methods import methods_for, paper_beams, table_1
 from himap.removal.base import SeparationWarning
+from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 
@@ -143,8 +144,29 @@ def beside_parametric(case):
     )
 
 
-def both_spectra(case):
-    """C_l, P(k), correlation and errors of what a method leaves, found already."""
+def analysis(case):
+    """Coefficients of every channel of the peak-masked maps, which methods that know the beam share."""
+    pipeline.analysis.compute(case)
+
+
+def beside_analysis(case):
+    """healpy's map2alm without refinements, float64, channel by channel."""
+    maps = pipeline.observation(case).maps
+    sample = maps[evenly(len(maps), N_SAMPLES)].astype(float)
+    return (
+        "healpy map2alm, no refinement",
+        lambda: [hp.map2alm(pixels, iter=0) for pixels in sample],
+        len(maps) / len(sample),
+    )
+
+
+def beam_subspace(case):
+    """BeamSubspace with three sources, from coefficients that are there."""
+    return cleaned.separation.compute(case, BeamSubspace(n_sources=3))
+
+
+def measures(case):
+    """C_l, P(k), correlation and errors of what PCA leaves; its separation, a second, is made on the way."""
     cleaned.assessment.compute(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
 
 
@@ -160,59 +182,47 @@ def beside_spectra(case):
 
 
 STEPS = [
-    Step(name="HI light cone", target=(300, 20), work=light_cone, needs=floors.light_cone),
+    Step(name="HI light cone", target=(300, 12), work=light_cone, needs=floors.light_cone),
     Step(
         name="observations, three beams",
-        target=(300, 8),
+        target=(240, 6),
         work=observations,
         needs=floors.observations,
         beside=beside_observations,
     ),
-    Step(name="peak masking", target=(45, 8), work=peaks, needs=floors.lines, beside=beside_polynomials),
-    Step(
-        name="PCA",
-        target=(20, 8),
-        work=_cleaner("pca"),
-        needs=floors.pca,
-        beside=beside_pca,
-    ),
+    Step(name="peak masking", target=(10, 8), work=peaks, needs=floors.lines, beside=beside_polynomials),
+    Step(name="PCA", target=(8, 3), work=_cleaner("pca"), needs=floors.pca, beside=beside_pca),
     Step(
         name="polynomial",
-        target=(20, 8),
+        target=(8, 3),
         work=_cleaner("polynomial"),
         needs=floors.lines,
         beside=beside_polynomials,
     ),
     Step(
-        name="FastICA",
-        target=(30, 8),
-        work=_cleaner("fastica"),
-        needs=floors.fastica,
-        beside=beside_fastica,
+        name="FastICA", target=(12, 3), work=_cleaner("fastica"), needs=floors.fastica, beside=beside_fastica
     ),
     Step(
         name="parametric",
-        target=(90, 8),
+        target=(8, 3),
         work=_cleaner("parametric"),
         needs=floors.parametric,
         beside=beside_parametric,
     ),
+    Step(name="GMCA", target=(80, 10), work=_cleaner("gmca"), needs=floors.gmca),
     Step(
-        name="GMCA",
-        target=(240, 10),
-        work=_cleaner("gmca"),
-        needs=floors.gmca,
-    ),
-    Step(
-        name="SDecGMCA",
-        target=(60, 8),
-        work=_cleaner("sdecgmca"),
-        needs=floors.sdecgmca,
-    ),
-    Step(
-        name="both spectra",
+        name="harmonic analysis",
         target=(60, 6),
-        work=both_spectra,
+        work=analysis,
+        needs=floors.analysis,
+        beside=beside_analysis,
+    ),
+    Step(name="BeamSubspace", target=(25, 3), work=beam_subspace, needs=floors.beam_subspace),
+    Step(name="SDecGMCA", target=(150, 8), work=_cleaner("sdecgmca"), needs=floors.sdecgmca),
+    Step(
+        name="all measures",
+        target=(6, 3),
+        work=measures,
         needs=floors.spectra,
         beside=beside_spectra,
     ),

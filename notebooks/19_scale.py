@@ -73,8 +73,9 @@ Markdown(steps_table(paper))
 # - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the few whitened maps only.
 # - **Parametric**: two products of each line of sight with the curves of one index. The search compares 65 indices and bisects between them, on an interpolation of the curves.
 # - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back. It has no usual alternative to be timed against.
-# - **SDecGMCA**: every channel analysed once, and every scale of every source there and back in each of up to 200 iterations. Nor has it.
-# - **Both spectra**: a recovered cube differs from the truth by a few spectra times maps; only these are transformed.
+# - **Harmonic analysis**: every channel once, which BeamSubspace and SDecGMCA share with any number of sources.
+# - **BeamSubspace, SDecGMCA**: from those coefficients; two products with them in every iteration, and every scale of every source there and back. Nor have they.
+# - **All measures**: $C_\ell$, $P(k)$, Pearson r and the errors of lines of sight of one separation. What is left differs from the truth by a few spectra times maps; only these are transformed.
 
 # %% [markdown]
 # (whole)=
@@ -112,7 +113,7 @@ Markdown(steps_table(laptop))
 # A machine that others share changes its pace within minutes, so a fixed piece of work is timed before and after every measurement, and all times are those at the
 # quickest pace seen.
 
-# %% mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 64), at three sizes each."}}
+# %% mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 128), at three sizes each."}}
 below = {"fontsize": 7.5, "ncols": 2, "loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
 panels = []
 for way, label in {"nside": "nside", "n_channels": "channels"}.items():
@@ -145,7 +146,7 @@ Markdown(growth_table(scaling))
 #   with a checksum; what is there is used, what was cut short or altered is reported and made again. The result equals that of an undisturbed run bit for bit.
 # - **Memory** is estimated before anything is computed, and what does not fit is refused, for the light cone with a box that would. `--max-memory`
 #   (the variable `HIMAP_MAX_MEMORY`) says what may be used; the default is what is free. `--jobs 2` cleans two cubes at once and needs twice as much for it.
-# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; one realisation of the ledger keeps many of them while it works. Cubes can be deleted at any time, with
+# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; the ledger keeps those of one case (a beam, dimmed or not) of one realisation while it works. Cubes can be deleted at any time, with
 #   `himap cache clear pipeline.observation` for instance; `himap claims` deletes those that it made itself once they are measured, but not
 #   those that an interrupted run left.
 #
@@ -183,14 +184,14 @@ Markdown(growth_table(scaling))
 # - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once.
 # - Dask tells workers to use one core for matrix products unless the job says otherwise, hence the variables in its prologue.
 # - `HIMAP_MAX_MEMORY` is what *one worker* may use, and travels to it; without it each takes what is free on its node, whatever SLURM has granted.
-# - The cubes of all realisations of one command are on disk until their claims are measured. In portions, `-p seed=2045 -p n_realisations=20` and so on, they need less.
+# - On a cluster the cubes of all realisations of one command are on disk until their claims are measured. In portions, `-p seed=2045 -p n_realisations=20` and so on, they need less.
 
 # %% [markdown]
 # (cluster)=
 # ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
 #
 # What Figs. 1 and 2 need: six methods, three beams, both spectra. *Times* is how often a step is done in each realisation. *Memory* is what himap asks for before it begins.
-# The ledger measures 64 cleaned cubes of each realisation where these two figures have 18.
+# The ledger measures what 64 separations leave of each realisation where these two figures have 18.
 
 # %%
 rows = [

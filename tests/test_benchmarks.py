@@ -114,14 +114,14 @@ def test_what_the_machine_can_do():
 def test_steps_in_processes_of_their_own(tmp_path):
     """Two of them, as from the shell: the table, and the file with all that it shows."""
     sizes = [word for pair in TINY.items() for word in ("--survey", *pair)]
-    only = ["--only", "PCA", "--only", "both spectra"]
+    only = ["--only", "PCA", "--only", "all measures"]
     path = tmp_path / "steps.json"
     outcome = CliRunner().invoke(
         chain_of_steps.main, ["--preset", "paper", *sizes, *only, "-o", str(path)], catch_exceptions=False
     )
-    table = [line for line in outcome.output.splitlines() if line.startswith(("PCA", "both spectra"))]
-    assert len(table) == 2 and "20 s" in table[0] and "scikit-learn PCA" in table[0]
-    assert "60 s" in table[1] and "healpy anafast" in table[1]
+    table = [line for line in outcome.output.splitlines() if line.startswith(("PCA", "all measures"))]
+    assert len(table) == 2 and "8 s" in table[0] and "scikit-learn PCA" in table[0]
+    assert "6 s" in table[1] and "healpy anafast" in table[1]
     found = json.loads(path.read_text())
     for row in found["steps"]:
         assert row["seconds"] > 0 and 0.1 < row["memory_gb"] < 5 and row["floor_seconds"] > 0

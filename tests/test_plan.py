@@ -1,11 +1,12 @@
 """What is made in which order, and what stays on disk."""
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
 from himap.instrument.beams import Degraded, Oscillating
-from himap.paper import evidence, plan
+from himap.paper import cleaned, evidence, pipeline, plan
 from himap.paper.pipeline import Case
 from himap.products import cache
 from himap.removal import PCA, SDecGMCA
@@ -51,6 +52,24 @@ def test_one_case_after_the_other_where_observations_do_not_stay(monkeypatch):
     assert set(_held()) <= SMALL
     assert _held()["cleaned.assessment"] == 4 and _held()["evidence.masked_voxels"] == 2
     assert plan.make(CALLS, facts=FACTS, keep_observations=False) == 0
+
+
+def test_facts_of_a_sky_are_made_with_its_cases(monkeypatch):
+    """Were they made before, the HI of all skies would be on disk, and stay."""
+    skies = [replace(SURVEY, seed=seed) for seed in (1, 2)]
+    cases = [Case(survey=survey) for survey in skies]
+    facts = [(evidence.sky_brightness, (case.survey.sky, case.galaxy)) for case in cases]
+    calls = [(case, PCA(n_sources=2), True, False) for case in cases]
+    assert plan.make(calls, facts=facts, keep_observations=False) == 2
+    assert _held()["evidence.sky_brightness"] == 2 and "pipeline.hi_of_sky" not in _held()
+
+
+def test_a_cluster_gets_all_cases_at_once(monkeypatch):
+    asked = []
+    monkeypatch.setattr(plan, "dask_address", lambda: "tcp://somewhere:1")
+    monkeypatch.setattr(plan, "make_all", lambda product, calls, label: asked.append((product, len(calls))))
+    plan.make(CALLS, keep_observations=False)
+    assert (pipeline.observation, 2) in asked and (cleaned.assessment, 4) in asked
 
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")

@@ -187,9 +187,10 @@ def test_figures_of_curves_carry_their_numbers():
     assert lines[1:] == [",,0,0.33333", ",,1,5", ',"one, two",2,7']
 
 
-@pytest.mark.parametrize("factor", [2.2, 4.5, 8, 40, 3000])
-def test_a_logarithmic_bar_has_ticks_to_be_read(factor):
-    pixels = np.geomspace(70, 70 * factor, 768)
+@pytest.mark.parametrize("low", [11, 21, 70, 105])
+@pytest.mark.parametrize("factor", [1.3, 2.2, 3.1, 4.5, 5.1, 8, 40, 110, 3000])
+def test_a_logarithmic_bar_has_ticks_to_be_read(low, factor):
+    pixels = np.geomspace(low, low * factor, 768)
     figure = plotting.sky_maps({"one": pixels}, log=True, limits=(0, 100))
     bar = figure.axes[-1]
     low, high = bar.get_xlim()

@@ -8,6 +8,7 @@ import pytest
 
 from himap.errors import InputError
 from himap.maps import masks, sphere
+from himap.maps.modes import MapModes
 from himap.measures import power_spectra as spectra
 from himap.measures.difference import difference
 
@@ -251,6 +252,12 @@ class TestPair:
             assert one.degrees == pytest.approx(expected.degrees)
             assert one.mean[1:] == pytest.approx(expected.mean[1:], rel=1e-3)
             assert one.cl[:, 1:] == pytest.approx(expected.cl[:, 1:], rel=0.03)
+
+    def test_an_error_of_another_shape(self, pair):
+        error = difference(*pair)
+        for wrong in (error.of_channels(slice(5)), MapModes(spectra=error.spectra, maps=error.maps[:, :48])):
+            with pytest.raises(InputError, match="channels and pixels of the truth"):
+                spectra.angular_power_pair(pair[1], wrong)
 
     def test_faint_differences_roughly(self, pair, monkeypatch):
         """What is small in every channel is transformed without refinements, and nobody can tell."""

@@ -42,7 +42,7 @@ from himap.removal.pca import PCA
 from himap.survey import Survey
 
 case = pipeline.Case(survey=Survey.preset(preset, **survey))
-found = cleaned.power_spectra(case, PCA(n_sources=n_sources))
+found = cleaned.assessment(case, PCA(n_sources=n_sources)).power_spectra
 print(found.angular.mean.tolist(), found.frequency.power.tolist())
 """
 

@@ -100,3 +100,19 @@ def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
     assert "reading = letter" in study.mixing_figure(Degraded(), letter).get_supxlabel()
     empty = plotting.lines([{"curves": [([0, 1], [0, 1], {})]}])
     assert "reading" not in study.stamped(empty, reading="default").get_supxlabel()
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+@pytest.mark.parametrize("method", [PCA(n_sources=2), SDecGMCA(n_sources=2, n_warmup=2, n_refinement=1)])
+def test_a_channel_is_that_of_the_cubes(study, method, monkeypatch):
+    """Drawn from one channel alone, whatever the method does beyond some l."""
+    drawn = {}
+    monkeypatch.setattr(
+        plotting, "sky_maps", lambda maps, **options: drawn.update(maps) or plotting.plt.figure()
+    )
+    study.channel_figure(Degraded(), method)
+    middle = study.survey.n_channels // 2
+    left = study.residual(Degraded(), method)[middle]
+    assert drawn["cleaned"] == pytest.approx(left - left.mean(dtype=float), rel=1e-5, abs=1e-7)
+    assert drawn["cleaned minus truth"] == pytest.approx(drawn["cleaned"] - drawn["truth"])
+    assert abs(drawn["truth"].mean()) < 1e-6 and drawn["truth"].std() > 0

@@ -25,7 +25,7 @@ __all__ = [
 RESULTS = RECORDED.parent
 """The folder of stored results, in a checkout."""
 
-_TIMES = {"HI light cone": 1, "observations, three beams": 1, "both spectra": 3 * 6}
+_TIMES = {"HI light cone": 1, "observations, three beams": 1, "BeamSubspace": 0, "all measures": 3 * 6}
 """How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
 
 _HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
@@ -85,10 +85,12 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
     rows = []
     for before, row in zip(smaller["steps"], larger["steps"], strict=True):
         name = row["step"]
+        times = _TIMES.get(name, 3)
+        if not times:
+            continue
         with_channels = scaling["found"]["n_channels"][name]["exponent"]
         sizes = smaller["about"]["size"], larger["about"]["size"], size
         once = row["seconds"] * _growth(row["seconds"] / before["seconds"], with_channels, *sizes)
-        times = _TIMES.get(name, 3)
         rows.append(
             {
                 "step": name,

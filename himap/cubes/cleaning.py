@@ -42,12 +42,10 @@ class CleanedCube(Cleaned):
         separation, remarks = self.separation, []
         if not separation.converged:
             remarks.append(f"{self.method.name} stopped before it converged.")
-        if separation.remark:
-            remarks.append(f"{separation.remark}.")
         if separation.lmax is not None:
             remarks.append(
-                f"{self.method.name} finds nothing beyond l = {separation.lmax}: what is left ends there; "
-                "compare it with what ends there too."
+                f"{self.method.name} finds nothing beyond l = {separation.lmax}: what is left ends there, "
+                "but for peaks that were masked; compare it with what ends there too."
             )
         return remarks
 

@@ -68,7 +68,7 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
     bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
     if log:
-        bar.locator = LogLocator(subs=_marks(low, high), numticks=6)
+        bar.locator = _locator(low, high)
         bar.formatter = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all of them
     else:
         bar.locator = MaxNLocator(4)  # more would run into each other
@@ -76,11 +76,12 @@ def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
     return shown
 
 
-def _marks(low, high):
-    """Multiples of the powers of ten to write on a logarithmic bar, so that two or more fall on it."""
-    if high > 30 * low:
-        return (1,)
-    return (1, 2, 5) if high > 5 * low else range(1, 10)
+def _locator(low, high):
+    """Where the ticks of a logarithmic bar stand, so that two or more fall on it."""
+    if high < 3 * low:
+        return MaxNLocator(4)
+    many = (1,) if high > 100 * low else (1, 2, 5) if high > 5 * low else range(1, 10)
+    return LogLocator(subs=many, numticks=6)
 
 
 def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None):

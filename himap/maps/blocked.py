@@ -4,11 +4,13 @@ Foregrounds are 1e5 times brighter than HI, so products are taken in float64; a 
 cube would be twice as large as the cube, that of a block is small.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 from himap.progress import progress
 
-__all__ = ["SplitCube", "blocks", "centred", "mixture", "projection"]
+__all__ = ["SplitCube", "blocks", "centred", "in_threads", "mixture", "projection"]
 
 _BLOCK = 16384  # pixels
 
@@ -17,6 +19,18 @@ def blocks(n_pix, size=None):
     """Slices of at most `size` pixels, 16384 unless given, that cover `n_pix` pixels."""
     size = size or _BLOCK
     return [slice(start, start + size) for start in range(0, n_pix, size)]
+
+
+def in_threads(work, n_pix, label, size=None):
+    """``work(block)`` for every block of `blocks`, several at a time; a list of what it returns, in order.
+
+    As many threads as transforms have: numpy leaves the interpreter to the others while it computes.
+    """
+    from himap.maps import sphere  # here, for to import healpy takes a second
+
+    parts = blocks(n_pix, size)
+    with ThreadPoolExecutor(sphere.n_threads()) as pool:
+        return list(progress(pool.map(work, parts), label, total=len(parts)))
 
 
 def centred(maps, means=None):
@@ -31,8 +45,11 @@ def centred(maps, means=None):
 def projection(rows, maps):
     """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64."""
     out = np.empty((len(rows), maps.shape[1]))
-    for block in progress(blocks(maps.shape[1]), "projection"):
+
+    def project(block):
         out[:, block] = rows @ maps[:, block].astype(np.float64)
+
+    in_threads(project, maps.shape[1], "projection")
     return out
 
 

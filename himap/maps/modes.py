@@ -40,7 +40,7 @@ class MapModes:
         """The lines of sight of some pixels (a slice, numbers or a mask), (n_channels, n) float64."""
         return self.spectra @ self.maps[:, pixels]
 
-    def of(self, channels):
+    def of_channels(self, channels):
         """The same of some channels, a slice."""
         return MapModes(spectra=self.spectra[channels], maps=self.maps)
 

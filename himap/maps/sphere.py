@@ -30,6 +30,7 @@ __all__ = [
     "is_n_pix",
     "lmax_of_size",
     "multiply_beam",
+    "n_threads",
     "nest_to_ring",
     "nside_of",
     "pixel_at",
@@ -52,6 +53,11 @@ _ROOMY = 160
 """To this l, at least, transforms are told to go; what is beyond the lmax asked for is zero. Below l of about
 130 the last bits of ducc0's Legendre functions depend on the order in which its scratch lies in memory, and
 what is iterated over thresholds (SDecGMCA) grows such a difference into another result."""
+
+
+def n_threads():
+    """How many threads a transform has: all cores, unless the variable DUCC0_NUM_THREADS says otherwise."""
+    return ducc0.misc.thread_pool_size()
 
 
 def is_n_pix(number):

@@ -4,7 +4,14 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["cubic_b_spline", "noise_of_scales", "starlet_bands", "starlet_filters", "starlets"]
+__all__ = [
+    "cubic_b_spline",
+    "noise_of_scales",
+    "starlet_bands",
+    "starlet_filters",
+    "starlet_low_passes",
+    "starlets",
+]
 
 
 def starlet_filters(n_scales, lmax):
@@ -14,10 +21,14 @@ def starlet_filters(n_scales, lmax):
     phi_j(l) = (3/2) b(2^(j + 1) l / lmax), b the cubic B-spline, and phi_0 = 1, detail scale j is
     phi_(j - 1) - phi_j (Starck et al. 2006, Sect. 3), so that all add up to 1 at every l.
     """
+    passes = np.vstack([np.ones(lmax + 1), starlet_low_passes(n_scales, lmax)])
+    return np.vstack([passes[:-1] - passes[1:], passes[-1]])
+
+
+def starlet_low_passes(n_scales, lmax):
+    """The phi_j of `starlet_filters`, fine to coarse, (n_scales, lmax + 1)."""
     scale = 2.0 ** np.arange(1, n_scales + 1)[:, None]
-    low_passes = 1.5 * cubic_b_spline(2 * scale * np.arange(lmax + 1) / lmax)
-    low_passes = np.vstack([np.ones(lmax + 1), low_passes])
-    return np.vstack([low_passes[:-1] - low_passes[1:], low_passes[-1]])
+    return 1.5 * cubic_b_spline(2 * scale * np.arange(lmax + 1) / lmax)
 
 
 def starlet_bands(n_scales, lmax):

@@ -40,17 +40,20 @@ def difference(recovered, truth, *, mask=None):
     (n_channels, n_pix), kept = truth.shape, weights > 0
 
     def lines(block):
-        difference = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
-        difference[:, ~kept[block]] = 0
-        return difference
+        wrong = np.subtract(recovered[:, block], truth[:, block], dtype=np.float64)
+        wrong[:, ~kept[block]] = 0
+        return wrong
 
-    covariance, floor = np.zeros((n_channels, n_channels)), 0.0
+    covariance, total, squares = np.zeros((n_channels, n_channels)), np.zeros(n_channels), 0.0
     for block in progress(blocks(n_pix), "difference to the truth"):
         wrong = lines(block)
         covariance += wrong @ wrong.T
-        floor += np.sum(np.square(truth[:, block][:, kept[block]], dtype=np.float64))
+        inside = truth[:, block][:, kept[block]].astype(np.float64)
+        total += inside.sum(axis=1)
+        squares += np.sum(inside**2)
+    spread = squares - total @ total / np.count_nonzero(kept)
     values, axes = np.linalg.eigh(covariance)
-    spectra = axes[:, values > FAINT * floor]
+    spectra = axes[:, values > FAINT * spread]
     maps = np.empty((spectra.shape[1], n_pix))
     for block in blocks(n_pix):
         maps[:, block] = spectra.T @ lines(block)
@@ -77,8 +80,8 @@ class Moments:
 
     Attributes
     ----------
-    truth
-        Variance of T in every channel, (n_channels,), mK^2.
+    variance
+        Of T in every channel, (n_channels,), mK^2.
     cross
         Mean of T M, (n_channels, n_modes).
     gram
@@ -87,7 +90,7 @@ class Moments:
         Of the error, (n_channels, n_modes).
     """
 
-    truth: np.ndarray
+    variance: np.ndarray
     cross: np.ndarray
     gram: np.ndarray
     spectra: np.ndarray
@@ -112,7 +115,7 @@ class Moments:
             cross += lines @ maps[:, start : start + lines.shape[1]].T
             start += lines.shape[1]
         return cls(
-            truth=squares / start - (total / start) ** 2,
+            variance=squares / start - (total / start) ** 2,
             cross=cross / start,
             gram=maps @ maps.T / start,
             spectra=error.spectra,
@@ -125,9 +128,11 @@ class Moments:
         NaN where nothing of T is left.
         """
         common = np.einsum("cm,cm->c", self.spectra, self.cross)
-        recovered = self.truth + 2 * common + np.einsum("cm,mn,cn->c", self.spectra, self.gram, self.spectra)
-        size = np.sqrt(self.truth * np.maximum(recovered, 0))
-        return np.divide(self.truth + common, size, out=np.full(len(size), np.nan), where=size > 0)
+        recovered = (
+            self.variance + 2 * common + np.einsum("cm,mn,cn->c", self.spectra, self.gram, self.spectra)
+        )
+        size = np.sqrt(self.variance * np.maximum(recovered, 0))
+        return np.divide(self.variance + common, size, out=np.full(len(size), np.nan), where=size > 0)
 
     def frequency_power(self, true, channel_width):
         """`FrequencyPower` of T with its error, from that of T on the same lines of sight.
@@ -138,4 +143,4 @@ class Moments:
         spectra, cross = fft.rfft(self.spectra, axis=0), fft.rfft(self.cross, axis=0)
         more = 2 * np.einsum("km,km->k", spectra.conj(), cross).real
         more += np.einsum("km,mn,kn->k", spectra, self.gram, spectra.conj()).real
-        return FrequencyPower(k=true.k, power=true.power + more * channel_width / len(self.truth))
+        return FrequencyPower(k=true.k, power=true.power + more * channel_width / len(self.variance))

@@ -14,7 +14,7 @@ from himap.paper import pipeline
 from himap.products.store import product
 from himap.removal.beam_projection import on_sky
 
-__all__ = ["assessment", "error", "power_spectra", "residual", "separation"]
+__all__ = ["assessment", "error", "residual", "separation"]
 
 
 @product
@@ -110,10 +110,3 @@ def _masked_spectra(case, true, wrong, mask, alms, lmax):
         PowerSpectra(angular=power.upto(lmax), frequency=along)
         for power, along in zip(angular, (recovered, frequency), strict=True)
     )
-
-
-def power_spectra(case, remover=None, mask_peaks=True):
-    """The `PowerSpectra` of a case: of the truth, or of what `remover` leaves, found as in `separation`."""
-    if remover is None:
-        return pipeline.true_spectra(case)
-    return assessment(case, remover, mask_peaks).power_spectra

@@ -215,7 +215,7 @@ def truth_alms(case, lmax=None, channels=slice(None)):
 
 
 def truth(case, lmax=None, channels=slice(None)):
-    """The truth up to `lmax`, (n_channels, n_pix) float32, mK; the whole one is kept, others are made."""
+    """The truth, (n_channels, n_pix) float32, mK; up to `lmax` it is made, less its channel means."""
     if lmax is None:
         return observation(case).truth[channels]
     alms = truth_alms(case, lmax, channels)

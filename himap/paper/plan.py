@@ -6,7 +6,7 @@ need.
 
 from himap.paper import cleaned, pipeline
 from himap.products.memory import check_memory
-from himap.products.parallel import make_all, n_jobs
+from himap.products.parallel import dask_address, make_all, n_jobs
 
 __all__ = ["make", "make_observations", "observing_steps"]
 
@@ -53,7 +53,8 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
         Whether what the methods find is kept, or only what is measured on it.
     keep_observations
         Whether what is as large as a cube and was made now stays. If not, one case is done after the other,
-        so that a disk holds no more than one. What was there before stays in any case.
+        so that a disk holds no more than one, but for a Dask cluster, which gets all at once. What was there
+        before stays in any case.
 
     Returns
     -------
@@ -70,13 +71,15 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
     missing = [(product, call) for product, call in work if not product.is_cached(*call)]
     if not missing:
         return 0
+    n_missing = sum(product is cleaned.assessment for product, _ in missing)
     cases = list(dict.fromkeys(case for case, *_ in assessments))
     check_memory(cases[0].survey, jobs=n_jobs(), steps=["cleaning"])
-    rounds = [cases] if keep_observations else [[case] for case in cases]
+    rounds = [cases] if keep_observations or dask_address() else [[case] for case in cases]
     made = []
     for n, now in enumerate(rounds):
-        # What is measured on the sky alone belongs to the first case.
-        own = [one for one in missing if one[1][0] in now or (n == 0 and one[1][0] not in cases)]
+        skies = [case.survey.sky for case in now]
+        own = [one for one in missing if one[1][0] in [*now, *skies]]
+        missing = [one for one in missing if one not in own]
         if own:
             made += make_observations(now) + _make_analyses([call for product, call in own if call[0] in now])
             for product in dict.fromkeys(product for product, _ in own):
@@ -85,11 +88,11 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
         if not keep_observations:
             later = observing_steps([case for others in rounds[n + 1 :] for case in others])
             made = _forgotten(made, {(product, call) for product, calls in later for call in calls})
-    return sum(product is cleaned.assessment for product, _ in missing)
+    return n_missing
 
 
 def _make_analyses(calls):
-    """Make the analyses that the methods in these arguments need; returns what was made, as above."""
+    """Make the analyses that these calls need; returns what was made, [(product, arguments)]."""
     made = []
     cleanings = [call[:3] for call in calls if len(call) > 1]
     for product, asked in {pipeline.analysis: "needs_modes", pipeline.foreground_analysed: "ends"}.items():

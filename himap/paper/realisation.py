@@ -78,10 +78,6 @@ class Realisation:
         left_in = {LEFT_IN.format(beam): (case, False, False) for beam, case in observed.items()}
         return masked | left_in | {"dimmed": (self._case(self.oscillating, self.dimming), True, False)}
 
-    def make(self):
-        """Compute what is not in the cache yet; returns how many assessments were made now."""
-        return make([self])
-
     @property
     def assessments(self):
         """The arguments of every `cleaned.assessment` that the claims need, a list of tuples."""

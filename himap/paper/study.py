@@ -36,7 +36,8 @@ class Study:
     dimming
         A `Dimming` of the foregrounds along the Galactic plane, or None.
     keep_separations
-        Whether what methods find is kept in the cache, or only what is measured on it.
+        Whether what methods find is kept where only what is measured on it is asked for (`assessed`,
+        `prepare`): figures of a method need it.
     """
 
     preset: str = "quick"
@@ -88,10 +89,10 @@ class Study:
         """What `remover` finds, a `Separation`; options as in `cleaned.separation`."""
         return cleaned.separation(self.case(beam), remover, **options)
 
-    def residual(self, beam, remover, **options):
-        """The cube that `remover` leaves, (n_channels, n_pix) float32, mK; made anew at each call."""
-        self.separation(beam, remover, **options)
-        return cleaned.residual(self.case(beam), remover, **options)
+    def residual(self, beam, remover, *, mask_peaks=True, channels=slice(None)):
+        """The cube that `remover` leaves, (n_channels, n_pix) float32, mK, or some channels; made anew."""
+        self.separation(beam, remover, mask_peaks=mask_peaks)
+        return cleaned.residual(self.case(beam), remover, mask_peaks, channels)
 
     def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
         """How well `remover` did, an `Assessment`; keeps what was found if the study does."""

@@ -60,23 +60,23 @@ def _taken_apart(value, arrays):
         return {_ARRAY: f"{len(arrays) - 1}.npy"}
     if isinstance(value, np.generic):
         value = value.item()
-    if value is None or isinstance(value, bool | int | float | str):
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
         return value
-    if isinstance(value, list):
+    if kind is list:
         return [_taken_apart(item, arrays) for item in value]
-    if isinstance(value, tuple):
+    if kind is tuple:
         return {_TUPLE: [_taken_apart(item, arrays) for item in value]}
-    if isinstance(value, dict):
+    if kind is dict:
         # Pairs, for the keys of JSON are text.
         return {_DICT: [[_taken_apart(part, arrays) for part in pair] for pair in value.items()]}
-    kind = type(value)
     if _is_kept(kind):
         own = {item.name: _taken_apart(getattr(value, item.name), arrays) for item in fields(value)}
         return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
     name = f"{kind.__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
     raise InputError(
         "the result of a product is an array of numbers, or a dataclass of a module, list, tuple or dict of "
-        f"these, of text and of numbers, got {name}."
+        f"these, of text and of real numbers, got {name}."
     )
 
 

@@ -33,9 +33,9 @@ class Separation:
     Attributes
     ----------
     mixing
-        A, (n_channels, n_sources).
+        A, (n_channels, n_sources), float64.
     sources
-        S, (n_sources, n_pix), mK.
+        S, (n_sources, n_pix), mK, float64.
     taken
         The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
     means
@@ -46,10 +46,9 @@ class Separation:
         0 for a direct method.
     flagged
         (n_pix,) bool, the lines of sight whose own fit cannot be trusted; None where there is no such fit.
-    remark
-        What the user should know of the result, for a warning; empty if there is nothing.
     lmax
-        Multipole at which the method ends: beyond all goes with the foreground; None if it does not end.
+        Multipole at which the method ends: beyond, all goes with the foreground that was in the maps it was
+        found in, so that peaks that were masked there stay whole; None if it does not end.
     """
 
     mixing: np.ndarray
@@ -59,7 +58,6 @@ class Separation:
     converged: bool = True
     n_iterations: int = 0
     flagged: np.ndarray | None = None
-    remark: str = ""
     lmax: int | None = None
 
     @property
@@ -80,7 +78,7 @@ class Separation:
         channels
             A slice: which channels are asked for.
         """
-        foreground = self.foreground.of(channels)
+        foreground = self.foreground.of_channels(channels)
         if self.lmax is None:
             return foreground.taken_from(maps[channels], self.means[channels])
         modes = _analysed(basis) if modes is None else modes
@@ -235,7 +233,7 @@ class ForegroundRemover(ABC):
             modes = _analysed(maps) if modes is None else modes
             find = partial(find, modes=modes)
         means = maps.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        separation = replace(find(centred(maps, means)), means=means)
+        separation = replace(find(centred(maps, means) if self.centred else _single(maps)), means=means)
         self._check_result(separation, maps.shape)
         return separation, modes
 
@@ -266,20 +264,24 @@ class ForegroundRemover(ABC):
 
     def _check_result(self, separation, shape):
         """Hold a method to what it promises, and pass on what it says of its result."""
-        spectra, maps = separation.foreground.spectra, separation.foreground.maps
-        expected = (shape[0], len(maps)), (len(maps), shape[1])
-        # A foreground is 1e5 times brighter than what is left: single precision would not do.
-        double = spectra.dtype == maps.dtype == np.float64
-        if (spectra.shape, maps.shape) != expected or not double:
-            raise TypeError(
-                f"{type(self).__name__}._separate must return spectra {expected[0]} times maps "
-                f"{expected[1]}, float64, got {spectra.dtype} {spectra.shape} and {maps.dtype} {maps.shape}."
-            )
-        remarks = [separation.remark] if separation.remark else []
+        foreground = separation.foreground
+        pairs = (separation.mixing, separation.sources), (foreground.spectra, foreground.maps)
+        for spectra, maps in pairs:
+            expected = (shape[0], len(maps)), (len(maps), shape[1])
+            # A foreground is 1e5 times brighter than what is left: single precision would not do.
+            double = spectra.dtype == maps.dtype == np.float64
+            if (spectra.shape, maps.shape) != expected or not double:
+                name, got = type(self).__name__, f"{spectra.dtype} {spectra.shape}, {maps.dtype} {maps.shape}"
+                raise TypeError(
+                    f"{name}._separate must return spectra {expected[0]} times maps {expected[1]}, float64, "
+                    f"got {got}."
+                )
         if not (separation.converged or self.ends_by_count):
-            remarks.insert(0, f"stopped after {separation.n_iterations} iterations without converging")
-        for remark in remarks:
-            warnings.warn(f"{self.name}: {remark}.", SeparationWarning, stacklevel=4)
+            warnings.warn(
+                f"{self.name}: stopped after {separation.n_iterations} iterations without converging.",
+                SeparationWarning,
+                stacklevel=4,
+            )
 
     def check(self, n_channels):
         """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.
@@ -298,6 +300,10 @@ class ForegroundRemover(ABC):
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
         """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
+
+
+def _single(maps):
+    return maps.astype(np.float32, copy=False)
 
 
 def _analysed(maps):

@@ -80,27 +80,21 @@ def blocks(modes):
     return [modes[..., degree**2 : (degree + 1) ** 2] for degree in range(lmax + 1)]
 
 
-def safe_inverse(matrices, ridge=None):
+def safe_inverse(matrices):
     """Least-squares inverses of tall matrices, through QR and never through the normal equations.
 
     Parameters
     ----------
     matrices
         W_l = diag(H_l) A, (n_l, n_channels, n_sources).
-    ridge
-        epsilon, (n_l, n_sources): the inverse is (W^T W + diag(epsilon))^-1 W^T; None for none.
 
     Returns
     -------
     inverses
         (n_l, n_sources, n_channels). Directions below rounding are left out, so nothing is singular.
     """
-    n_channels, n_sources = matrices.shape[-2:]
-    if ridge is not None:
-        rows = np.sqrt(ridge)[..., None] * np.eye(n_sources)
-        matrices = np.concatenate([matrices, rows], axis=-2)
     q, r = np.linalg.qr(matrices)
-    return _inverses(r) @ np.swapaxes(q[..., :n_channels, :], -1, -2)
+    return _inverses(r) @ np.swapaxes(q, -1, -2)
 
 
 def _inverses(square):

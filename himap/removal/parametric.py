@@ -8,9 +8,8 @@ from numpy.polynomial import chebyshev
 from scipy.special import exprel
 
 from himap.errors import InputError
-from himap.maps.blocked import blocks
+from himap.maps.blocked import in_threads
 from himap.maps.modes import MapModes
-from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
 __all__ = ["FIXED_INDEX", "Parametric"]
@@ -70,19 +69,21 @@ class Parametric(ForegroundRemover):
         fits = np.empty((model.spectra.shape[1], maps.shape[1]))
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
-        n_steps, n_lost = 0, 0
-        for block in progress(blocks(maps.shape[1], _BLOCK), "parametric"):
+
+        def fit(block):
             flat, series = model.project(maps[:, block].astype(np.float64))
             best = _highest(series)
             fits[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
             flagged[block] = best.at_bound | ~best.converged
-            n_steps, n_lost = max(n_steps, best.n_steps), n_lost + np.count_nonzero(~best.converged)
+            return best.n_steps, np.count_nonzero(~best.converged)
+
+        n_steps, n_lost = zip(*in_threads(fit, maps.shape[1], "parametric", _BLOCK), strict=True)
         return Separation(
             taken=MapModes(spectra=model.spectra, maps=fits),
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,
-            converged=n_lost == 0,
-            n_iterations=n_steps,
+            converged=sum(n_lost) == 0,
+            n_iterations=max(n_steps),
             flagged=flagged,
         )
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
-from himap.maps.blocked import blocks
-from himap.progress import progress
+from himap.maps.blocked import in_threads
 
 __all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]
 
@@ -117,7 +116,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
     flagged = np.empty(maps.shape, dtype=bool)
-    for block in progress(blocks(maps.shape[1], _BLOCK), "peak masking"):
+
+    def fit(block):
         lines = maps[:, block].astype(np.float64)
         first[:, block] = basis.T @ lines
         lines -= basis @ first[:, block]
@@ -126,6 +126,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
         second[:, block] = first[:, block]
         clipped = flagged[:, block].any(axis=0)
         second[:, block][:, clipped] += _correction(basis, lines[:, clipped], flagged[:, block][:, clipped])
+
+    in_threads(fit, maps.shape[1], "peak masking", _BLOCK)
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
 
 

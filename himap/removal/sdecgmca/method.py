@@ -126,6 +126,12 @@ class SDecGMCA(ForegroundRemover):
         return noise
 
     def _separate(self, maps, *, freqs, beams, rng, modes, noise):
+        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
+        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
+        with threadpool_limits(1, user_api="blas"):
+            return self._separated(maps, beams, modes, noise)
+
+    def _separated(self, maps, beams, modes, noise):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
@@ -144,12 +150,9 @@ class SDecGMCA(ForegroundRemover):
             least_kept=self.least_kept,
             analytic=self.thresholds == "analytic",
         )
-        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
-        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
-        with threadpool_limits(1, user_api="blas"):
-            start = problem.start(self.n_sources, self.start)
-            steps = enumerate(iterations(self, problem, scales, start), 1)
-            ((n_iterations, step),) = deque(steps, maxlen=1)
+        start = problem.start(self.n_sources, self.start)
+        steps = enumerate(iterations(self, problem, scales, start), 1)
+        ((n_iterations, step),) = deque(steps, maxlen=1)
         sources, taken = self._last(maps, problem, scales, step, windows, modes)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(

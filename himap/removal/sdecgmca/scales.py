@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_filters
+from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_low_passes
 from himap.removal import harmonic
 from himap.removal.sdecgmca.selection import deviation, shrink
 
@@ -18,7 +18,7 @@ def low_passes(n_scales, lmax, kind):
     map and C21's code to the map itself, so that its scales are wider.
     """
     if kind == "cascade":
-        return 1 - np.cumsum(starlet_filters(n_scales, lmax)[:-1], axis=0)
+        return starlet_low_passes(n_scales, lmax)
     degrees = np.arange(lmax + 1)
     filters = np.empty((n_scales, lmax + 1))
     for scale, low_pass in zip(2 ** np.arange(n_scales), filters, strict=True):
