@@ -17,9 +17,9 @@ import click
 from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
-from benchmarks.steps import STEPS
+from benchmarks.steps import STEPS, prepare
 from himap.outputs import whole_file
-from himap.paper import pipeline, plan
+from himap.paper import plan
 from himap.products.provenance import Provenance
 
 
@@ -41,7 +41,7 @@ def main(preset, case, only, alone, output):
     header = ("step", "time", "goal", "memory", "goal", "floor", "over it", "channels/s", "alternative")
     click.echo(_line(header))
     plan.make_observations([case])
-    pipeline.analysis(case)
+    prepare(case)
     rows = []
     for step in STEPS:
         if only and step.name not in only:

@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from benchmarks.measure import measured
-from benchmarks.steps import STEPS
+from benchmarks.steps import STEPS, prepare
 from himap.instrument.beams.oscillating import Oscillating
 from himap.maps import sphere
 from himap.paper import pipeline, plan
@@ -62,7 +62,7 @@ def measure(steps):
         for survey in surveys:
             case = pipeline.Case(survey=survey, beam=Oscillating())
             plan.make_observations([case])
-            pipeline.analysis(case)
+            prepare(case)
             for step in steps:
                 probe_before = probe()
                 measurement = measured(step, case, beside=False)

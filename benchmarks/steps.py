@@ -25,7 +25,7 @@ from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 
-__all__ = ["STEPS", "Step"]
+__all__ = ["STEPS", "Step", "prepare"]
 
 N_SAMPLES = 6  # channels that an alternative is timed on
 N_LINES = 64  # lines of sight
@@ -166,13 +166,23 @@ def beam_subspace(case):
 
 
 def measures(case):
-    """C_l, P(k), correlation and errors of what PCA leaves; its separation, a second, is made on the way."""
-    cleaned.assessment.compute(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
+    """C_l, P(k), correlation and errors of what PCA leaves, found already."""
+    cleaned.assessment.compute(case, _pca(case))
+
+
+def _pca(case):
+    return PCA(n_sources=table_1(case.beam)["n_sources"])
+
+
+def prepare(case):
+    """Keep what steps begin with besides the observation: its analysis, and what PCA finds in it."""
+    pipeline.analysis(case)
+    cleaned.separation(case, _pca(case))
 
 
 def beside_spectra(case):
     """healpy's anafast, channel by channel."""
-    residual = cleaned.residual(case, PCA(n_sources=table_1(case.beam)["n_sources"]))
+    residual = cleaned.residual(case, _pca(case))
     sample = residual[evenly(len(residual), N_SAMPLES)].astype(float)
     return (
         "healpy anafast, channel by channel",
