@@ -6,8 +6,6 @@ There are ledgers, the times of the steps at two sizes and how they grow, and fo
 import json
 import math
 from dataclasses import replace
-from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
 
 from himap.errors import InputError
@@ -114,18 +112,13 @@ def _factors(before, after):
     return {name: after[name] / before[name] for name in ("nside", "n_channels")}
 
 
-def times_of_all(steps, about, figures):
-    """How long light cone, ledger and the chapters with figures of the paper took: {part: seconds}.
+def times_of_all(steps, about):
+    """How long light cone, observations and the ledger of one realisation took: {part: seconds}.
 
     Parameters
     ----------
-    steps, about, figures
-        The steps, what made the ledger, and the figures, as they are stored.
+    steps, about
+        The steps, and what made the ledger once the observations were there, as they are stored.
     """
-    light_cone = steps["steps"][0]
-    parts = {light_cone["step"]: light_cone["seconds"]}
-    parts["the ledger, with its observations"] = about["seconds"]
-    for execution, several in groupby(figures["figures"], key=itemgetter("execution")):
-        papers = list(dict.fromkeys(figure["paper"] for figure in several))
-        parts[f"the chapter of Fig{'s' * (len(papers) > 1)}. {', '.join(papers)}"] = execution["seconds"]
-    return parts
+    parts = {row["step"]: row["seconds"] for row in steps["steps"][:2]}
+    return parts | {"the ledger": about["seconds"]}
