@@ -118,10 +118,13 @@ for way, label in {"nside": "nside", "n_channels": "channels"}.items():
         for run, style in zip(found.values(), styles.sequence(list(found)), strict=True)
     ]
     sizes = sorted({size for run in found.values() for size in run["sizes"]})
-    ticks = {"xticks": sizes, "xticklabels": sizes, "xlabel": label, "xscale": "log"}
+    ticks = {"xscale": "log", "xticks": sizes, "xticklabels": sizes, "xlabel": label}
     panels.append(ticks | {"curves": curves, "title": f"with {label}"})
     panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": below}
-plotting.stamp(plotting.lines(panels, size=(4.6, 4.6)), Provenance.of_stored(scaling["about"]))
+figure = plotting.lines(panels, size=(4.6, 4.6))
+for axes in figure.axes:
+    axes.xaxis.minorticks_off()  # the sizes are all there is
+plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 
 # %%
 Markdown(growth_table(scaling))
