@@ -75,7 +75,7 @@ def test_the_chapters_show_what_is_stored_today():
 def test_every_step_has_a_row(name):
     found = read_stored(name)
     ((head, *rows),) = tables(steps_table(found))
-    assert len(rows) == len(found["steps"]) == 10
+    assert len(rows) == len(found["steps"]) == 12
     assert ("Goal" in head) == (name == "steps_paper")
     for row, step in zip(rows, found["steps"], strict=True):
         # Of two goals, the first, that of time, is kept.
