@@ -176,23 +176,16 @@ class TestSameBits:
         for block in held:
             library.free(block)
 
-    @pytest.mark.parametrize("lmax", [31, 63, 99])
-    def test_on_the_grid(self, lmax, rng, shuffle):
+    @pytest.mark.parametrize("lmax", [63, 83, 115])  # of those that show it within 400 times
+    def test_on_the_grid_and_on_healpix(self, lmax, rng, shuffle):
         alm = sphere.gaussian_alm(np.ones(lmax + 1), rng)
-        field = sphere.synthesise_grid(alm)
-        back = sphere.analyse_grid(field, lmax)
+        expected = None
         for _ in range(400):
             shuffle(lmax)
-            assert np.array_equal(sphere.synthesise_grid(alm), field)
-            assert np.array_equal(sphere.analyse_grid(field, lmax), back)
-
-    def test_on_healpix(self, alm, rng, shuffle):
-        maps = sphere.synthesise(alm, NSIDE)
-        back = sphere.analyse(maps, 43, n_iter=1)
-        for _ in range(400):
-            shuffle(43)
-            assert np.array_equal(sphere.synthesise(alm, NSIDE), maps)
-            assert np.array_equal(sphere.analyse(maps, 43, n_iter=1), back)
+            field, maps = sphere.synthesise_grid(alm), sphere.synthesise(alm, 32)
+            found = field, maps, sphere.analyse_grid(field, lmax), sphere.analyse(maps, lmax, n_iter=1)
+            expected = expected or found
+            assert all(map(np.array_equal, found, expected))
 
 
 class TestGrid:

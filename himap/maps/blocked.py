@@ -7,6 +7,7 @@ cube would be twice as large as the cube, that of a block is small.
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from himap.progress import progress
 
@@ -24,12 +25,13 @@ def blocks(n_pix, size=None):
 def in_threads(work, n_pix, label, size=None):
     """``work(block)`` for every block of `blocks`, several at a time; a list of what it returns, in order.
 
-    As many threads as transforms have: numpy leaves the interpreter to the others while it computes.
+    As many threads as transforms have, each with products on itself alone: numpy leaves the interpreter to
+    the others while it computes.
     """
     from himap.maps import sphere  # here, for to import healpy takes a second
 
     parts = blocks(n_pix, size)
-    with ThreadPoolExecutor(sphere.n_threads()) as pool:
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(sphere.n_threads()) as pool:
         return list(progress(pool.map(work, parts), label, total=len(parts)))
 
 

@@ -16,6 +16,7 @@ from himap.progress import progress
 
 __all__ = [
     "alm_degree",
+    "alm_index",
     "alm_size",
     "alms_padded",
     "alms_upto",
@@ -100,6 +101,11 @@ def alm_degree(lmax):
     return degree
 
 
+def alm_index(lmax, degree, order):
+    """Where the coefficients of these l and m stand among those up to `lmax`, arrays of whole numbers."""
+    return hp.Alm.getidx(lmax, degree, order)
+
+
 def alms_upto(alms, lmax):
     """The coefficients up to `lmax` of some that go further, (..., n_alm), in a new array."""
     return alms[..., alm_degree(lmax_of_size(alms.shape[-1])) <= lmax]
@@ -179,8 +185,7 @@ _PLAIN = {"spin": 0, "nthreads": 0}  # as many threads as ducc0 is set to
 @lru_cache(maxsize=32)
 def _places(lmax):
     """How many coefficients there are of l <= `_ROOMY`, m <= `lmax`; and which of them have l <= `lmax`."""
-    degree, order = hp.Alm.getlm(lmax)
-    places = order * (2 * _ROOMY + 1 - order) // 2 + degree
+    places = alm_index(_ROOMY, *hp.Alm.getlm(lmax))
     places.flags.writeable = False
     return hp.Alm.getsize(_ROOMY, lmax), places
 

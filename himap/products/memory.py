@@ -1,7 +1,8 @@
 """What a run will hold in memory, estimated before it starts.
 
 Everything large is float32: boxes of cells while HI is made, cubes of (n_channels, n_pix) afterwards. The
-counts are those of the code, checked against measured peaks (tests/test_memory.py).
+counts are those of the code. tests/test_memory.py holds the light cone against a measured peak; observing and
+cleaning are what processes took at the paper's size.
 """
 
 import os
@@ -19,7 +20,7 @@ LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 _UNITS = {"": 1, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
 _PROCESS = 0.5e9  # bytes of a Python process with the packages that himap uses
 _BOXES = 3  # of cells, at most, while HI is made
-_CUBES = {"observing": 5, "cleaning": 6}  # held at once by one process
+_CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
 
 def estimate(survey, *, jobs=1):

@@ -31,8 +31,7 @@ def _order(lmax):
     n_alm = sphere.alm_size(lmax)
     index = np.empty((lmax + 1) ** 2, dtype=np.int64)
     for degree in range(lmax + 1):
-        m = np.arange(degree + 1)
-        alm = m * (2 * lmax + 1 - m) // 2 + degree
+        alm = sphere.alm_index(lmax, degree, np.arange(degree + 1))
         start = degree**2
         index[start : start + degree + 1] = alm
         index[start + degree + 1 : start + 2 * degree + 1] = alm[1:] + n_alm
