@@ -1,4 +1,4 @@
-"""The commands that judge claims, `himap claims` and `himap readings`, with judgements not computed."""
+"""The commands that measure on many skies, claims, readings and corrections, with nothing computed."""
 
 import json
 import re
@@ -12,9 +12,10 @@ from outcomes import outcome
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks
-from himap.companion.staleness import ledger_code, readings_code
-from himap.paper import ledger, readings
+from himap.companion.staleness import corrections_code, ledger_code, readings_code
+from himap.paper import corrections, ledger, readings
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
+from himap.paper.corrections_file import read_corrections
 from himap.paper.readings_file import read_readings
 
 
@@ -144,6 +145,70 @@ class TestReadings:
     def test_bad_input_before_any_work(self, command, options, message):
         himap_command, seen = command
         code, _, err = himap_command("readings", *options)
+        assert code == 2
+        assert message in err
+        assert not seen
+        assert not list(Path().iterdir())
+
+
+class TestCorrections:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        """The command with the real parameters of 20_transfer_function, and corrections not computed."""
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(cases, removers, mocks):
+            seen.append((cases, removers, mocks))
+            row = {"method": "pca", "n_sources": 5, "band": "C/C0, 2-4", "raw": 0.9, "corrected": 1.0}
+            return [corrections.Correction(seed=n, crossed=1.0, sigma=0.1, **row) for n in (7, 8)]
+
+        monkeypatch.setattr(corrections, "evaluate", evaluate)
+        return himap_command, seen
+
+    def test_table_and_file(self, command):
+        himap_command, seen = command
+        code, out, err = himap_command("corrections", "--preset", "ci", "-p", "seed=7")
+        assert (code, err) == (0, "")
+        ((cases, removers, mocks),) = seen
+        assert [case.survey.seed for case in cases] == list(range(7, 27))
+        assert [mock.seed for mock in mocks] == list(range(1, 11))
+        assert [(one.name, one.n_sources) for one in removers] == [
+            ("beam_subspace", 3),
+            ("pca", 5),
+            ("pca", 8),
+            ("gmca", 5),
+            ("sdecgmca", 5),
+        ]
+        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9 +1 +0 +0.1 +2 of 2$", out, re.M)
+        path = Path("results/corrections_ci_seed=7.json")
+        assert f"{path}  (" in out
+        rows, about = read_corrections(path)
+        assert len(rows) == 2 and about["code"] == corrections_code()
+        assert {("n_realisations", 20), ("n_mocks", 10)} <= {tuple(one) for one in about["overrides"]}
+
+    def test_chosen(self, command):
+        himap_command, seen = command
+        options = ("-p", 'methods=[["pca", 4]]', "-p", "n_mocks=2", "-p", "beam=degraded", "-o", "a.json")
+        assert himap_command("corrections", *options)[0] == 0
+        ((cases, removers, mocks),) = seen
+        assert cases[0].beam.name == "degraded" and len(mocks) == 2
+        assert [one.n_sources for one in removers] == [4]
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["-p", "results=[]"], "unknown parameter results"),
+            (["-p", "n_mock=2"], "did you mean n_mocks"),
+            (["-p", "n_mocks=1"], "between 2 and 1000, got 1"),
+            (["-p", 'methods=[["pca", 500]]'], "at most the number of channels"),
+            (["-p", "galaxy=templates"], "needs template_dir"),
+            (["-o", "corrections.txt"], "something.json"),
+        ],
+    )
+    def test_bad_input_before_any_work(self, command, options, message):
+        himap_command, seen = command
+        code, _, err = himap_command("corrections", "--preset", "ci", *options)
         assert code == 2
         assert message in err
         assert not seen

@@ -1,8 +1,8 @@
 """On the real tree: an edit makes stale what uses the edited code, and nothing else.
 
 Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
-stale stands in the tables below: chapters by their number, "ledger" for what `himap claims` stores, and
-"readings" for what `himap readings` does.
+stale stands in the tables below: chapters by their number, "ledger" for what `himap claims` stores,
+"readings" and "corrections" for what these commands do.
 Stored figures are stale with their chapter (test_stored.py).
 """
 
@@ -14,18 +14,19 @@ import pytest
 
 import himap
 from himap.companion.notebooks import notebooks
-from himap.companion.staleness import ledger_code, readings_code
+from himap.companion.staleness import corrections_code, ledger_code, readings_code
 from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent
 
-CHAPTERS = {f"{n:02}" for n in range(1, 20)}
+CHAPTERS = {f"{n:02}" for n in range(1, 21)}
 SKIES = CHAPTERS - {"16", "18", "19"}  # those show what is stored
-STORED = {"ledger", "readings"}
-JUDGED = {"15"} | STORED
+JUDGING = {"ledger", "readings"}
+STORED = JUDGING | {"corrections"}
+JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY_METHOD = {"11", "17"}  # take any method by its name
+ANY_METHOD = {"11", "17", "20", "corrections"}  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
 ANY_BEAM = SKIES - {"01", "02", "10", "15"}  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
@@ -91,6 +92,12 @@ OTHERS = {
     ("sky/pysm.py", "write_templates"): set(),
     ("cli/templates.py", None): set(),
     ("cli/readings.py", None): set(),
+    ("cli/corrections.py", None): set(),
+    ("paper/mocks.py", "recovered"): {"20", "corrections"},
+    ("measures/transfer.py", "recovery"): {"20", "corrections"},
+    ("measures/transfer.py", "TransferFunction.errors"): {"20", "corrections"},
+    ("paper/corrections.py", "evaluate"): {"corrections"},
+    ("paper/corrections_file.py", "read_corrections"): {"20"},
     ("figures/marks.py", None): {"16"},
     ("products/store.py", None): set(),
     ("progress.py", None): set(),
@@ -114,7 +121,11 @@ def fingerprints(library):
     def compute():
         tree = CodeTree(himap=library)
         codes = {one.name.partition("_")[0]: one.fingerprint(tree) for one in chapters}
-        return codes | {"ledger": ledger_code(tree), "readings": readings_code(tree)}
+        return codes | {
+            "corrections": corrections_code(tree),
+            "ledger": ledger_code(tree),
+            "readings": readings_code(tree),
+        }
 
     return compute
 

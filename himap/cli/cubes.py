@@ -5,7 +5,9 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 
 import time
 import warnings
+from contextlib import ExitStack
 from importlib import import_module
+from pathlib import Path
 
 import click
 
@@ -15,7 +17,7 @@ from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.outputs import whole_file
 
-__all__ = ["clean", "suggest"]
+__all__ = ["clean", "suggest", "transfer"]
 
 
 class _Registered(click.Option):
@@ -52,10 +54,27 @@ _OPTIONS = [
 ]
 
 
-def _cube_options(command):
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+_MOCKS = [
+    click.option(
+        "--mocks",
+        metavar="N|FILE",
+        multiple=True,
+        help="How many mocks of HI are put in, or a file of each, to tell what cleaning takes.",
+    ),
+    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks; default none."),
+]
+
+
+def _with_options(options):
+    def with_all(command):
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return with_all
+
+
+_cube_options, _mock_options = _with_options(_OPTIONS), _with_options(_MOCKS)
 
 
 @click.command()
@@ -65,42 +84,131 @@ def _cube_options(command):
 @click.option(
     "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
 )
+@_mock_options
 @_cube_options
 @debug
-def clean(path, method, beam, dish, pairs, truth, keep_peaks, output, overwrite, **reading):
+def clean(output, overwrite, **options):
     """Remove the foregrounds of the cube of maps in CUBE.
 
     CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
 
+    With --mocks the page tells what was lost, and both spectra are corrected for it, there and in a .csv.
+
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
+    from himap.cubes.writing import check_cube_output, save_cleaned
+
+    started = time.monotonic()
+    endings = (".html", ".csv") if options["mocks"] else (".html",)
+    output = check_cube_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
+    cleaned, write = _cleaned(**options)
+    with ExitStack() as stack:  # all of them or none
+        files = [output.with_suffix(ending) for ending in endings]
+        write(*(stack.enter_context(whole_file(file)) for file in files))
+        outputs = save_cleaned(cleaned, output, overwrite=overwrite)
+    _tell(cleaned, [*outputs, *files], started)
+
+
+@click.command()
+@click.argument("path", metavar="CUBE")
+@click.option("--method", cls=_Methods, required=True, metavar="NAME")
+@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, to hold against it.")
+@click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; the spectra: .csv.")
+@_mock_options
+@_cube_options
+@debug
+def transfer(output, overwrite, **options):
+    """Measure what cleaning takes of the signal in CUBE, with mocks, and correct its spectra.
+
+    Mocks of HI, ten of them unless told otherwise, are put into the cube and cleaned with it; the power of
+    what comes back of them corrects that of what is left. They are made as in the simulations of the paper,
+    with the beam, for which --beam is needed with any method; or come from files, seen through it already.
+
+    \b
+    himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o transfer.html
+    himap transfer cube.h5 --method pca -p n_sources=5 --mocks one.h5 --mocks two.h5 -o transfer.html
+    """
+    from himap.cubes.writing import check_page
+
+    started = time.monotonic()
+    options["mocks"] = options["mocks"] or ("10",)
+    page = check_page(output, overwrite=overwrite, inputs=_inputs(options), endings=(".csv",))
+    cleaned, write = _cleaned(**options)
+    files = [page, page.with_suffix(".csv")]
+    with ExitStack() as stack:
+        write(*(stack.enter_context(whole_file(file)) for file in files))
+    _tell(cleaned, files, started)
+
+
+def _inputs(options):
+    """The names of files, or what may be such, in the options of a command."""
+    names = [options[name] for name in ("path", "truth", "beam", "freqs")]
+    return [name for name in (*names, *options["mocks"]) if name is not None]
+
+
+def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noise, **reading):
+    """A `CleanedCube`, and a function that writes its page, and its spectra where there are mocks."""
+    from himap.cubes import corrected_report as corrected
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.cube import read_truth
-    from himap.cubes.report import check_truth, write_report
-    from himap.cubes.writing import check_cube_output, save_cleaned
+    from himap.cubes.report import check_truth, compared, spectra_of, write_report
+    from himap.cubes.transfer import correct, measure_transfer
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
-    started = time.monotonic()
-    inputs = [name for name in (path, truth, beam, reading["freqs"]) if name is not None]
-    output = check_cube_output(output, overwrite=overwrite, inputs=inputs)
     remover = create(method, **_parameters(pairs))
     cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
     method_for(cube, remover)  # before the truth is read
     true = None if truth is None else read_truth(truth, **reading)
     if true is not None:
         check_truth(cube, true)  # before the work
+    put_in = _mocks(cube, beams, mocks, mock_noise, reading)
+    peaks, more, comparison = not keep_peaks, [], None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
-        cleaned = clean_cube(cube, remover, beams=beams, peaks=not keep_peaks)
-    page = output.with_suffix(".html")
-    with whole_file(page) as temporary:
-        write_report(cleaned, temporary, truth=true)
-        outputs = save_cleaned(cleaned, output, overwrite=overwrite)
+        cleaned = clean_cube(cube, remover, beams=beams, peaks=peaks)
+        if put_in is not None:
+            found = measure_transfer(cleaned, put_in, beams=beams, peaks=peaks)
+            spectra = correct(spectra_of(cleaned), found)
+            comparison = None if true is None else compared(cleaned, true)
+            more = corrected.corrected_part(spectra, len(found.recoveries), comparison)
+            header = corrected.HEADER[: 3 if true is None else None]
+            click.echo(Table(header, corrected.corrected_rows(spectra, comparison), align="lrrrr"))
+
+    def write(page, table=None):
+        write_report(cleaned, page, truth=true, more=more)
+        if table is not None:
+            corrected.write_spectra(spectra, table, comparison)
+
+    return cleaned, write
+
+
+def _mocks(cube, beams, words, noise, reading):
+    """The maps of mocks, one after the other, as the option says: a number, or files; None if it is empty."""
+    from himap.cubes.mocks import made_mocks, read_mocks
+
+    numbers = [word for word in words if word.lstrip("-").isdecimal()]
+    if not words or (numbers and len(words) > 1):
+        if words or noise is not None:
+            raise InputError(
+                "--mocks is one number, or a file for each mock; --mock-noise belongs to a number."
+            )
+        return None
+    if numbers:
+        return made_mocks(cube, beams, int(numbers[0]), noise=noise)
+    if noise is not None:
+        raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
+    for word in words:
+        if not Path(word).exists():
+            raise InputError(f"--mocks: there is no file {word}.")
+    return read_mocks(cube, words, **reading)
+
+
+def _tell(cleaned, files, started):
     for remark in cleaned.remarks:
         click.echo(remark, err=True)
-    click.echo("  ".join(str(file) for file in [*outputs, page]) + f"  ({time.monotonic() - started:.0f} s)")
+    click.echo("  ".join(map(str, files)) + f"  ({time.monotonic() - started:.0f} s)")
 
 
 @click.command()

@@ -8,7 +8,8 @@ import click
 
 from himap import __version__
 from himap.cli.cache import cache_commands
-from himap.cli.cubes import clean, suggest
+from himap.cli.corrections import corrections
+from himap.cli.cubes import clean, suggest, transfer
 from himap.cli.readings import readings
 from himap.cli.shared import (
     SETTINGS,
@@ -49,9 +50,11 @@ def main():
 
 main.add_command(cache_commands)
 main.add_command(clean)
+main.add_command(corrections)
 main.add_command(readings)
 main.add_command(suggest)
 main.add_command(templates)
+main.add_command(transfer)
 
 
 @main.command("list")

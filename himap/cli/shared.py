@@ -121,8 +121,8 @@ def named_values(pairs):
     return texts
 
 
-def judging_parameters(pairs, preset, *, own, without=()):
-    """Parameters of what judges claims, from texts NAME=VALUE.
+def judging_parameters(pairs, preset, *, own, without=(), notebook=_JUDGING):
+    """Parameters of what measures on several skies, from texts NAME=VALUE.
 
     Parameters
     ----------
@@ -132,6 +132,8 @@ def judging_parameters(pairs, preset, *, own, without=()):
         {name: default} where it is not that of the notebook.
     without
         Parameters of the notebook that this command does not have.
+    notebook
+        Whose parameters they are; that of the claims unless given.
 
     Returns
     -------
@@ -140,7 +142,7 @@ def judging_parameters(pairs, preset, *, own, without=()):
     """
     declared = [
         replace(parameter, default=own.get(parameter.name, parameter.default))
-        for parameter in find(_JUDGING).parameters
+        for parameter in find(notebook).parameters
         if parameter.name not in without
     ]
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)

@@ -13,9 +13,17 @@ from himap.companion.notebooks import notebooks
 from himap.companion.stored import RESULTS
 from himap.products.fingerprint import CodeTree
 
-__all__ = ["StoredResult", "ledger_code", "readings_code", "stale_results", "stored_results"]
+__all__ = [
+    "StoredResult",
+    "corrections_code",
+    "ledger_code",
+    "readings_code",
+    "stale_results",
+    "stored_results",
+]
 
 _LEDGER = "from himap.paper.ledger import evaluate, realisations"
+_CORRECTIONS = "from himap.paper.corrections import cases_and_methods, evaluate"
 _READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
 
 
@@ -35,7 +43,8 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of readings "readings", of a folder of figures their names, of timings nothing.
+        "claims", of readings and corrections these words, of a folder of figures their names, of timings
+        nothing.
     """
 
     path: Path
@@ -67,7 +76,7 @@ def stale_results(folder=None, notebooks_folder=None):
         Where the results and the notebooks are, if not in this checkout.
     """
     tree = CodeTree()
-    today = {"claims": ledger_code(tree), "readings": readings_code(tree)}
+    today = {name: code(tree) for name, code in _CODES.items()}
     for notebook in notebooks(notebooks_folder):
         code = notebook.fingerprint(tree)
         cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
@@ -86,6 +95,14 @@ def readings_code(tree=None):
     return (tree or CodeTree()).source_fingerprint(_READINGS)
 
 
+def corrections_code(tree=None):
+    """SHA-256 (hex) of the code that measures corrections of what is lost, as `ledger_code`."""
+    return (tree or CodeTree()).source_fingerprint(_CORRECTIONS)
+
+
+_CODES = {"claims": ledger_code, "corrections": corrections_code, "readings": readings_code}
+
+
 def _state(result, today):
     """Why a result is stale; empty if it is fresh, or a timing."""
     if None in result.codes.values():
@@ -100,7 +117,7 @@ def _state(result, today):
 def _read(path):
     content = json.loads(path.read_text(encoding="utf-8"))
     if "figures" not in content:
-        codes = {name: content["about"].get("code") for name in ("claims", "readings") if name in content}
+        codes = {name: content["about"].get("code") for name in _CODES if name in content}
         return _result(path, content["about"], [content["about"]], codes)
     rows = content["figures"]
     made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]

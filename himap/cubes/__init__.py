@@ -5,6 +5,16 @@ from himap.cubes.cleaning import clean_cube
 from himap.cubes.cube import read_cube
 from himap.cubes.report import write_report
 from himap.cubes.suggestion import suggest
+from himap.cubes.transfer import correct, measure_transfer
 from himap.cubes.writing import save_cleaned
 
-__all__ = ["beams_of", "clean_cube", "read_cube", "save_cleaned", "suggest", "write_report"]
+__all__ = [
+    "beams_of",
+    "clean_cube",
+    "correct",
+    "measure_transfer",
+    "read_cube",
+    "save_cleaned",
+    "suggest",
+    "write_report",
+]

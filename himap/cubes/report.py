@@ -122,10 +122,10 @@ def check_truth(cube, truth):
         raise InputError("the truth must see all pixels of the cube.")
 
 
-def write_report(cleaned, path, *, truth=None):
-    """Write the page to `path`, one HTML file that needs nothing else."""
+def write_report(cleaned, path, *, truth=None, more=()):
+    """Write the page to `path`, one HTML file that needs nothing else; `more` stands after the spectra."""
     spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
-    parts = [*_head(cleaned), *_spectra_part(spectra), *_modes_part(cleaned), *_maps_part(cleaned)]
+    parts = [*_head(cleaned), *_spectra_part(spectra), *more, *_modes_part(cleaned), *_maps_part(cleaned)]
     Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
 

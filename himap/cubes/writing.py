@@ -19,8 +19,10 @@ __all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned"]
 OUTPUTS = (".h5", ".fits", ".npy")
 
 
-def check_cube_output(path, *, overwrite, inputs=()):
+def check_cube_output(path, *, overwrite, inputs=(), endings=(".html",)):
     """`path` as one that can be written, or an error before the work begins.
+
+    `endings` are those of what is written beside it under its name.
 
     Raises
     ------
@@ -29,7 +31,7 @@ def check_cube_output(path, *, overwrite, inputs=()):
         one of `inputs`, which never is.
     """
     path = _checked_name(path)
-    _check_place([*files_of(path), path.with_suffix(".html")], overwrite, inputs)
+    _check_place([*files_of(path), *map(path.with_suffix, endings)], overwrite, inputs)
     return path
 
 
@@ -40,12 +42,12 @@ def _checked_name(path):
     return path
 
 
-def check_page(path, *, overwrite):
-    """`path` as one that a page can be written to; raises as `check_cube_output`."""
+def check_page(path, *, overwrite, inputs=(), endings=()):
+    """`path` as one that a page can be written to; `endings` and errors as of `check_cube_output`."""
     path = Path(path)
     if path.suffix != ".html":
         raise InputError(f"the page is a .html file, got {path}.")
-    _check_place([path], overwrite)
+    _check_place([path, *map(path.with_suffix, endings)], overwrite, inputs)
     return path
 
 

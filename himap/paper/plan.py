@@ -4,11 +4,13 @@ The one place that knows which product comes before which; the products themselv
 need.
 """
 
+from contextlib import contextmanager
+
 from himap.paper import cleaned, pipeline
 from himap.products.memory import check_memory
 from himap.products.parallel import dask_address, make_all, n_jobs
 
-__all__ = ["make", "make_observations", "observing_steps"]
+__all__ = ["make", "make_observations", "observing_steps", "passing_observations"]
 
 
 def observing_steps(cases):
@@ -89,6 +91,14 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
             later = observing_steps([case for others in rounds[n + 1 :] for case in others])
             made = _forgotten(made, {(product, call) for product, calls in later for call in calls})
     return n_missing
+
+
+@contextmanager
+def passing_observations(cases):
+    """Observations of some cases, made now where they are not there; what was made goes at the end."""
+    made = make_observations(cases)
+    yield
+    _forgotten(made, set())
 
 
 def _make_analyses(calls):

@@ -1,0 +1,118 @@
+"""Mocks for a cube of one's own: HI that is known, in the channels and pixels of the cube."""
+
+import numpy as np
+
+from himap.checks import checked_noise, whole_number
+from himap.cubes.cube import read_truth
+from himap.cubes.report import check_truth
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.progress import progress
+from himap.sky.cosmology import HIModel, redshift
+from himap.sky.hi import hi_maps
+from himap.survey import Survey
+
+__all__ = ["made_mocks", "mock_survey", "read_mocks"]
+
+_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
+_CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
+_ROOM = 1.01  # of the box beyond the band
+
+
+def read_mocks(cube, paths, **reading):
+    """The maps of mocks from files, one after the other, (n_channels, n_seen) float32, mK.
+
+    Parameters
+    ----------
+    cube
+        The `Cube` that they are put into.
+    paths
+        Files as `read_cube` takes them, one for each mock, with the beam of the cube.
+    reading
+        As in `read_truth`, for what the files do not say.
+
+    Raises
+    ------
+    InputError
+        When a file is read: one of another nside, of other channels, or that does not see what the cube does.
+    """
+    for path in paths:
+        mock = read_truth(path, **reading)
+        try:
+            check_truth(cube, mock)
+        except InputError as error:
+            raise InputError(f"{path}: {str(error).replace('the truth', 'a mock')}") from None
+        yield mock.maps[:, cube.mask[mock.mask]]
+
+
+def made_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
+    """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
+
+    HI as in the simulations of the paper, through the beams, and white noise where it is told.
+
+    Parameters
+    ----------
+    cube
+        The `Cube` that they are put into.
+    beams
+        b_l, (n_channels, lmax + 1) with lmax of 2 nside or more.
+    n_mocks
+        How many.
+    noise
+        Of a pixel, mK, a number or (n_channels,); None for none.
+    seed
+        Of the first mock; the others have those after it.
+
+    Raises
+    ------
+    InputError
+        No beams, channels that are not evenly spaced or beyond what can be simulated, or a bad number.
+    """
+    whole_number("the number of mocks", n_mocks, 1, 10_000)
+    if beams is None:
+        raise InputError(
+            "mocks are made with the beam of the cube; give it (beams=, --beam), or mocks of your own."
+        )
+    sigma = checked_noise("noise", noise)
+    survey = mock_survey(cube, seed=seed)
+    return (_made(cube, beams, survey, seed + n, sigma) for n in range(n_mocks))
+
+
+def _made(cube, beams, survey, seed, sigma):
+    rng = np.random.default_rng(seed)
+    maps = hi_maps(survey, rng)
+    for channel, window in zip(progress(maps, "mock"), beams, strict=True):
+        lmax = min(3 * cube.nside, len(window)) - 1
+        alm = sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT)
+        channel[:] = sphere.synthesise(sphere.multiply_beam(alm, window), cube.nside)
+    maps = maps[:, cube.mask]
+    if sigma is not None:
+        spread = np.broadcast_to(np.asarray(sigma, dtype=np.float32), len(maps))
+        maps += spread[:, None] * rng.standard_normal(maps.shape, dtype=np.float32)
+    return maps
+
+
+def mock_survey(cube, *, seed=1):
+    """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
+
+    Raises
+    ------
+    InputError
+        Channels that are not evenly spaced, or a band outside what `Survey` takes.
+    """
+    steps = np.diff(cube.freqs)
+    if steps.max() > _UNEVEN * steps.min():
+        raise InputError(
+            f"mocks can be made for evenly spaced channels, and these are {steps.min():g} to {steps.max():g} "
+            "MHz apart; give mocks of your own (--mocks FILE)."
+        )
+    half = cube.channel_width / 2
+    low, high = float(cube.freqs[0]) - half, float(cube.freqs[-1]) + half
+    cells = int(np.clip(4 * cube.nside, *_CELLS))
+    options = {"nside": cube.nside, "n_channels": len(cube.freqs), "freq_min": low, "freq_max": high}
+    try:
+        reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
+        size = max(Survey().box_size, 2 * _ROOM * reach)
+        return Survey(**options, box_cells=cells, box_size=size, seed=seed)
+    except InputError as error:
+        raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None

@@ -1,0 +1,125 @@
+"""What a method loses of a cube of one's own, from mocks put into it; and its spectra, corrected."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from himap.checks import checked_cube
+from himap.cubes.cleaning import Basis, method_for
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.measures.difference import FAINT
+from himap.measures.power_spectra import masked_alms
+from himap.measures.transfer import TransferFunction, recovery
+
+__all__ = ["Corrected", "correct", "measure_transfer"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrected:
+    """One spectrum of a cleaned cube, corrected for what cleaning takes.
+
+    Attributes
+    ----------
+    x
+        l, or k in 1/MHz, (n,).
+    left
+        As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
+    share
+        The transfer function of auto power.
+    errors
+        Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
+    """
+
+    x: np.ndarray
+    left: np.ndarray
+    share: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def corrected(self):
+        """left / share; NaN where nothing comes back."""
+        return np.divide(self.left, self.share, out=np.full(len(self.x), np.nan), where=self.share > 0)
+
+    def sigma(self, bins):
+        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all."""
+        if not len(self.errors):
+            return np.full(len(bins), np.nan)
+        return np.sqrt(np.mean((self.errors @ np.transpose(bins)) ** 2, axis=0))
+
+
+def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
+    """The `TransferFunction` of a method on a cube, from mocks that are cleaned with it.
+
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    mocks
+        Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
+        they are a generator.
+    beams, peaks, seed
+        As the cube was cleaned (`clean_cube`).
+
+    Raises
+    ------
+    InputError
+        No mock, or one of another shape than the cube.
+    """
+    cube, method, without = cleaned.cube, cleaned.method, cleaned.separation
+    method_for(cube, method)
+    mask = None if cube.whole_sky else cube.mask
+    recoveries = []
+    for mock in mocks:
+        mock = checked_cube("a mock", mock)
+        if mock.shape != cube.maps.shape:
+            raise InputError(
+                f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
+                f"{mock.shape}."
+            )
+        both = Basis(replace(cube, maps=cube.maps + mock), peaks=peaks)
+        found = method.separate(
+            both.maps,
+            freqs=cube.freqs,
+            beams=beams if method.needs_beams else None,
+            rng=np.random.default_rng(seed),
+            modes=both.modes if method.needs_modes else None,
+        )
+        variance = float(mock.var(axis=1, dtype=np.float64).sum())
+        wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
+        alms = masked_alms(cube.on_sphere(mock), mask=mask)
+        if found.lmax is not None:
+            alms = sphere.alms_upto(alms, found.lmax)
+        wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
+        recoveries.append(recovery(alms, wrong, cube.channel_width))
+    return TransferFunction(recoveries=tuple(recoveries))
+
+
+def correct(spectra, transfer):
+    """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
+
+    Parameters
+    ----------
+    spectra
+        Its `PowerSpectra`, in bins of l where a mask asks for them.
+    transfer
+        The `TransferFunction` from `measure_transfer`.
+    """
+    angular, frequency = spectra.angular, spectra.frequency
+    return {
+        "angular": _corrected(angular.degrees, angular.mean, transfer, "angular", transfer.degrees[2:]),
+        "frequency": _corrected(frequency.k, frequency.power, transfer, "frequency", transfer.k[1:]),
+    }
+
+
+def _corrected(x, left, transfer, kind, known_at):
+    """In the bins of `x`, all of one width, that lie where the transfer function is known."""
+    half = (x[1] - x[0]) / 2
+    inside = (x >= known_at[0]) & (x <= known_at[-1])
+    x, left = x[inside], left[inside]
+    bins = np.abs(known_at - x[:, None]) < half
+    bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
+    known = slice(-len(known_at), None)
+    errors = transfer.errors(kind)[:, known] if len(transfer.recoveries) > 1 else np.empty((0, len(known_at)))
+    share = getattr(transfer, kind)[known]
+    return Corrected(x=x, left=left, share=bins @ share, errors=errors @ bins.T)

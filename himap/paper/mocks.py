@@ -1,0 +1,201 @@
+"""Mocks of HI put into an observation and cleaned with it: what a method loses, without the truth.
+
+A mock is the truth of another sky: HI and noise, seen through the same beam.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from himap.checks import checked_fields, parameter
+from himap.errors import InputError
+from himap.instrument.noise import noise_sigma
+from himap.maps import sphere
+from himap.maps.blocked import centred
+from himap.measures.difference import FAINT
+from himap.measures.transfer import TransferFunction, recovery
+from himap.paper import cleaned, pipeline, plan
+from himap.products.parallel import make_all
+from himap.products.store import product
+from himap.removal import harmonic, peaks
+from himap.removal.analysis import analysed
+from himap.sky.cosmology import HIModel
+from himap.sky.hi import hi_maps
+
+__all__ = ["Mock", "mock_alms", "own_recovery", "recovered", "transfer_functions"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mock:
+    """The truth of another sky than the one that is observed, and how its HI differs from that of the data.
+
+    Raises
+    ------
+    InputError
+        A field outside its range.
+    """
+
+    seed: int = parameter(1, "seed of the mock's sky; must not be that of the data", minimum=0, maximum=2**63)
+    bias: float = parameter(1.0, "factor on the bias of HI", minimum=0, above=True)
+    abundance: float = parameter(
+        1.0, "factor on the abundance of HI, and so on its maps", minimum=0, above=True
+    )
+    gaussian: bool = parameter(False, "with the powers of the lognormal field, but none of its peaks")
+
+    def __post_init__(self):
+        checked_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Biased(HIModel):
+    factor: float
+
+    def bias(self, z):
+        return self.factor * super().bias(z)
+
+
+@product
+def hi_alms_of_mock(sky, mock):
+    """Harmonic coefficients of the HI of a mock before the beam, to 3 nside - 1, complex64.
+
+    `sky` is the mock's own, a `Survey`.
+    """
+    if mock.bias == 1:
+        alms = np.array(pipeline.hi_alms_of_sky(sky))
+    else:
+        maps = hi_maps(sky, sky.rng("hi"), model=_Biased(factor=mock.bias))
+        alms = sphere.analyse(maps, n_iter=sphere.N_ITER_FLAT)
+    if mock.gaussian:
+        alms = _without_phases(alms, sky.rng("phases"))
+    alms *= np.float32(mock.abundance)
+    return alms
+
+
+def _without_phases(alms, rng):
+    """Coefficients with the modes of each l turned into each other, in all channels alike.
+
+    No power changes, of any channel or of two channels; but each mode is now a sum of all of its l, so that
+    by the central limit theorem the field is Gaussian.
+    """
+    modes = harmonic.to_modes(alms)
+    for block in harmonic.blocks(modes):
+        turn, triangle = np.linalg.qr(rng.standard_normal((block.shape[1], block.shape[1])))
+        block[:] = block @ (turn * np.sign(np.diag(triangle)))  # uniform among all turns (Mezzadri 2007)
+    return harmonic.from_modes(modes).astype(alms.dtype)
+
+
+def mock_alms(case, mock, lmax=None):
+    """Coefficients of a mock through the beam of a case, less channel means, (n_channels, n_alm) complex64.
+
+    Raises
+    ------
+    InputError
+        The mock is the sky of the case itself.
+    """
+    if mock.seed == case.survey.seed:
+        raise InputError(f"a mock must be of another sky than the data, got the seed {mock.seed} for both.")
+    survey = replace(case.survey, seed=mock.seed)
+    alms = pipeline.truth_alms(replace(case, survey=survey), lmax)
+    if mock != Mock(seed=mock.seed):
+        windows = case.beam.of_survey(survey).total
+        pairs = zip(hi_alms_of_mock(survey.sky, mock), pipeline.hi_alms_of_sky(survey.sky), strict=True)
+        for (own, usual), window, out in zip(pairs, windows, alms, strict=True):
+            more = sphere.alms_upto(own - usual, sphere.lmax_of_size(len(out)))
+            out += sphere.multiply_beam(more, window)
+        alms[:, 0] = 0
+    return alms
+
+
+@product
+def recovered(case, removers, mock, mask_peaks=True):
+    """What comes back of a mock in an observation, a list with the `Recovery` of each method.
+
+    All that a method finds is found anew, in the observation with the mock and, with `mask_peaks`, without
+    the peaks of the two together; a method that is told the noise is told that of both. Where the method
+    ends at some l, so does the comparison.
+    """
+    observed, alms = pipeline.observation(case), mock_alms(case, mock)
+    maps = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
+    maps += observed.maps
+    basis = peaks.mask_peaks(maps, observed.freqs).maps if mask_peaks else maps
+    modes = analysed(centred(basis)) if any(remover.needs_modes for remover in removers) else None
+    recoveries = []
+    for remover in removers:
+        without = cleaned.separation.once(case, remover, mask_peaks)
+        found = remover.separate(
+            basis,
+            freqs=observed.freqs,
+            beams=observed.beams,
+            noise=np.sqrt(2) * noise_sigma(case.survey),
+            rng=case.survey.rng(f"removal {remover.name}"),
+            modes=modes if remover.needs_modes else None,
+        )
+        wrong = (without.foreground + -found.foreground).condensed(_faint(case))
+        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+        recoveries.append(recovery(own, wrong, case.survey.channel_width))
+    return recoveries
+
+
+@product
+def own_recovery(case, remover, mask_peaks=True):
+    """The `Recovery` of the truth itself: what a transfer function is to tell without knowing the truth."""
+    found = cleaned.separation.once(case, remover, mask_peaks)
+    wrong = cleaned.error(case, remover, mask_peaks)
+    return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
+
+
+def _faint(case):
+    """Variance of terms that no spectrum shows, mK^2, summed over channels."""
+    return FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
+
+
+def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="auto"):
+    """What some methods keep of mocks in an observation, {method: `TransferFunction`}.
+
+    Parameters
+    ----------
+    case
+        `pipeline.Case`.
+    removers
+        Methods; the mocks are made, and their peaks masked, once for all of them.
+    mocks
+        `Mock` each.
+    mask_peaks, definition
+        As in `cleaned.separation` and `TransferFunction`.
+
+    Raises
+    ------
+    InputError
+        No method or no mock, a mock of the sky of the case, or what a method refuses.
+    """
+    removers, mocks = tuple(removers), list(mocks)
+    if not removers or not mocks:
+        raise InputError(f"there must be methods and mocks, got {len(removers)} and {len(mocks)}.")
+    for remover in removers:
+        remover.check(case.survey.n_channels)
+    calls = [(case, removers, mock, mask_peaks) for mock in mocks]
+    if not all(recovered.is_cached(*call) for call in calls):
+        plan.make_observations([case])
+        make_mocks([case.survey], mocks)
+        make_all(recovered, calls, "mocks")
+    rows = [recovered(*call) for call in calls]
+    return {
+        remover: TransferFunction(recoveries=column, definition=definition)
+        for remover, column in zip(removers, zip(*rows, strict=True), strict=True)
+    }
+
+
+def make_mocks(surveys, mocks):
+    """Make the coefficients of the HI and noise of all mocks; their maps do not stay."""
+    own = dict.fromkeys(replace(survey, seed=mock.seed) for survey in surveys for mock in mocks)
+    skies = dict.fromkeys(survey.sky for survey in own)
+    missing = [sky for sky in skies if not pipeline.hi_alms_of_sky.is_cached(sky)]
+    passing = [sky for sky in missing if not pipeline.hi_of_sky.is_cached(sky)]
+    for wanted, arguments in (
+        (pipeline.hi_of_sky, passing),
+        (pipeline.hi_alms_of_sky, missing),
+        (pipeline.noise_alms, own),
+    ):
+        make_all(wanted, [(one,) for one in arguments], wanted.name.rpartition(".")[2])
+    for sky in passing:
+        pipeline.hi_of_sky.forget(sky)

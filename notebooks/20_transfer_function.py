@@ -1,0 +1,370 @@
+# ---
+# jupyter:
+#   himap:
+#     figures: []
+#     reads:
+#     - book/results/corrections_quick_synthetic.json
+#     - book/results/corrections_quick_templates.json
+#     section: ''
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # What was lost, and how to get it back
+#
+# Every method takes some HI away with the foreground. The paper measures how much against the truth; nobody with a telescope can. What observers do instead is to put a **mock** $m$, HI that they know, into their data $d$, clean
+# both together, and look how much of it comes back ({cite:t}`switzer2013`, {cite:t}`cunnington2023`):
+#
+# ```{math}
+# \hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d) , \qquad
+# T_\mathrm{auto} = \frac{\langle |\hat m|^2 \rangle}{\langle |m|^2 \rangle} , \qquad
+# T_\mathrm{cross} = \frac{\langle \hat m\, m^* \rangle}{\langle |m|^2 \rangle} .
+# ```
+#
+# A power spectrum of the cleaned maps over $T$ is then an estimate of that of the truth, and the scatter of mocks that are corrected by each other is its error bar. The paper names neither; this chapter asks whether they hold: where, for
+# which method, and how well the mock has to be known. Here a mock is the truth of another sky, HI and noise seen through the same beam, as in {doc}`10_results`.
+#
+# Why two definitions? What a projection keeps it keeps whole, so that $T_\mathrm{auto} = T_\mathrm{cross}$, and there is no square of $T$ to divide by. They differ where a method spreads a mock over other modes: that power is in the spectrum
+# of the cleaned maps, but has nothing in common with the mock. So auto spectra are divided by the first and cross spectra with a tracer that was not cleaned by the second.
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+survey: dict = {}  # Survey fields that differ from the preset
+galaxy: str = "synthetic"  # synthetic, templates or pysm3
+template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
+small_scales: bool = True  # add structure beyond the resolution of the templates
+beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file of widths or b_l
+ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
+methods: list = [["beam_subspace", 3], ["pca", 6], ["pca", 8]]  # pairs of a name and a number of sources
+reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
+n_mocks: int = 3  # mocks, each with a seed of its own
+n_realisations: int = 1  # skies; the last section shows what was stored of many
+results: list | None = None  # what `himap corrections` wrote; null: that of the book
+
+# %%
+import warnings
+
+import numpy as np
+
+from himap.checks import whole_number
+from himap.companion.stored import RESULTS
+from himap.figures import plotting, styles
+from himap.figures.numbers import quote, show_table
+from himap.figures.tables import Table
+from himap.measures.results import Comparison
+from himap.measures.transfer import TransferFunction
+from himap.paper.corrections import HEADER, cases_and_methods, corrections, grouped, summary
+from himap.paper.corrections_figures import record_figure
+from himap.paper.corrections_file import read_corrections
+from himap.paper.mocks import Mock, own_recovery, transfer_functions
+from himap.paper.study import Study
+from himap.products.provenance import Provenance
+from himap.removal.base import SeparationWarning
+
+warnings.simplefilter("ignore", SeparationWarning)
+whole_number("n_mocks", n_mocks, 2, 1000)
+cases, removers = cases_and_methods(
+    preset=preset,
+    survey=survey,
+    galaxy=galaxy,
+    template_dir=template_dir,
+    small_scales=small_scales,
+    beam=beam,
+    ripple=ripple,
+    methods=methods,
+    reading=reading,
+    n_realisations=n_realisations,
+)
+study = Study(
+    preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
+)
+case, mocks = cases[0], [Mock(seed=n) for n in range(1, n_mocks + 1)]
+names = {remover: f"{styles.method_style(remover)['label']} {remover.n_sources}" for remover in removers}
+shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
+
+# %% [markdown]
+# ## Transfer functions
+
+# %% tags=["hide-input"]
+transfer = transfer_functions(case, removers, mocks)
+own = {remover: own_recovery(case, remover) for remover in removers}
+l_top = min(study.l_top, 200)
+
+
+def over_l(remover, of=transfer):
+    """(l, T) in bins as wide as an eighth of l, or of one l, up to where pixels begin to matter."""
+    found = of[remover]
+    edges = np.unique(np.round(2 * 1.125 ** np.arange(60)).astype(int))
+    edges = edges[edges <= min(l_top, found.degrees[-1]) + 1]
+    weights = 2 * found.degrees + 1
+    bins = [slice(*pair) for pair in zip(edges[:-1], edges[1:], strict=True)]
+    means = [np.average(found.angular[one], weights=weights[one]) for one in bins]
+    return [np.average(found.degrees[one], weights=weights[one]) for one in bins], means
+
+
+across = [(*over_l(remover), shades[remover]) for remover in removers]
+along = [(transfer[remover].k[1:], transfer[remover].frequency[1:], shades[remover]) for remover in removers]
+shared = {"xscale": "log", "ylabel": r"$T_\mathrm{auto}$", "ylim": (0, 1.1)}
+panels = [
+    {"curves": across, "title": "across the sky", "xlabel": styles.AXES["angular"]["xlabel"]} | shared,
+    {"curves": along, "title": "along the line of sight", "xlabel": styles.AXES["frequency"]["xlabel"]}
+    | shared,
+]
+
+# %% mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Which share of the power of mocks comes back, by multipole (left, in bins) and by wavenumber along frequency (right). A method that takes more spectra keeps less of both."}}
+study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
+
+# %% [markdown]
+# ## One sky, corrected
+#
+# The power that a method leaves on the first sky, over that of the truth, before and after it is divided by $T_\mathrm{auto}$. The mocks knew nothing of this truth.
+
+
+# %% tags=["hide-input"]
+def compared(remover, definition=None):
+    """A `Comparison` of what is left with the truth, over T where a definition is given."""
+    found, one = transfer[remover], own[remover]
+    if definition is not None:
+        found = TransferFunction(recoveries=found.recoveries, definition=definition)
+    inside = (found.degrees >= 2) & (found.degrees <= l_top)
+    angular, frequency = one.came_back.angular, one.came_back.frequency
+    return Comparison(
+        degrees=found.degrees[inside],
+        angular=(angular if definition is None else angular / np.maximum(found.angular, 1e-9))[inside],
+        true_angular=one.put_in.angular[inside],
+        k=found.k[1:],
+        frequency=(frequency if definition is None else frequency / found.frequency)[1:],
+        true_frequency=one.put_in.frequency[1:],
+    )
+
+
+first, *others = removers
+pairs = [first, *others[:1]]
+curves = []
+for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
+    before = {"label": f"{names[remover]}, left", "color": colour, "linestyle": ":"}
+    after = {"label": f"{names[remover]}, corrected", "color": colour, "linestyle": "-"}
+    curves += [(before, compared(remover)), (after, compared(remover, "auto"))]
+
+# %% mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
+study.both_figure(case.beam, curves, ratio_limits=(0.7, 1.3), n_mocks=n_mocks)
+
+# %%
+columns = {"left": "raw", "over T auto": "corrected", "over T cross": "crossed"}
+rows = {
+    f"{names[remover]}, {row.band}": {
+        column: (getattr(row, field), 0.02 * max(1, abs(getattr(row, field))))
+        for column, field in columns.items()
+    }
+    for remover in removers
+    for row in corrections(case.survey.seed, remover, own[remover], transfer[remover])
+}
+show_table(rows)
+
+# %% [markdown]
+# What is left of foreground is no loss, and no transfer function takes it away: it is divided by $T$ as well, and stands out most where $T$ is least, at the lowest $k_\nu$. And a method that takes more spectra than the foreground has
+# begins to take those of this very HI. A mock is another HI, of which it loses less: then the correction is too small.
+#
+# ## By multipole and wavenumber
+#
+# The loss is one of low $k_\nu$: of spectra that are smooth. How far it reaches depends on $\ell$ through the beam.
+
+# %% tags=["hide-input"]
+width = max(2, l_top // 32)
+edges = np.arange(2, min(l_top, transfer[first].degrees[-1]) + 1, width)
+share, k = transfer[first].cylindrical(edges), transfer[first].k
+shown = (k > 0) & (k < 0.8)
+
+# %% mystnb={"figure": {"name": "fig-transfer-cylindrical", "caption": "The transfer function of the first method by multipole, in bins, and wavenumber along frequency."}}
+study.stamped(
+    plotting.image(
+        share[:, shown],
+        x=k[shown],
+        y=(edges[:-1] + edges[1:]) / 2,
+        xlabel=styles.AXES["frequency"]["xlabel"],
+        ylabel=styles.AXES["angular"]["xlabel"],
+        unit=r"$T_\mathrm{auto}$",
+        limits=(0, 99),
+    ),
+    beam=case.beam,
+    method=first.name,
+    n_sources=first.n_sources,
+    n_mocks=n_mocks,
+)
+
+# %% [markdown]
+# ## Is the answer that of the mock?
+#
+# A mock has a cosmology, and the data may have another one. The first mock once more: with a bias of HI that is higher by 30 %, with twice and with half the HI, and as Gaussian fields with the same powers in every channel and pair of
+# channels, but without peaks. Shown is $T_\mathrm{auto}$ over that of the mock as it was.
+
+# %% tags=["hide-input"]
+variants = {
+    "bias × 1.3": {"bias": 1.3},
+    "twice the HI": {"abundance": 2.0},
+    "half the HI": {"abundance": 0.5},
+    "Gaussian": {"gaussian": True},
+}
+usual = {first: TransferFunction(recoveries=transfer[first].recoveries[:1])}
+looks = [(styles.BLUE, "-"), (styles.VERMILION, "--"), (styles.GREEN, "-."), (styles.PURPLE, ":")]
+sky, line, changes = [], [], {}
+for (label, changed), (colour, dashes) in zip(variants.items(), looks, strict=True):
+    other = transfer_functions(case, [first], [Mock(seed=mocks[0].seed, **changed)])
+    style = {"label": label, "color": colour, "linestyle": dashes}
+    (degrees, means), (_, reference) = over_l(first, other), over_l(first, usual)
+    sky.append((degrees, np.divide(means, reference), style))
+    k, ratio = usual[first].k[1:], other[first].frequency[1:] / usual[first].frequency[1:]
+    line.append((k, ratio, style))
+    high, low = np.array(degrees) >= 10, k > 0.03
+    changes[label] = (
+        np.abs(sky[-1][1][high] - 1).max(),
+        np.abs(ratio[low] - 1).max(),
+        np.abs(ratio[~low] - 1).max(initial=0),
+    )
+limits = {"xscale": "log", "ylim": (0.97, 1.03), "ylabel": r"$T / T_\mathrm{usual}$"}
+panels = [
+    {"curves": sky, "title": "across the sky", "xlabel": styles.AXES["angular"]["xlabel"], **limits},
+    {
+        "curves": line,
+        "title": "along the line of sight",
+        "xlabel": styles.AXES["frequency"]["xlabel"],
+        **limits,
+    },
+]
+
+# %% mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "The transfer function of the first method from a mock that is changed, over that from the same mock as it was. Curves beyond 3 % are cut off."}}
+study.stamped(plotting.lines(panels), beam=case.beam, method=first.name, n_sources=first.n_sources)
+
+# %% tags=["hide-input"]
+quote(
+    transfer_changed_l=(100 * max(one for one, _, _ in changes.values()), 0.3, "%"),
+    transfer_changed_k=(100 * max(one for _, one, _ in changes.values()), 0.3, "%"),
+    transfer_changed_low_k=(100 * max(one for _, _, one in changes.values()), 1, "%"),
+)
+
+# %% [markdown]
+# For the first method these change $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$, and below by up to {glue:text}`transfer_changed_low_k`.
+#
+# (transfer-record)=
+# ## Over many skies
+#
+# One sky says little of an estimator. What follows was measured before, on many, and stored with the book:
+#
+# ```sh
+# himap corrections --preset quick -p n_mocks=6 -p 'methods=[["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 8]]' --jobs 2
+# ```
+#
+# and the same once more with `-p galaxy=templates -p template_dir=FOLDER`.
+#
+# Each sky is corrected with the same mocks. Shown is the mean over skies in bands of $\ell$ and $k_\nu$. The *scatter* is the standard deviation over skies of what is corrected, the mocks *foretell* it, and the last column counts
+# the skies on which the truth is within one of what they foretell: of true error bars those are two in three.
+
+# %% tags=["hide-input"]
+paths = results or [RESULTS / f"corrections_quick_{name}.json" for name in ("synthetic", "templates")]
+records = [read_corrections(path) for path in paths]
+made = [Provenance.of_stored(about) for _, about in records]
+
+# %% mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
+plotting.stamp(
+    record_figure({f"{one.galaxy} Galaxy": rows for (rows, _), one in zip(records, made, strict=True)}),
+    made[0],
+)
+
+# %%
+Table(
+    ["Galaxy", *HEADER],
+    [(one.galaxy, *line) for (rows, _), one in zip(records, made, strict=True) for line in summary(rows)],
+    align="lllr" + "r" * len(HEADER),
+)
+
+# %% tags=["hide-input"]
+SMALL = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "C/C0, 100-200", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
+LARGE = ("C/C0, 2-4", "C/C0, 5-9")
+
+
+def furthest(method, n_sources, bands, field="corrected"):
+    """How far the mean over skies is from 1 in the worst of some bands, the worst of both Galaxies, %."""
+    means = [
+        np.mean([getattr(row, field) for row in several])
+        for rows, _ in records
+        for (name, n, band), several in grouped(rows).items()
+        if (name, n) == (method, n_sources) and band in bands
+    ]
+    worst = 100 * max(abs(mean - 1) for mean in means)
+    return worst, 0.3 * max(1, worst / 10), "%"
+
+
+def within(method, n_sources, n_sigma=1):
+    """The share of skies and bands in which the truth is within the error bar, both Galaxies, %."""
+    pulls = [
+        abs(row.corrected - 1) / row.sigma
+        for rows, _ in records
+        for row in rows
+        if (row.method, row.n_sources) == (method, n_sources) and row.band in (*SMALL, *LARGE)
+    ]
+    return 100 * np.mean(np.array(pulls) < n_sigma), 5, "%"
+
+
+stored = {key[:2] for rows, _ in records for key in grouped(rows)}
+reported = {
+    "bs": ("beam_subspace", 3),
+    "more": ("beam_subspace", 4),
+    "few": ("pca", 6),
+    "many": ("pca", 8),
+}
+for name, key in reported.items():
+    if key in stored:
+        numbers = {
+            "left": furthest(*key, SMALL, "raw"),
+            "small": furthest(*key, SMALL),
+            "large": furthest(*key, LARGE),
+            "within": within(*key),
+        }
+        quote(**{f"transfer_{name}_{what}": number for what, number in numbers.items()})
+quote(
+    transfer_skies=len({row.seed for row in records[0][0]}),
+    transfer_mocks=dict(records[0][1]["overrides"])["n_mocks"],
+)
+
+# %% [markdown]
+# ## What to take away
+#
+# Over {glue:text}`transfer_skies` skies with the synthetic and as many with the real Galaxy at `quick`, through the oscillating beam, {glue:text}`transfer_mocks` mocks. A number is how far the mean over skies is from the
+# truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$, of the Galaxy where that is more, and in brackets in the worst band of $\ell < 10$:
+#
+# | method | as it is left | corrected | | within the error bar |
+# |---|---|---|---|---|
+# | BeamSubspace, 3 sources | {glue:text}`transfer_bs_left` | {glue:text}`transfer_bs_small` | ({glue:text}`transfer_bs_large`) | {glue:text}`transfer_bs_within` |
+# | BeamSubspace, 4 sources | {glue:text}`transfer_more_left` | {glue:text}`transfer_more_small` | ({glue:text}`transfer_more_large`) | {glue:text}`transfer_more_within` |
+# | PCA, 6 components | {glue:text}`transfer_few_left` | {glue:text}`transfer_few_small` | ({glue:text}`transfer_few_large`) | {glue:text}`transfer_few_within` |
+# | PCA, 8 components | {glue:text}`transfer_many_left` | {glue:text}`transfer_many_small` | ({glue:text}`transfer_many_large`) | {glue:text}`transfer_many_within` |
+#
+# - **A transfer function works where as many spectra are taken as the foreground has.** With more a method takes spectra of this very HI; a mock is another HI, which it loses less of, and the correction is too small. With fewer the
+#   foreground that is left is divided by $T$ too. It does not tell which of the two it is, and is no substitute for the right number of sources.
+# - **It is no privilege of a method that knows the beam**: PCA, which loses more, has more to be corrected; the table says how well it is.
+# - **The error bars are those of the loss alone.** The foreground that is left by chance resembles the HI more or less, from sky to sky; mocks do not feel it, since it is the same with them and without. The last column would be
+#   68 % if nothing but the loss mattered. It is a lower bound of the error, not the error.
+# - **Auto or cross** is a matter of the spectrum that is corrected, and rarely one of numbers: $T^2$ would be wrong by all that is lost.
+#
+# On a cube of one's own:
+#
+# ```sh
+# himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 -o transfer.html
+# himap transfer cube.h5 --method pca -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
+# ```
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 20_transfer_function -p beam=degraded                                    # the easiest beam
+# himap run 20_transfer_function -p 'methods=[["beam_subspace", 3], ["gmca", 5]]'    # other methods
+# himap run 20_transfer_function -p n_mocks=10                                       # better known
+# ```

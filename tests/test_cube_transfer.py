@@ -1,0 +1,234 @@
+"""What cleaning takes of a cube of one's own, and how it is corrected, in Python and on the command line."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
+
+from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
+from himap.cubes.corrected_report import HEADER, corrected_rows, write_spectra
+from himap.cubes.mocks import made_mocks, mock_survey, read_mocks
+from himap.cubes.report import compared, spectra_of
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.measures.power_spectra import angular_power, frequency_power
+
+MEASURED = {"ordering": "RING", "units": "mK"}
+
+
+def blue(rng, scale=1.0):
+    """HI in the place of HI: a field without smooth spectra, mK, less its channel means."""
+    cl = np.where(np.arange(2 * NSIDE) > 0, 1 / (1.0 + np.arange(2 * NSIDE)), 0)
+    maps = [sphere.synthesise(sphere.gaussian_alm(cl, rng), NSIDE) for _ in FREQS]
+    return scale * np.array(maps, dtype=np.float32)
+
+
+@pytest.fixture
+def truth(rng):
+    return blue(rng)
+
+
+@pytest.fixture
+def cube(rng, truth, tmp_path):
+    """Two power laws 1e3 times brighter than the truth, which is in it."""
+    smooth = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (1e3 * rng.lognormal(size=(2, N_PIX)))
+    maps = (smooth + truth).astype(np.float32)
+    return read_cube(write_hdf5(tmp_path / "cube.h5", maps, **MEASURED))
+
+
+@pytest.fixture
+def cleaned(cube):
+    """As many spectra as there are: with more, PCA takes those of this very HI, which no mock can tell."""
+    return clean_cube(cube, "pca", n_sources=2, peaks=False)
+
+
+class TestMade:
+    def test_band_and_box_are_those_of_the_cube(self, cube):
+        survey = mock_survey(cube)
+        assert survey.freqs == pytest.approx(cube.freqs)
+        assert (survey.nside, survey.n_channels, survey.box_cells) == (NSIDE, 24, 64)
+        low = replace(cube, freqs=np.linspace(500, 600, 24))
+        assert mock_survey(low).box_size > 2 * mock_survey(cube).box_size > 5000
+
+    def test_beam_noise_and_seeds(self, cube):
+        beams = beams_of(cube, "degraded")
+        one, two = made_mocks(cube, beams, 2)
+        again, *_ = made_mocks(cube, beams, 1)
+        (noisy,) = made_mocks(cube, beams, 1, noise=0.5)
+        assert one.shape == cube.maps.shape and one.dtype == np.float32
+        assert np.array_equal(one, again) and abs(np.corrcoef(one[3], two[3])[0, 1]) < 0.2
+        assert (noisy - one).std() == pytest.approx(0.5, rel=0.01)
+        blurred = sphere.power_spectrum(sphere.analyse(one[0]))
+        (sharp,) = made_mocks(cube, np.ones_like(beams), 1)
+        ratio = blurred[1:30] / sphere.power_spectrum(sphere.analyse(sharp[0]))[1:30]
+        assert ratio == pytest.approx(beams[0, 1:30] ** 2, rel=0.05, abs=0.01)
+
+    @pytest.mark.parametrize(
+        ("changed", "n_mocks", "options", "told"),
+        [
+            ({}, 0, {}, "number of mocks must be a whole number between 1"),
+            ({}, 2, {"noise": -1}, "noise must be above zero"),
+            ({"freqs": np.geomspace(900, 1100, 24)}, 2, {}, "evenly spaced"),
+            ({"freqs": np.linspace(1300, 1500, 24)}, 2, {}, "no mocks can be made for this cube: freq_max"),
+        ],
+    )
+    def test_refused(self, cube, changed, n_mocks, options, told):
+        with pytest.raises(InputError, match=told):
+            list(made_mocks(replace(cube, **changed), beams_of(cube, "degraded"), n_mocks, **options))
+
+    def test_without_a_beam(self, cube):
+        with pytest.raises(InputError, match="with the beam of the cube; give it"):
+            made_mocks(cube, None, 2)
+
+
+class TestFromFiles:
+    def test_one_of_each_file(self, cube, rng, tmp_path):
+        mocks = [blue(rng) for _ in range(2)]
+        paths = [write_hdf5(tmp_path / f"{n}.h5", mock, **MEASURED) for n, mock in enumerate(mocks)]
+        assert all(map(np.array_equal, read_mocks(cube, paths), mocks))
+
+    def test_pixels_that_the_cube_sees(self, cube, rng, tmp_path):
+        seen = np.arange(N_PIX) < 2000
+        part = replace(cube, maps=cube.maps[:, seen], mask=seen)
+        mock = blue(rng)
+        (found,) = read_mocks(part, [write_hdf5(tmp_path / "a.h5", mock, **MEASURED)])
+        assert np.array_equal(found, mock[:, seen])
+
+    def test_of_another_nside(self, cube, tmp_path, rng):
+        path = write_hdf5(tmp_path / "a.h5", rng.standard_normal((24, 12 * 8**2)), **MEASURED)
+        with pytest.raises(
+            InputError, match=r"a\.h5: a mock must have the channels and the nside of the cube"
+        ):
+            list(read_mocks(cube, [path]))
+
+    def test_of_another_band(self, cube, tmp_path, rng):
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["maps"], file["freqs"] = blue(rng), FREQS + 1
+            file.attrs.update(MEASURED)
+        with pytest.raises(InputError, match="a mock must have the frequencies of the cube, got 951 MHz"):
+            list(read_mocks(cube, [tmp_path / "a.h5"]))
+
+
+class TestMeasured:
+    @pytest.mark.parametrize("share", [1, 0.6])
+    def test_what_comes_back_is_that_of_the_cubes(self, cube, rng, share):
+        """Cleaned with the mock, less cleaned without it; on a part of the sky as well."""
+        seen = np.arange(N_PIX) < share * N_PIX
+        cube = replace(cube, maps=cube.maps[:, seen], mask=seen)
+        mock = blue(rng)[:, seen]
+        cleaned, both = (
+            clean_cube(one, "pca", n_sources=3, peaks=False)
+            for one in (cube, replace(cube, maps=cube.maps + mock))
+        )
+        back = both.residual.astype(float) - cleaned.residual
+        found = measure_transfer(cleaned, [mock], peaks=False)
+        on_sphere = cube.on_sphere(back - back.mean(axis=1, keepdims=True))
+        put_in = cube.on_sphere(mock - mock.mean(axis=1, keepdims=True))
+        spectra = [angular_power(maps).mean[2:25] for maps in (on_sphere, put_in)]
+        assert found.angular[2:25] == pytest.approx(spectra[0] / spectra[1], abs=0.01)
+        spectra = [frequency_power(maps, cube.channel_width).power for maps in (back, mock)]
+        assert found.frequency[1:] == pytest.approx(spectra[0][1:] / spectra[1][1:], abs=0.02)
+        assert found.frequency[1] < 0.8 < found.frequency[-1]
+
+    def test_corrected_spectra_are_nearer_to_the_truth(self, cube, cleaned, truth, rng):
+        found = measure_transfer(cleaned, (blue(rng) for _ in range(4)), peaks=False)
+        both = correct(spectra_of(cleaned), found)
+        comparison = compared(cleaned, replace(cube, maps=truth))
+        angular, frequency = both["angular"], both["frequency"]
+        low = slice(0, 27)  # l from 2 to 28
+        assert angular.x[low] == pytest.approx(comparison.degrees[low])
+        left, corrected = (
+            abs((power[low] / comparison.true_angular[low]).mean() - 1)
+            for power in (angular.left, angular.corrected)
+        )
+        assert corrected < 0.02 < 0.08 < left
+        ratio = frequency.corrected / comparison.true_frequency
+        assert ratio[1:] == pytest.approx(1, abs=0.05)
+        (sigma,) = angular.sigma([np.arange(len(angular.x)) < 27])
+        assert np.isfinite(sigma)
+
+    def test_one_mock_has_no_error_bar(self, cleaned, rng):
+        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng)], peaks=False))
+        assert np.isnan(both["angular"].sigma(np.eye(len(both["angular"].x)))).all()
+        assert all(row[2] == "needs two mocks" for row in corrected_rows(both))
+
+    def test_no_mock(self, cleaned):
+        with pytest.raises(InputError, match="one or more, got none"):
+            measure_transfer(cleaned, [])
+
+    def test_of_another_shape(self, cleaned, rng):
+        with pytest.raises(InputError, match=r"the cube, \(24, 3072\), got \(23, 3072\)"):
+            measure_transfer(cleaned, [blue(rng)[1:]])
+
+    def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
+        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng), blue(rng)], peaks=False))
+        comparison = compared(cleaned, replace(cube, maps=truth))
+        write_spectra(both, tmp_path / "a.csv", comparison)
+        rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
+        angular = [row for row in rows if row["spectrum"] == "angular"]
+        assert [float(row["x"]) for row in angular] == both["angular"].x.tolist()
+        assert float(angular[3]["corrected"]) == pytest.approx(both["angular"].corrected[3])
+        assert float(angular[3]["truth"]) == pytest.approx(comparison.true_angular[3])
+        assert angular[-1]["truth"] == "nan"  # beyond 2 nside
+
+
+class TestCommands:
+    @pytest.fixture
+    def here(self, tmp_path, monkeypatch, rng, truth):
+        monkeypatch.chdir(tmp_path)
+        write_hdf5("cube.h5", power_law_maps(rng) + truth, **MEASURED)
+        write_hdf5("truth.h5", truth, **MEASURED)
+        for n in range(2):
+            write_hdf5(f"mock{n}.h5", blue(rng), **MEASURED)
+        return tmp_path
+
+    def test_transfer_with_made_mocks(self, here):
+        words = ("--method", "beam_subspace", "--beam", "degraded", "-p", "n_sources=2", "--mocks", 2)
+        result = himap("transfer", "cube.h5", *words, "--truth", "truth.h5", "-o", "t.html")
+        assert result.exit_code == 0, result.stderr
+        assert "t.html  t.csv  (" in result.stdout
+        assert all(name in result.stdout for name in (*HEADER, "C(l), l 2-4", "P(k), k > 0.1"))
+        page = Path("t.html").read_text()
+        assert "Corrected for what was lost" in page and page.count("<img") == 4
+        assert sorted(path.name for path in here.iterdir()) == [
+            "cube.h5",
+            "mock0.h5",
+            "mock1.h5",
+            "t.csv",
+            "t.html",
+            "truth.h5",
+        ]
+
+    def test_clean_with_mocks_from_files(self, here):
+        words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "--mocks", "mock1.h5")
+        result = himap("clean", "cube.h5", *words, "-o", "c.h5")
+        assert result.exit_code == 0, result.stderr
+        assert "c.h5  c.html  c.csv  (" in result.stdout and HEADER[-1] not in result.stdout
+        assert "Corrected for what was lost" in Path("c.html").read_text()
+        assert himap("clean", "cube.h5", *words, "-o", "c.h5").exit_code == 2  # is there
+
+    @pytest.mark.parametrize(
+        ("words", "told"),
+        [
+            (["--mocks", "2"], "give it (beams=, --beam), or mocks of your own"),
+            (["--mocks", "0", "--beam", "degraded"], "between 1 and 10000, got 0"),
+            (["--mocks", "-3", "--beam", "degraded"], "between 1 and 10000, got -3"),
+            (["--mocks", "2", "--mocks", "mock0.h5"], "one number, or a file for each mock"),
+            (["--mocks", "none.h5"], "there is no file none.h5"),
+            (["--mocks", "mock0.h5", "--mock-noise", "1"], "those from files have their own"),
+            (["--mocks", "2", "--beam", "degraded", "--mock-noise", "0"], "noise must be above zero"),
+        ],
+    )
+    def test_bad_input_leaves_nothing(self, here, words, told):
+        before = sorted(here.iterdir())
+        result = himap("transfer", "cube.h5", "--method", "pca", *words, "-o", "t.html")
+        assert result.exit_code == 2 and told in " ".join(result.stderr.split())
+        assert sorted(here.iterdir()) == before
+
+    def test_noise_of_mocks_needs_mocks(self, here):
+        result = himap("clean", "cube.h5", "--method", "pca", "--mock-noise", 1, "-o", "c.h5")
+        assert result.exit_code == 2 and "belongs to a number" in result.stderr

@@ -1,0 +1,125 @@
+"""Mocks in an observation: what they are, and what is said of a method whose loss is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.instrument.beams import Oscillating
+from himap.maps import sphere
+from himap.paper import cleaned, pipeline
+from himap.paper.mocks import Mock, mock_alms, own_recovery, recovered, transfer_functions
+from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.survey import Survey
+
+SURVEY = Survey.preset("ci", nside=8, n_channels=16, box_cells=16)
+CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
+USUAL = Mock(seed=7)
+
+
+class TestMock:
+    def test_is_the_truth_of_another_sky(self):
+        other = pipeline.observation(replace(CASE, survey=replace(SURVEY, seed=7))).truth
+        expected, low = sphere.analyse(other, 10), sphere.alm_degree(10) > 0
+        found = mock_alms(CASE, USUAL, 10)
+        assert np.std((found - expected)[:, low]) < 0.05 * np.std(expected[:, low])
+
+    def test_ends_where_asked(self):
+        alms = mock_alms(CASE, USUAL, 10)
+        assert np.array_equal(alms, sphere.alms_upto(mock_alms(CASE, USUAL), 10))
+
+    def _hi(self, **changed):
+        """Without noise, (n_channels, n_alm)."""
+        return mock_alms(CASE, Mock(seed=7, **changed)) - mock_alms(CASE, Mock(seed=7, abundance=1e-9))
+
+    def test_abundance_is_a_factor_on_hi_alone(self):
+        assert self._hi(abundance=2) == pytest.approx(2 * self._hi(), rel=1e-4, abs=1e-8)
+
+    def test_bias_raises_the_power(self):
+        """In linear theory by its square; of a lognormal field in coarse cells by somewhat more."""
+        biased, usual = (
+            sphere.power_spectrum(alms)[:, 2:12].mean() for alms in (self._hi(bias=1.2), self._hi())
+        )
+        assert 1.3 < biased / usual < 1.8
+
+    def test_gaussian_ones_have_the_powers_but_no_peaks(self):
+        """Of every channel and of every pair of channels."""
+        usual, gaussian = self._hi(), self._hi(gaussian=True)
+        for combine in (lambda alms: alms, lambda alms: alms[1:] + alms[:-1]):
+            expected = sphere.power_spectrum(combine(usual))[:, 1:]
+            assert sphere.power_spectrum(combine(gaussian))[:, 1:] == pytest.approx(expected, rel=1e-4)
+        maps = [
+            sphere.synthesise_cube(alms, SURVEY.nside, n_channels=16, label="") for alms in (usual, gaussian)
+        ]
+        skewness = [np.mean((one / one.std()) ** 3) for one in maps]
+        assert abs(skewness[1]) < 0.3 * skewness[0]
+
+    @pytest.mark.parametrize("given", [{"bias": 0}, {"abundance": -1}, {"seed": -3}])
+    def test_refused(self, given):
+        with pytest.raises(InputError):
+            Mock(**given)
+
+
+@pytest.mark.parametrize("remover", [PCA(n_sources=3), BeamSubspace(n_sources=3)])
+def test_what_comes_back_is_that_of_the_cubes(remover):
+    """Cleaned with the mock, less cleaned without it, as cubes in double precision."""
+    observed, alms = pipeline.observation(CASE), mock_alms(CASE, USUAL)
+    maps = sphere.synthesise_cube(alms, SURVEY.nside, n_channels=16, label="") + observed.maps
+    options = {"freqs": observed.freqs, "beams": observed.beams}
+    both, alone = (remover.separate(one, **options).foreground for one in (maps, observed.maps))
+    back = sphere.analyse(
+        maps.astype(float) - observed.maps - both.lines(slice(None)) + alone.lines(slice(None))
+    )
+    (found,) = recovered(CASE, (remover,), USUAL, False)
+    low = slice(2, SURVEY.nside)
+    expected = sphere.power_spectrum(back).mean(axis=0)[low]
+    assert found.came_back.angular[low] == pytest.approx(expected, rel=5e-3)
+    assert (found.came_back.angular < found.put_in.angular)[low].all()
+
+
+def test_a_method_that_ends_is_compared_up_to_there():
+    remover = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2)
+    (found,) = recovered(CASE, (remover,), USUAL)
+    assert found.put_in.degrees[-1] == own_recovery(CASE, remover).put_in.degrees[-1] == 10
+    assert 0.3 < found.came_back.angular[5] / found.put_in.angular[5] < 1.3
+
+
+def test_the_truth_comes_back_as_it_was_assessed():
+    remover = PCA(n_sources=3)
+    own, assessed = own_recovery(CASE, remover), cleaned.assessment(CASE, remover)
+    low = slice(2, 2 * SURVEY.nside)
+    assert own.put_in.angular[low] == pytest.approx(pipeline.true_spectra(CASE).angular.mean[low], rel=1e-4)
+    assert own.came_back.angular[low] == pytest.approx(assessed.power_spectra.angular.mean[low], rel=2e-3)
+
+
+class TestTransferFunctions:
+    REMOVERS = PCA(n_sources=3), PCA(n_sources=5)
+
+    def test_many_methods_and_mocks(self):
+        found = transfer_functions(CASE, self.REMOVERS, [USUAL, Mock(seed=8)])
+        assert list(found) == list(self.REMOVERS)
+        few, many = (found[remover] for remover in self.REMOVERS)
+        assert len(few.recoveries) == 2
+        low = slice(2, SURVEY.nside)
+        assert (many.angular[low] < few.angular[low]).mean() > 0.8
+        assert few.frequency[-1] > 0.9 > few.frequency[1]
+        assert not pipeline.hi_of_sky.is_cached(replace(SURVEY, seed=8).sky)
+
+    def test_one_mock_of_two_is_that_one(self):
+        found = transfer_functions(CASE, self.REMOVERS[:1], [USUAL])[self.REMOVERS[0]]
+        (alone,) = recovered(CASE, self.REMOVERS[:1], USUAL)
+        assert np.array_equal(found.recoveries[0].came_back.power, alone.came_back.power)
+
+    @pytest.mark.parametrize(
+        ("removers", "mocks", "told"),
+        [
+            ((), [USUAL], "got 0 and 1"),
+            ((PCA(),), [], "got 1 and 0"),
+            ((PCA(n_sources=17),), [USUAL], "at most the number of channels, 16"),
+            ((PCA(n_sources=3),), [Mock(seed=SURVEY.seed)], "another sky than the data"),
+        ],
+    )
+    def test_refused(self, removers, mocks, told):
+        with pytest.raises(InputError, match=told):
+            transfer_functions(CASE, removers, mocks)
