@@ -29,11 +29,11 @@
 # T_\mathrm{cross} = \frac{\langle \hat m\, m^* \rangle}{\langle |m|^2 \rangle} .
 # ```
 #
-# A power spectrum of the cleaned maps over $T$ is then an estimate of that of the truth, and the scatter of mocks that are corrected by each other is its error bar. The paper names neither; this chapter asks whether they hold: where, for
+# A power spectrum of the cleaned maps over $T$ is then an estimate of that of the truth, and the scatter of mocks that are corrected by each other is its error bar. The paper has neither; this chapter asks whether they hold: where, for
 # which method, and how well the mock has to be known. Here a mock is the truth of another sky, HI and noise seen through the same beam, as in {doc}`10_results`.
 #
-# Why two definitions? What a projection keeps it keeps whole, so that $T_\mathrm{auto} = T_\mathrm{cross}$, and there is no square of $T$ to divide by. They differ where a method spreads a mock over other modes: that power is in the spectrum
-# of the cleaned maps, but has nothing in common with the mock. So auto spectra are divided by the first and cross spectra with a tracer that was not cleaned by the second.
+# Why two definitions, and not one and its square? What a projection keeps it keeps whole, so that $T_\mathrm{auto} = T_\mathrm{cross}$, and an auto spectrum is divided by $T$ once. The two differ where a mock changes what is taken of the
+# *data*: that power comes back with the mock, has nothing in common with it, and is not in the data without it. So $T_\mathrm{cross}$ is what $T$ means here, as for {cite:t}`cunnington2023`, and the other stands beside it.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -112,7 +112,7 @@ def over_l(remover, of=transfer):
 
 across = [(*over_l(remover), shades[remover]) for remover in removers]
 along = [(transfer[remover].k[1:], transfer[remover].frequency[1:], shades[remover]) for remover in removers]
-shared = {"xscale": "log", "ylabel": r"$T_\mathrm{auto}$", "ylim": (0, 1.1)}
+shared = {"xscale": "log", "ylabel": r"$T$", "ylim": (0, 1.1)}
 panels = [
     {"curves": across, "title": "across the sky", "xlabel": styles.AXES["angular"]["xlabel"]} | shared,
     {"curves": along, "title": "along the line of sight", "xlabel": styles.AXES["frequency"]["xlabel"]}
@@ -125,23 +125,21 @@ study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 # %% [markdown]
 # ## One sky, corrected
 #
-# The power that a method leaves on the first sky, over that of the truth, before and after it is divided by $T_\mathrm{auto}$. The mocks knew nothing of this truth.
+# The power that a method leaves on the first sky, over that of the truth, before and after it is divided by $T$. The mocks knew nothing of this truth.
 
 
 # %% tags=["hide-input"]
-def compared(remover, definition=None):
-    """A `Comparison` of what is left with the truth, over T where a definition is given."""
+def compared(remover, correct=False):
+    """A `Comparison` of what is left with the truth, over T if it is to be corrected."""
     found, one = transfer[remover], own[remover]
-    if definition is not None:
-        found = TransferFunction(recoveries=found.recoveries, definition=definition)
     inside = (found.degrees >= 2) & (found.degrees <= l_top)
     angular, frequency = one.came_back.angular, one.came_back.frequency
     return Comparison(
         degrees=found.degrees[inside],
-        angular=(angular if definition is None else angular / np.maximum(found.angular, 1e-9))[inside],
+        angular=(angular if not correct else angular / np.maximum(found.angular, 1e-9))[inside],
         true_angular=one.put_in.angular[inside],
         k=found.k[1:],
-        frequency=(frequency if definition is None else frequency / found.frequency)[1:],
+        frequency=(frequency if not correct else frequency / found.frequency)[1:],
         true_frequency=one.put_in.frequency[1:],
     )
 
@@ -152,13 +150,13 @@ curves = []
 for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
     before = {"label": f"{names[remover]}, left", "color": colour, "linestyle": ":"}
     after = {"label": f"{names[remover]}, corrected", "color": colour, "linestyle": "-"}
-    curves += [(before, compared(remover)), (after, compared(remover, "auto"))]
+    curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
 # %% mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
 study.both_figure(case.beam, curves, ratio_limits=(0.7, 1.3), n_mocks=n_mocks)
 
 # %%
-columns = {"left": "raw", "over T auto": "corrected", "over T cross": "crossed"}
+columns = {"left": "raw", "over T cross": "corrected", "over T auto": "by_auto"}
 rows = {
     f"{names[remover]}, {row.band}": {
         column: (getattr(row, field), 0.02 * max(1, abs(getattr(row, field))))
@@ -171,7 +169,7 @@ show_table(rows)
 
 # %% [markdown]
 # What is left of foreground is no loss, and no transfer function takes it away: it is divided by $T$ as well, and stands out most where $T$ is least, at the lowest $k_\nu$. And a method that takes more spectra than the foreground has
-# begins to take those of this very HI. A mock is another HI, of which it loses less: then the correction is too small.
+# begins to take those of this very HI. There the two definitions part: a mock that is added changes which spectra these are.
 #
 # ## By multipole and wavenumber
 #
@@ -181,7 +179,7 @@ show_table(rows)
 width = max(2, l_top // 32)
 edges = np.arange(2, min(l_top, transfer[first].degrees[-1]) + 1, width)
 share, k = transfer[first].cylindrical(edges), transfer[first].k
-shown = (k > 0) & (k < 0.8)
+shown = (k > 0) & (k < 0.25)
 
 # %% mystnb={"figure": {"name": "fig-transfer-cylindrical", "caption": "The transfer function of the first method by multipole, in bins, and wavenumber along frequency."}}
 study.stamped(
@@ -191,7 +189,7 @@ study.stamped(
         y=(edges[:-1] + edges[1:]) / 2,
         xlabel=styles.AXES["frequency"]["xlabel"],
         ylabel=styles.AXES["angular"]["xlabel"],
-        unit=r"$T_\mathrm{auto}$",
+        unit="$T$",
         limits=(0, 99),
     ),
     beam=case.beam,
@@ -204,7 +202,7 @@ study.stamped(
 # ## Is the answer that of the mock?
 #
 # A mock has a cosmology, and the data may have another one. The first mock once more: with a bias of HI that is higher by 30 %, with twice and with half the HI, and as Gaussian fields with the same powers in every channel and pair of
-# channels, but without peaks. Shown is $T_\mathrm{auto}$ over that of the mock as it was.
+# channels, but without peaks. Shown is $T$ over that of the mock as it was.
 
 # %% tags=["hide-input"]
 variants = {
@@ -275,7 +273,7 @@ made = [Provenance.of_stored(about) for _, about in records]
 # %% mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
 plotting.stamp(
     record_figure({f"{one.galaxy} Galaxy": rows for (rows, _), one in zip(records, made, strict=True)}),
-    made[0],
+    "\n".join(one.footer() for one in made),
 )
 
 # %%
@@ -326,6 +324,7 @@ for name, key in reported.items():
             "left": furthest(*key, SMALL, "raw"),
             "small": furthest(*key, SMALL),
             "large": furthest(*key, LARGE),
+            "auto": furthest(*key, SMALL, "by_auto"),
             "within": within(*key),
         }
         quote(**{f"transfer_{name}_{what}": number for what, number in numbers.items()})
@@ -347,12 +346,13 @@ quote(
 # | PCA, 6 components | {glue:text}`transfer_few_left` | {glue:text}`transfer_few_small` | ({glue:text}`transfer_few_large`) | {glue:text}`transfer_few_within` |
 # | PCA, 8 components | {glue:text}`transfer_many_left` | {glue:text}`transfer_many_small` | ({glue:text}`transfer_many_large`) | {glue:text}`transfer_many_within` |
 #
-# - **A transfer function works where as many spectra are taken as the foreground has.** With more a method takes spectra of this very HI; a mock is another HI, which it loses less of, and the correction is too small. With fewer the
-#   foreground that is left is divided by $T$ too. It does not tell which of the two it is, and is no substitute for the right number of sources.
-# - **It is no privilege of a method that knows the beam**: PCA, which loses more, has more to be corrected; the table says how well it is.
-# - **The error bars are those of the loss alone.** The foreground that is left by chance resembles the HI more or less, from sky to sky; mocks do not feel it, since it is the same with them and without. The last column would be
-#   68 % if nothing but the loss mattered. It is a lower bound of the error, not the error.
-# - **Auto or cross** is a matter of the spectrum that is corrected, and rarely one of numbers: $T^2$ would be wrong by all that is lost.
+# - **$T_\mathrm{cross}$ is the one to divide by.** By $T_\mathrm{auto}$ the last rows would be {glue:text}`transfer_more_auto` for BeamSubspace with four sources, and {glue:text}`transfer_many_auto` for PCA with eight: these take spectra of
+#   this very HI, and a mock changes which. By $T_\mathrm{cross}$ what they lose comes back like the loss of any other.
+# - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. What is too high in the record above is that. More sources leave less of it and lose more, and the loss can be corrected: with a transfer function
+#   the best number of sources may be a larger one than without.
+# - **It is no privilege of a method that knows the beam.** PCA loses more, and more of it can be corrected; the table says how well.
+# - **The error bars are those of the loss alone.** They know nothing of the foreground that is left, neither of its mean nor of how it resembles the HI by chance. The last column would be 68 % if nothing but the loss mattered: they are a
+#   lower bound.
 #
 # On a cube of one's own:
 #

@@ -161,7 +161,7 @@ class TestCorrections:
         def evaluate(cases, removers, mocks):
             seen.append((cases, removers, mocks))
             row = {"method": "pca", "n_sources": 5, "band": "C/C0, 2-4", "raw": 0.9, "corrected": 1.0}
-            return [corrections.Correction(seed=n, crossed=1.0, sigma=0.1, **row) for n in (7, 8)]
+            return [corrections.Correction(seed=n, by_auto=1.0, sigma=0.1, **row) for n in (7, 8)]
 
         monkeypatch.setattr(corrections, "evaluate", evaluate)
         return himap_command, seen
@@ -180,7 +180,7 @@ class TestCorrections:
             ("gmca", 5),
             ("sdecgmca", 5),
         ]
-        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9 +1 +0 +0.1 +2 of 2$", out, re.M)
+        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9 +1 +1 +0 +0.1 +2 of 2$", out, re.M)
         path = Path("results/corrections_ci_seed=7.json")
         assert f"{path}  (" in out
         rows, about = read_corrections(path)

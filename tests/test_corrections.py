@@ -39,11 +39,11 @@ class TestOneSky:
         assert [one.band for one in found] == BANDS
         for one in found:
             assert (one.seed, one.method, one.n_sources) == (7, "pca", 3)
-            assert (one.raw, one.corrected, one.crossed) == pytest.approx((0.9, 0.9 / 0.81, 1.0))
+            assert (one.raw, one.corrected, one.by_auto) == pytest.approx((0.9, 1.0, 0.9 / 0.81))
             assert one.sigma == pytest.approx(0, abs=1e-12)
 
     def test_error_bars_are_the_scatter_of_mocks(self):
-        mocks = TransferFunction(recoveries=(made_up(1.0), made_up(0.8)))
+        mocks = TransferFunction(recoveries=(made_up(1.0), made_up(0.64)))
         (one, *_) = corrections.corrections(7, PCA(), made_up(0.9), mocks)
         assert one.sigma == pytest.approx(np.sqrt((0.25**2 + 0.2**2) / 2))
 
@@ -100,7 +100,7 @@ class TestEvaluate:
 
 
 ROW = Correction(
-    seed=1, method="pca", n_sources=5, band=BANDS[0], raw=0.9, corrected=1.01, crossed=1.02, sigma=0.02
+    seed=1, method="pca", n_sources=5, band=BANDS[0], raw=0.9, corrected=1.01, by_auto=1.02, sigma=0.02
 )
 ROWS = [ROW, replace(ROW, seed=2, corrected=1.05), replace(ROW, band=BANDS[3], raw=0.3, corrected=1.5)]
 
@@ -108,8 +108,8 @@ ROWS = [ROW, replace(ROW, seed=2, corrected=1.05), replace(ROW, band=BANDS[3], r
 class TestSummary:
     def test_of_each_band(self):
         first, second = summary(ROWS)
-        assert first == ("pca 5", BANDS[0], "0.9", "1.03", "0.028", "0.02", "1 of 2")
-        assert second[2:] == ("0.3", "1.5", "nan", "0.02", "0 of 1")
+        assert first == ("pca 5", BANDS[0], "0.9", "1.03", "1.02", "0.028", "0.02", "1 of 2")
+        assert second[2:] == ("0.3", "1.5", "1.02", "nan", "0.02", "0 of 1")
         assert [len(found) for found in grouped(ROWS).values()] == [2, 1]
 
     def test_figure_has_a_panel_for_each_kind(self):

@@ -125,7 +125,7 @@ class TestMeasured:
             for one in (cube, replace(cube, maps=cube.maps + mock))
         )
         back = both.residual.astype(float) - cleaned.residual
-        found = measure_transfer(cleaned, [mock], peaks=False)
+        found = replace(measure_transfer(cleaned, [mock], peaks=False), definition="auto")
         on_sphere = cube.on_sphere(back - back.mean(axis=1, keepdims=True))
         put_in = cube.on_sphere(mock - mock.mean(axis=1, keepdims=True))
         spectra = [angular_power(maps).mean[2:25] for maps in (on_sphere, put_in)]

@@ -39,9 +39,9 @@ def corrections(preset, pairs, output):
     corrects the power of what is left, which is held against the truth. On 20 skies with 10 mocks unless told
     otherwise. What was interrupted goes on where it stopped.
 
-    The table tells of each band of C_l and P(k) the mean over skies of the ratio to the truth, as it is left
-    and corrected, the scatter of the latter, that which the mocks foretell, and on how many skies the truth
-    lies within the last.
+    The table tells of each band of C_l and P(k) the mean over skies of the ratio to the truth, as it is left,
+    corrected, and corrected by the other definition; the scatter of what is corrected, that which the mocks
+    foretell, and on how many skies the truth lies within the last.
 
     \b
     himap corrections --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2

@@ -26,7 +26,7 @@ class Corrected:
     left
         As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
     share
-        The transfer function of auto power.
+        The transfer function.
     errors
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
     """

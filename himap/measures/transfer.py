@@ -29,8 +29,8 @@ __all__ = [
     "recovery",
 ]
 
-DEFINITIONS = ("auto", "cross")
-"""Of a transfer function: the power of what comes back, or that which it has in common with the mock."""
+DEFINITIONS = ("cross", "auto")
+"""Of a transfer function: the power that comes back and is in common with the mock, or all of it."""
 
 ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
 """Bands of l, first and last, in which ratios are averaged."""
@@ -38,7 +38,7 @@ ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
 FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, math.inf))
 """Bands of k, 1/MHz."""
 
-_PARTS = {"auto": ("came_back", "put_in"), "cross": ("common", "put_in")}
+_PARTS = {"cross": ("common", "put_in"), "auto": ("came_back", "put_in")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,9 +112,10 @@ class TransferFunction:
     recoveries
         A tuple with the `Recovery` of each mock.
     definition
-        "auto": the power of what comes back, over that of what was put in. It holds what a mock brings into
-        the other modes too, and is what the power of a cleaned cube is divided by. "cross": the power that
-        both have in common, for cross spectra with a tracer that was not cleaned.
+        "cross": the power that what comes back has in common with what was put in, over that of the latter
+        (Cunnington et al. 2023). "auto": all the power that comes back. What a projection keeps it keeps
+        whole, so that the two agree and there is no square to divide by. They differ where a mock changes
+        what is taken of the data: that is power which the data without the mock do not have.
 
     Raises
     ------
@@ -123,7 +124,7 @@ class TransferFunction:
     """
 
     recoveries: tuple
-    definition: str = "auto"
+    definition: str = "cross"
 
     def __post_init__(self):
         if not self.recoveries:

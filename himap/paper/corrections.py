@@ -39,8 +39,8 @@ class Correction:
         Of the sky; of the method, 0 if it has no number of sources; such as "C/C0, 10-19".
     raw
         Mean of the ratio in the band, as the method leaves it.
-    corrected, crossed
-        The same once it is divided by the transfer function of auto power, and by that of cross power.
+    corrected, by_auto
+        The same once it is divided by the transfer function of cross power, and by that of auto power.
     sigma
         What the mocks say of the scatter of `corrected`.
     """
@@ -51,7 +51,7 @@ class Correction:
     band: str
     raw: float
     corrected: float
-    crossed: float
+    by_auto: float
     sigma: float
 
 
@@ -67,12 +67,12 @@ def corrections(seed, remover, own, transfer):
     transfer
         The `TransferFunction` of two mocks or more.
     """
-    auto, cross = (replace(transfer, definition=name) for name in DEFINITIONS)
+    cross, auto = (replace(transfer, definition=name) for name in DEFINITIONS)
     rows = []
     known_at = {"angular": own.put_in.degrees, "frequency": own.put_in.k}
     for name, (kind, inside) in bands(**known_at).items():
         ratio = diagnostics.ratio(getattr(own.came_back, kind)[inside], getattr(own.put_in, kind)[inside])
-        errors = auto.errors(kind)[:, inside].mean(axis=1)
+        errors = cross.errors(kind)[:, inside].mean(axis=1)
         rows.append(
             Correction(
                 seed=seed,
@@ -80,8 +80,8 @@ def corrections(seed, remover, own, transfer):
                 n_sources=getattr(remover, "n_sources", 0),
                 band=name,
                 raw=float(ratio.mean()),
-                corrected=float((ratio / getattr(auto, kind)[inside]).mean()),
-                crossed=float((ratio / getattr(cross, kind)[inside]).mean()),
+                corrected=float((ratio / getattr(cross, kind)[inside]).mean()),
+                by_auto=float((ratio / getattr(auto, kind)[inside]).mean()),
                 sigma=float(np.sqrt(np.mean(errors**2))),
             )
         )
@@ -180,7 +180,7 @@ def _are_cached(case, removers, mocks):
     return all(known) and all(own_recovery.is_cached(case, remover) for remover in removers)
 
 
-HEADER = ("method", "band", "left", "corrected", "scatter", "foretold", "within 1σ")
+HEADER = ("method", "band", "left", "corrected", "by auto", "scatter", "foretold", "within 1σ")
 """Columns of `summary`."""
 
 
@@ -188,11 +188,12 @@ def summary(rows):
     """One line of texts for each method and band, over all skies, a list of tuples; see `HEADER`."""
     lines = []
     for (method, n_sources, band), found in grouped(rows).items():
-        values = np.array([[row.raw, row.corrected, row.sigma] for row in found])
-        left, corrected, foretold = values.mean(axis=0)
+        values = np.array([[row.raw, row.corrected, row.by_auto, row.sigma] for row in found])
+        left, corrected, by_auto, foretold = values.mean(axis=0)
         scatter = values[:, 1].std(ddof=1) if len(found) > 1 else math.nan
         within = sum(abs(row.corrected - 1) < row.sigma for row in found)
-        numbers = (f"{left:.4g}", f"{corrected:.4g}", f"{scatter:.2g}", f"{foretold:.2g}")
+        means = (f"{left:.4g}", f"{corrected:.4g}", f"{by_auto:.4g}")
+        numbers = (*means, f"{scatter:.2g}", f"{foretold:.2g}")
         lines.append((f"{method} {n_sources}", band, *numbers, f"{within} of {len(found)}"))
     return lines
 

@@ -149,7 +149,7 @@ def _faint(case):
     return FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
 
 
-def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="auto"):
+def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cross"):
     """What some methods keep of mocks in an observation, {method: `TransferFunction`}.
 
     Parameters
