@@ -346,10 +346,10 @@ quote(
 # | PCA, 6 components | {glue:text}`transfer_few_left` | {glue:text}`transfer_few_small` | ({glue:text}`transfer_few_large`) | {glue:text}`transfer_few_within` |
 # | PCA, 8 components | {glue:text}`transfer_many_left` | {glue:text}`transfer_many_small` | ({glue:text}`transfer_many_large`) | {glue:text}`transfer_many_within` |
 #
-# - **$T_\mathrm{cross}$ is the one to divide by.** By $T_\mathrm{auto}$ the last rows would be {glue:text}`transfer_more_auto` for BeamSubspace with four sources, and {glue:text}`transfer_many_auto` for PCA with eight: these take spectra of
+# - **$T_\mathrm{cross}$ is the one to divide by.** By $T_\mathrm{auto}$ the third column would be {glue:text}`transfer_more_auto` for BeamSubspace with four sources, and {glue:text}`transfer_many_auto` for PCA with eight: these take spectra of
 #   this very HI, and a mock changes which. By $T_\mathrm{cross}$ what they lose comes back like the loss of any other.
-# - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. What is too high in the record above is that. More sources leave less of it and lose more, and the loss can be corrected: with a transfer function
-#   the best number of sources may be a larger one than without.
+# - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. What is too high in the record above is that. More sources are no way out as such: what they
+#   lose can be corrected in the mean, but its scatter grows.
 # - **It is no privilege of a method that knows the beam.** PCA loses more, and more of it can be corrected; the table says how well.
 # - **The error bars are those of the loss alone.** They know nothing of the foreground that is left, neither of its mean nor of how it resembles the HI by chance. The last column would be 68 % if nothing but the loss mattered: they are a
 #   lower bound.
