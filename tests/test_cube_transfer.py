@@ -42,7 +42,7 @@ def cube(rng, truth, tmp_path):
 
 @pytest.fixture
 def cleaned(cube):
-    """As many spectra as there are: with more, PCA takes those of this very HI, which no mock can tell."""
+    """Cleaned of as many spectra as there are."""
     return clean_cube(cube, "pca", n_sources=2, peaks=False)
 
 
@@ -150,6 +150,18 @@ class TestMeasured:
         assert ratio[1:] == pytest.approx(1, abs=0.05)
         (sigma,) = angular.sigma([np.arange(len(angular.x)) < 27])
         assert np.isfinite(sigma)
+
+    def test_what_is_lost_with_a_spectrum_too_many_is_corrected_too(self, cube, truth, rng):
+        """PCA takes one of this very HI; a mock makes it take another."""
+        cleaned = clean_cube(cube, "pca", n_sources=4, peaks=False)
+        found = measure_transfer(cleaned, (blue(rng) for _ in range(6)), peaks=False)
+        true = compared(cleaned, replace(cube, maps=truth)).true_angular[:27]
+        errors = {
+            name: abs((correct(spectra_of(cleaned), one)["angular"].corrected[:27] / true).mean() - 1)
+            for name in ("cross", "auto")
+            for one in [replace(found, definition=name)]
+        }
+        assert errors["cross"] < 0.03 < errors["auto"]
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng)], peaks=False))

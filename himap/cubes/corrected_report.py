@@ -85,7 +85,7 @@ def corrected_part(found, n_mocks, truth=None):
         f"Each of {n_mocks} mocks was put into the cube and cleaned with it. The spectra are divided by the "
         "share of its power that comes back; thin lines are one error bar, from mocks that are corrected by "
         "each other. They know nothing of foreground that is left: where too few sources are removed, the "
-        "corrected spectrum is too high. Where more are removed than the foreground has, it is too low."
+        "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
     )
     table = Table(HEADER if truth is not None else HEADER[:3], corrected_rows(found, truth), align="lrrrr")
     return [
