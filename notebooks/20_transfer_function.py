@@ -288,47 +288,49 @@ SMALL = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "C/C0, 100-200", "P/P0, 0.
 LARGE = ("C/C0, 2-4", "C/C0, 5-9")
 
 
-def furthest(method, n_sources, bands, field="corrected"):
-    """How far the mean over skies is from 1 in the worst of some bands, the worst of both Galaxies, %."""
+def furthest(key, bands, field="corrected"):
+    """How far the mean over skies is from 1 in the worst of some bands, the worst of all records, %."""
     means = [
         np.mean([getattr(row, field) for row in several])
         for rows, _ in records
-        for (name, n, band), several in grouped(rows).items()
-        if (name, n) == (method, n_sources) and band in bands
+        for (*method, band), several in grouped(rows).items()
+        if tuple(method) == key and band in bands
     ]
-    worst = 100 * max(abs(mean - 1) for mean in means)
-    return worst, 0.3 * max(1, worst / 10), "%"
+    worst = 100 * max((abs(mean - 1) for mean in means), default=np.nan)
+    return (worst, 0.3 * max(1, worst / 10), "%") if means else "not measured"
 
 
-def within(method, n_sources, n_sigma=1):
-    """The share of skies and bands in which the truth is within the error bar, both Galaxies, %."""
-    pulls = [
-        abs(row.corrected - 1) / row.sigma
+def within(key):
+    """The share of skies and bands in which the truth is within the error bar, of all records, %."""
+    inside = [
+        abs(row.corrected - 1) < row.sigma
         for rows, _ in records
         for row in rows
-        if (row.method, row.n_sources) == (method, n_sources) and row.band in (*SMALL, *LARGE)
+        if (row.method, row.n_sources) == key and row.band in (*SMALL, *LARGE)
     ]
-    return 100 * np.mean(np.array(pulls) < n_sigma), 5, "%"
+    return (100 * np.mean(inside), 5, "%") if inside else "not measured"
 
 
-stored = {key[:2] for rows, _ in records for key in grouped(rows)}
-reported = {
-    "bs": ("beam_subspace", 3),
-    "more": ("beam_subspace", 4),
-    "few": ("pca", 6),
-    "many": ("pca", 8),
-}
-for name, key in reported.items():
-    if key in stored:
-        numbers = {
-            "left": furthest(*key, SMALL, "raw"),
-            "small": furthest(*key, SMALL),
-            "large": furthest(*key, LARGE),
-            "auto": furthest(*key, SMALL, "by_auto"),
-            "within": within(*key),
-        }
-        quote(**{f"transfer_{name}_{what}": number for what, number in numbers.items()})
+three, four, six, eight = ("beam_subspace", 3), ("beam_subspace", 4), ("pca", 6), ("pca", 8)
 quote(
+    transfer_bs_left=furthest(three, SMALL, "raw"),
+    transfer_bs_small=furthest(three, SMALL),
+    transfer_bs_large=furthest(three, LARGE),
+    transfer_bs_within=within(three),
+    transfer_more_left=furthest(four, SMALL, "raw"),
+    transfer_more_small=furthest(four, SMALL),
+    transfer_more_large=furthest(four, LARGE),
+    transfer_more_auto=furthest(four, SMALL, "by_auto"),
+    transfer_more_within=within(four),
+    transfer_few_left=furthest(six, SMALL, "raw"),
+    transfer_few_small=furthest(six, SMALL),
+    transfer_few_large=furthest(six, LARGE),
+    transfer_few_within=within(six),
+    transfer_many_left=furthest(eight, SMALL, "raw"),
+    transfer_many_small=furthest(eight, SMALL),
+    transfer_many_large=furthest(eight, LARGE),
+    transfer_many_auto=furthest(eight, SMALL, "by_auto"),
+    transfer_many_within=within(eight),
     transfer_skies=len({row.seed for row in records[0][0]}),
     transfer_mocks=dict(records[0][1]["overrides"])["n_mocks"],
 )

@@ -143,6 +143,14 @@ DEFINED = {
     "notebooks/19_scale.py": {
         "1 MHz": "channels of the paper",
     },
+    "notebooks/20_transfer_function.py": {
+        "10 %": "a grey band",
+        "30 %": "how much higher the bias of a mock is",
+        "3 %": "ends of an axis",
+        "20 %": "ends of an axis",
+        "1 %": "lines that are drawn",
+        "68 %": "share within one standard deviation of a Gaussian",
+    },
 }
 """{page: {number: what it is}}."""
 

@@ -28,7 +28,7 @@ CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
 ANY_METHOD = {"11", "17", "20", "corrections"}  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
-ANY_BEAM = SKIES - {"01", "02", "10", "15"}  # those name the paper's three, or none
+ANY_BEAM = SKIES - {"01", "02", "10", "15"} | {"corrections"}  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
 CLEANED = OBSERVED - {"02"}
 

@@ -59,9 +59,9 @@ _MOCKS = [
         "--mocks",
         metavar="N|FILE",
         multiple=True,
-        help="How many mocks of HI are put in, or a file of each, to tell what cleaning takes.",
+        help="Mocks of HI to put in: how many, or a file.",
     ),
-    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks; default none."),
+    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
 ]
 
 
@@ -77,22 +77,19 @@ def _with_options(options):
 _cube_options, _mock_options = _with_options(_OPTIONS), _with_options(_MOCKS)
 
 
-@click.command()
+@click.command(short_help="Remove the foregrounds of the cube of maps in CUBE.")
 @click.argument("path", metavar="CUBE")
 @click.option("--method", cls=_Methods, required=True, metavar="NAME")
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
 @click.option(
-    "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; its page: .html."
+    "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
 )
 @_mock_options
 @_cube_options
 @debug
 def clean(output, overwrite, **options):
-    """Remove the foregrounds of the cube of maps in CUBE.
-
-    CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
-
-    With --mocks the page tells what was lost, and both spectra are corrected for it, there and in a .csv.
+    """Remove the foregrounds of CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
+    With --mocks spectra are corrected for what is lost, on the page and in a .csv.
 
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
@@ -110,24 +107,20 @@ def clean(output, overwrite, **options):
     _tell(cleaned, [*outputs, *files], started)
 
 
-@click.command()
+@click.command(short_help="Measure what cleaning takes of CUBE, and correct its spectra.")
 @click.argument("path", metavar="CUBE")
 @click.option("--method", cls=_Methods, required=True, metavar="NAME")
-@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, to hold against it.")
-@click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; the spectra: .csv.")
+@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave.")
+@click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv.")
 @_mock_options
 @_cube_options
 @debug
 def transfer(output, overwrite, **options):
-    """Measure what cleaning takes of the signal in CUBE, with mocks, and correct its spectra.
-
-    Mocks of HI, ten of them unless told otherwise, are put into the cube and cleaned with it; the power of
-    what comes back of them corrects that of what is left. They are made as in the simulations of the paper,
-    with the beam, for which --beam is needed with any method; or come from files, seen through it already.
+    """Measure with mocks of HI, put into CUBE and cleaned with it, what cleaning takes, and correct the
+    spectra. Ten are made and seen through --beam, unless --mocks says otherwise.
 
     \b
-    himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o transfer.html
-    himap transfer cube.h5 --method pca -p n_sources=5 --mocks one.h5 --mocks two.h5 -o transfer.html
+    himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
     """
     from himap.cubes.writing import check_page
 
