@@ -61,7 +61,8 @@ class TestEvaluate:
         assert len(cases) == 20 and isinstance(remover, SDecGMCA)
         assert (remover.n_sources, remover.thresholds) == (4, "mad")
 
-    def test_rows_and_what_stays(self, setting):
+    def test_rows_and_what_stays(self, setting, tmp_path, monkeypatch):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))  # what was there before stays
         cases, removers = setting
         rows = evaluate(cases, removers, [Mock(seed=1), Mock(seed=2)])
         assert [row.seed for row in rows] == [2025] * 6 + [2026] * 6
