@@ -180,7 +180,7 @@ class TestCorrections:
             ("gmca", 5),
             ("sdecgmca", 5),
         ]
-        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9 +1 +1 +0 +0.1 +2 of 2$", out, re.M)
+        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9000 +1.0000 +1.0000 +0.0000 +0.1000 +2 of 2$", out, re.M)
         path = Path("results/corrections_ci_seed=7.json")
         assert f"{path}  (" in out
         rows, about = read_corrections(path)

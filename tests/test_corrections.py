@@ -109,8 +109,8 @@ ROWS = [ROW, replace(ROW, seed=2, corrected=1.05), replace(ROW, band=BANDS[3], r
 class TestSummary:
     def test_of_each_band(self):
         first, second = summary(ROWS)
-        assert first == ("pca 5", BANDS[0], "0.9", "1.03", "1.02", "0.028", "0.02", "1 of 2")
-        assert second[2:] == ("0.3", "1.5", "1.02", "nan", "0.02", "0 of 1")
+        assert first == ("pca 5", BANDS[0], "0.9000", "1.0300", "1.0200", "0.0283", "0.0200", "1 of 2")
+        assert second[2:] == ("0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1")
         assert [len(found) for found in grouped(ROWS).values()] == [2, 1]
 
     def test_figure_has_a_panel_for_each_kind(self):

@@ -192,8 +192,8 @@ def summary(rows):
         left, corrected, by_auto, foretold = values.mean(axis=0)
         scatter = values[:, 1].std(ddof=1) if len(found) > 1 else math.nan
         within = sum(abs(row.corrected - 1) < row.sigma for row in found)
-        means = (f"{left:.4g}", f"{corrected:.4g}", f"{by_auto:.4g}")
-        numbers = (*means, f"{scatter:.2g}", f"{foretold:.2g}")
+        means = (f"{left:.4f}", f"{corrected:.4f}", f"{by_auto:.4f}")
+        numbers = (*means, f"{scatter:.4f}", f"{foretold:.4f}")
         lines.append((f"{method} {n_sources}", band, *numbers, f"{within} of {len(found)}"))
     return lines
 
