@@ -46,7 +46,6 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 methods: list = [["beam_subspace", 3], ["pca", 6], ["pca", 8]]  # pairs of a name and a number of sources
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_mocks: int = 3  # mocks, each with a seed of its own
-n_realisations: int = 1  # skies; the last section shows what was stored of many
 results: list | None = None  # what `himap corrections` wrote; null: that of the book
 
 # %%
@@ -64,14 +63,14 @@ from himap.measures.transfer import TransferFunction
 from himap.paper.corrections import HEADER, cases_and_methods, corrections, grouped, summary
 from himap.paper.corrections_figures import record_figure
 from himap.paper.corrections_file import read_corrections
-from himap.paper.mocks import Mock, own_recovery, transfer_functions
+from himap.paper.mocks import Mock, first_mocks, own_recovery, transfer_functions
 from himap.paper.study import Study
 from himap.products.provenance import Provenance
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)
 whole_number("n_mocks", n_mocks, 2, 1000)
-cases, removers = cases_and_methods(
+(case,), removers = cases_and_methods(
     preset=preset,
     survey=survey,
     galaxy=galaxy,
@@ -81,12 +80,12 @@ cases, removers = cases_and_methods(
     ripple=ripple,
     methods=methods,
     reading=reading,
-    n_realisations=n_realisations,
+    n_realisations=1,
 )
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
-case, mocks = cases[0], [Mock(seed=n) for n in range(1, n_mocks + 1)]
+mocks = first_mocks(n_mocks, [case])
 names = {remover: f"{styles.method_style(remover)['label']} {remover.n_sources}" for remover in removers}
 shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 

@@ -72,6 +72,13 @@ class TestEvaluate:
             assert not made.is_cached(cases[0])
         assert rows == evaluate(cases, removers, [Mock(seed=1), Mock(seed=2)])
 
+    def test_what_fails_leaves_no_cubes(self, setting, tmp_path, monkeypatch):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+        monkeypatch.setattr(corrections, "transfer_functions", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            evaluate(*setting, [Mock(seed=1), Mock(seed=2)])
+        assert not pipeline.observation.is_cached(setting[0][0])
+
     def test_nothing_is_observed_for_what_is_there(self, setting, monkeypatch):
         cases, removers = setting
         mocks = [Mock(seed=1), Mock(seed=2)]

@@ -215,6 +215,26 @@ class TestCommands:
             "truth.h5",
         ]
 
+    def test_nothing_is_measured_twice(self, here, monkeypatch):
+        """Spectra of the cleaned cube, and those beside the truth, once each."""
+        from himap.cubes import report
+
+        called = []
+        for name in ("spectra_of", "compared"):
+            function = getattr(report, name)
+
+            def counted(*given, function=function, name=name):
+                called.append(name)
+                return function(*given)
+
+            monkeypatch.setattr(report, name, counted)
+        words = ("--method", "pca", "-p", "n_sources=2", "--truth", "truth.h5", "-o", "c.h5", "--overwrite")
+        assert himap("clean", "cube.h5", *words, "--mocks", "mock0.h5").exit_code == 0
+        assert sorted(called) == ["compared", "spectra_of"]
+        called.clear()
+        assert himap("clean", "cube.h5", *words).exit_code == 0
+        assert called == ["compared"]
+
     def test_clean_with_mocks_from_files(self, here):
         words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "--mocks", "mock1.h5")
         result = himap("clean", "cube.h5", *words, "-o", "c.h5")

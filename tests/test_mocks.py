@@ -9,7 +9,7 @@ from himap.errors import InputError
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
-from himap.paper.mocks import Mock, mock_alms, own_recovery, recovered, transfer_functions
+from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered, transfer_functions
 from himap.removal import PCA, BeamSubspace, SDecGMCA
 from himap.survey import Survey
 
@@ -59,6 +59,11 @@ class TestMock:
     def test_refused(self, given):
         with pytest.raises(InputError):
             Mock(**given)
+
+
+def test_first_mocks_are_of_no_sky_that_is_observed():
+    cases = [replace(CASE, survey=replace(SURVEY, seed=seed)) for seed in (2, 3, 2025)]
+    assert first_mocks(3, cases) == [Mock(seed=1), Mock(seed=4), Mock(seed=5)]
 
 
 @pytest.mark.parametrize("remover", [PCA(n_sources=3), BeamSubspace(n_sources=3)])

@@ -9,6 +9,7 @@ import click
 from himap.checks import whole_number
 from himap.cli.shared import debug, judging_parameters, provenance_parameters, workers
 from himap.companion.notebook_files import check_output, copy_name
+from himap.companion.parameters import Parameter
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
@@ -16,8 +17,8 @@ from himap.products.provenance import Provenance
 __all__ = ["corrections"]
 
 _CHAPTER = "20_transfer_function"  # the notebook whose parameters it has
+_MORE = [Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")]
 _OWN = {
-    "n_realisations": 20,
     "n_mocks": 10,
     "methods": [["beam_subspace", 3], ["pca", 5], ["pca", 8], ["gmca", 5], ["sdecgmca", 5]],
 }
@@ -50,16 +51,18 @@ def corrections(preset, pairs, output):
     from himap.companion.staleness import corrections_code
     from himap.paper import corrections as measured
     from himap.paper.corrections_file import write_corrections
-    from himap.paper.mocks import Mock
+    from himap.paper.mocks import first_mocks
 
-    chosen, given = judging_parameters(pairs, preset, own=_OWN, without=_WITHOUT, notebook=_CHAPTER)
+    chosen, given = judging_parameters(
+        pairs, preset, own=_OWN, without=_WITHOUT, more=_MORE, notebook=_CHAPTER
+    )
     preset = chosen["preset"]
     name = copy_name("corrections", preset, given, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
     started = time.monotonic()
     n_mocks = whole_number("n_mocks", chosen.pop("n_mocks"), 2, 1000)  # one has no scatter
     cases, removers = measured.cases_and_methods(**chosen)
-    rows = measured.evaluate(cases, removers, [Mock(seed=n) for n in range(1, n_mocks + 1)])
+    rows = measured.evaluate(cases, removers, first_mocks(n_mocks, cases))
     about = Provenance.of(
         cases[0].survey,
         galaxy=cases[0].galaxy,

@@ -142,7 +142,7 @@ def _inputs(options):
 
 def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noise, **reading):
     """A `CleanedCube`, and a function that writes its page, and its spectra where there are mocks."""
-    from himap.cubes import corrected_report as corrected
+    from himap.cubes import corrected_report
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.cube import read_truth
     from himap.cubes.report import check_truth, compared, spectra_of, write_report
@@ -157,22 +157,23 @@ def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noi
     if true is not None:
         check_truth(cube, true)  # before the work
     put_in = _mocks(cube, beams, mocks, mock_noise, reading)
-    peaks, more, comparison = not keep_peaks, [], None
+    peaks, more, corrected = not keep_peaks, [], None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
         cleaned = clean_cube(cube, remover, beams=beams, peaks=peaks)
+        comparison = None if true is None else compared(cleaned, true)
+        spectra = None if true is not None and put_in is None else spectra_of(cleaned)
         if put_in is not None:
             found = measure_transfer(cleaned, put_in, beams=beams, peaks=peaks)
-            spectra = correct(spectra_of(cleaned), found)
-            comparison = None if true is None else compared(cleaned, true)
-            more = corrected.corrected_part(spectra, len(found.recoveries), comparison)
-            header = corrected.HEADER[: 3 if true is None else None]
-            click.echo(Table(header, corrected.corrected_rows(spectra, comparison), align="lrrrr"))
+            corrected = correct(spectra, found)
+            more = corrected_report.corrected_part(corrected, len(found.recoveries), comparison)
+            header = corrected_report.HEADER[: 3 if true is None else None]
+            click.echo(Table(header, corrected_report.corrected_rows(corrected, comparison), align="lrrrr"))
 
     def write(page, table=None):
-        write_report(cleaned, page, truth=true, more=more)
+        write_report(cleaned, page, spectra=spectra if comparison is None else comparison, more=more)
         if table is not None:
-            corrected.write_spectra(spectra, table, comparison)
+            corrected_report.write_spectra(corrected, table, comparison)
 
     return cleaned, write
 

@@ -121,7 +121,7 @@ def named_values(pairs):
     return texts
 
 
-def judging_parameters(pairs, preset, *, own, without=(), notebook=_JUDGING):
+def judging_parameters(pairs, preset, *, own, without=(), more=(), notebook=_JUDGING):
     """Parameters of what measures on several skies, from texts NAME=VALUE.
 
     Parameters
@@ -132,6 +132,8 @@ def judging_parameters(pairs, preset, *, own, without=(), notebook=_JUDGING):
         {name: default} where it is not that of the notebook.
     without
         Parameters of the notebook that this command does not have.
+    more
+        `Parameter` of this command that the notebook does not have.
     notebook
         Whose parameters they are; that of the claims unless given.
 
@@ -145,6 +147,7 @@ def judging_parameters(pairs, preset, *, own, without=(), notebook=_JUDGING):
         for parameter in find(notebook).parameters
         if parameter.name not in without
     ]
+    declared += more
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     return {parameter.name: parameter.default for parameter in declared} | given, given
 

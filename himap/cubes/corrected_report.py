@@ -41,9 +41,8 @@ def corrected_rows(found, truth=None):
 
 def _plain(name):
     """The name of a band of ratios as that of a band of the spectrum."""
-    for ratio, spectrum in {"C/C0": "C(l), l", "P/P0": "P(k), k"}.items():
-        name = name.replace(f"{ratio}, ", f"{spectrum} ").replace("k k", "k")
-    return name
+    ratio, _, where = name.partition(", ")
+    return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
 def _true(found, truth):

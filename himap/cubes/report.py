@@ -122,9 +122,24 @@ def check_truth(cube, truth):
         raise InputError("the truth must see all pixels of the cube.")
 
 
-def write_report(cleaned, path, *, truth=None, more=()):
-    """Write the page to `path`, one HTML file that needs nothing else; `more` stands after the spectra."""
-    spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
+def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
+    """Write the page to `path`, one HTML file that needs nothing else.
+
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    path
+        Of the page.
+    truth
+        A `Cube` of what a perfect cleaning would leave.
+    spectra
+        What `compared` gives with a truth, and `spectra_of` without, where it is at hand.
+    more
+        HTML that stands after the spectra.
+    """
+    if spectra is None:
+        spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [*_head(cleaned), *_spectra_part(spectra), *more, *_modes_part(cleaned), *_maps_part(cleaned)]
     Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 

@@ -3,6 +3,7 @@
 A mock is the truth of another sky: HI and noise, seen through the same beam.
 """
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from himap.removal.analysis import analysed
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 
-__all__ = ["Mock", "mock_alms", "own_recovery", "recovered", "transfer_functions"]
+__all__ = ["Mock", "first_mocks", "mock_alms", "own_recovery", "recovered", "transfer_functions"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,6 +184,13 @@ def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cr
         remover: TransferFunction(recoveries=column, definition=definition)
         for remover, column in zip(removers, zip(*rows, strict=True), strict=True)
     }
+
+
+def first_mocks(n_mocks, cases):
+    """So many usual mocks, with the first seeds from 1 that no sky of `cases` has."""
+    taken = {case.survey.seed for case in cases}
+    free = (seed for seed in itertools.count(1) if seed not in taken)
+    return [Mock(seed=seed) for seed in itertools.islice(free, n_mocks)]
 
 
 def make_mocks(surveys, mocks):

@@ -97,8 +97,10 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
 def passing_observations(cases):
     """Observations of some cases, made now where they are not there; what was made goes at the end."""
     made = make_observations(cases)
-    yield
-    _forgotten(made, set())
+    try:
+        yield
+    finally:
+        _forgotten(made, set())
 
 
 def _make_analyses(calls):
