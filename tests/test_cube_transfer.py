@@ -215,6 +215,18 @@ class TestCommands:
             "truth.h5",
         ]
 
+    @pytest.mark.parametrize("keep", [True, False])
+    def test_peaks_of_mocks_are_masked_as_those_of_the_cube(self, here, monkeypatch, keep):
+        from himap.cubes import transfer
+
+        seen, basis = [], transfer.Basis
+        monkeypatch.setattr(
+            transfer, "Basis", lambda cube, peaks: seen.append(peaks) or basis(cube, peaks=peaks)
+        )
+        words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "-o", "t.html")
+        assert himap("transfer", "cube.h5", *words, *["--keep-peaks"] * keep).exit_code == 0
+        assert seen == [not keep]
+
     def test_nothing_is_measured_twice(self, here, monkeypatch):
         """Spectra of the cleaned cube, and those beside the truth, once each."""
         from himap.cubes import report

@@ -7,10 +7,12 @@ import pytest
 
 from himap.errors import InputError
 from himap.instrument.beams import Oscillating
+from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered, transfer_functions
 from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.removal.peaks import mask_peaks
 from himap.survey import Survey
 
 SURVEY = Survey.preset("ci", nside=8, n_channels=16, box_cells=16)
@@ -81,6 +83,24 @@ def test_what_comes_back_is_that_of_the_cubes(remover):
     expected = sphere.power_spectrum(back).mean(axis=0)[low]
     assert found.came_back.angular[low] == pytest.approx(expected, rel=5e-3)
     assert (found.came_back.angular < found.put_in.angular)[low].all()
+
+
+@pytest.mark.parametrize("peaks_masked", [True, False])
+def test_a_method_is_told_the_noise_of_both_and_masks_their_peaks(peaks_masked, monkeypatch):
+    told, separate = {}, PCA.separate
+
+    def spy(self, maps, **options):
+        told.update(options, maps=maps)
+        return separate(self, maps, **options)
+
+    cleaned.separation(CASE, PCA(n_sources=3), peaks_masked)
+    monkeypatch.setattr(PCA, "separate", spy)
+    recovered.compute(CASE, (PCA(n_sources=3),), USUAL, peaks_masked)
+    both = sphere.synthesise_cube(mock_alms(CASE, USUAL), SURVEY.nside, n_channels=16, label="")
+    both += pipeline.observation(CASE).maps
+    expected = mask_peaks(both, SURVEY.freqs).maps if peaks_masked else both
+    assert np.array_equal(told["maps"], expected)
+    assert told["noise"] == pytest.approx(np.sqrt(2) * noise_sigma(SURVEY))
 
 
 def test_a_method_that_ends_is_compared_up_to_there():
