@@ -99,7 +99,7 @@ quote(
 # ## The figures
 #
 # Each figure of the paper at its own size, with the real Galaxy (templates, nside 64) and with the synthetic one; the chapter that is named with it has it at the preset `quick`, and says what it shows. A click leads to
-# the picture in full size. What those with the real Galaxy call SDecGMCA is what stands beside it now as BeamSubspace, for they were made before SDecGMCA was written anew: the status page says which results are stale. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# the picture in full size. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %%
 Markdown(pictures([real, synthetic], folder))
