@@ -60,10 +60,10 @@ from himap.figures.numbers import quote, show_table
 from himap.figures.tables import Table
 from himap.measures.results import Comparison
 from himap.measures.transfer import TransferFunction
-from himap.paper.corrections import HEADER, cases_and_methods, corrections, grouped, summary
+from himap.paper.corrections import HEADER, Correction, cases_and_methods, corrections, grouped, summary
 from himap.paper.corrections_figures import record_figure
-from himap.paper.corrections_file import read_corrections
 from himap.paper.mocks import Mock, first_mocks, own_recovery, transfer_functions
+from himap.paper.record_file import read_record
 from himap.paper.study import Study
 from himap.products.provenance import Provenance
 from himap.removal.base import SeparationWarning
@@ -266,7 +266,7 @@ quote(
 
 # %% tags=["hide-input"]
 paths = results or [RESULTS / f"corrections_quick_{name}.json" for name in ("synthetic", "templates")]
-records = [read_corrections(path) for path in paths]
+records = [read_record(Correction, path) for path in paths]
 made = [Provenance.of_stored(about) for _, about in records]
 
 # %% mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}

@@ -15,8 +15,8 @@ from himap.companion import notebooks
 from himap.companion.staleness import corrections_code, ledger_code, readings_code
 from himap.paper import corrections, ledger, readings
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
-from himap.paper.corrections_file import read_corrections
 from himap.paper.readings_file import read_readings
+from himap.paper.record_file import read_record
 
 
 @pytest.fixture
@@ -183,7 +183,7 @@ class TestCorrections:
         assert re.search(r"^pca 5 +C/C0, 2-4 +0.9000 +1.0000 +1.0000 +0.0000 +0.1000 +2 of 2$", out, re.M)
         path = Path("results/corrections_ci_seed=7.json")
         assert f"{path}  (" in out
-        rows, about = read_corrections(path)
+        rows, about = read_record(corrections.Correction, path)
         assert len(rows) == 2 and about["code"] == corrections_code()
         assert {("n_realisations", 20), ("n_mocks", 10)} <= {tuple(one) for one in about["overrides"]}
 

@@ -13,8 +13,8 @@ from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction
 from himap.paper import corrections, pipeline
 from himap.paper.corrections import Correction, cases_and_methods, evaluate, grouped, summary
 from himap.paper.corrections_figures import record_figure
-from himap.paper.corrections_file import read_corrections, write_corrections
 from himap.paper.mocks import Mock, own_recovery
+from himap.paper.record_file import read_record, write_record
 from himap.removal import PCA, SDecGMCA
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -133,12 +133,12 @@ class TestSummary:
 class TestFile:
     def test_there_and_back(self, tmp_path):
         path = tmp_path / "corrections.json"
-        write_corrections(ROWS, path, {"preset": "ci"})
-        assert read_corrections(path) == (ROWS, {"preset": "ci"})
+        write_record(ROWS, path, {"preset": "ci"})
+        assert read_record(Correction, path) == (ROWS, {"preset": "ci"})
 
     def test_what_is_no_number_is_not_written(self, tmp_path):
         with pytest.raises(ValueError, match="JSON"):
-            write_corrections([replace(ROW, sigma=math.nan)], tmp_path / "corrections.json", {})
+            write_record([replace(ROW, sigma=math.nan)], tmp_path / "corrections.json", {})
         assert not list(tmp_path.iterdir())
 
     @pytest.mark.parametrize(
@@ -156,8 +156,8 @@ class TestFile:
         path = tmp_path / "corrections.json"
         path.write_text(content)
         with pytest.raises(InputError, match="is not a file that `himap corrections` wrote"):
-            read_corrections(path)
+            read_record(Correction, path)
 
     def test_a_missing_file(self, tmp_path):
-        with pytest.raises(InputError, match="`himap corrections` writes them"):
-            read_corrections(Path(tmp_path, "none.json"))
+        with pytest.raises(InputError, match="`himap corrections` writes it"):
+            read_record(Correction, Path(tmp_path, "none.json"))

@@ -6,13 +6,12 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 import time
 import warnings
 from contextlib import ExitStack
-from importlib import import_module
 from pathlib import Path
 
 import click
 
-from himap.cli.shared import debug, named_values
-from himap.companion.parameters import parse_texts
+from himap.cli.cube_options import Methods, cube_and_beams, cube_options, method_parameters, mock_options
+from himap.cli.shared import debug
 from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.outputs import whole_file
@@ -20,72 +19,15 @@ from himap.outputs import whole_file
 __all__ = ["clean", "suggest", "transfer"]
 
 
-class _Registered(click.Option):
-    """An option whose help lists what there is, found when it is asked for."""
-
-    package, more = "", ""
-
-    def get_help_record(self, context):
-        names = import_module(self.package).available()
-        self.help = f"{', '.join(names)}{self.more}."
-        return super().get_help_record(context)
-
-
-class _Methods(_Registered):
-    package = "himap.removal"
-
-
-class _Beams(_Registered):
-    package = "himap.instrument.beams"
-    more = " (NAME:PARAMETER=VALUE for others), or a FILE"
-
-
-_OPTIONS = [
-    click.option("--beam", cls=_Beams, metavar="NAME"),
-    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
-    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
-    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
-    click.option("--overwrite", is_flag=True, help="Write over what is there."),
-    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
-    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
-    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
-    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
-    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
-]
-
-
-_MOCKS = [
-    click.option(
-        "--mocks",
-        metavar="N|FILE",
-        multiple=True,
-        help="Mocks of HI to put in: how many, or a file.",
-    ),
-    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
-]
-
-
-def _with_options(options):
-    def with_all(command):
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return with_all
-
-
-_cube_options, _mock_options = _with_options(_OPTIONS), _with_options(_MOCKS)
-
-
 @click.command(short_help="Remove the foregrounds of the cube of maps in CUBE.")
 @click.argument("path", metavar="CUBE")
-@click.option("--method", cls=_Methods, required=True, metavar="NAME")
+@click.option("--method", cls=Methods, required=True, metavar="NAME")
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
 @click.option(
     "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
 )
-@_mock_options
-@_cube_options
+@mock_options
+@cube_options
 @debug
 def clean(output, overwrite, **options):
     """Remove the foregrounds of CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
@@ -109,11 +51,11 @@ def clean(output, overwrite, **options):
 
 @click.command(short_help="Measure what cleaning takes of CUBE, and correct its spectra.")
 @click.argument("path", metavar="CUBE")
-@click.option("--method", cls=_Methods, required=True, metavar="NAME")
+@click.option("--method", cls=Methods, required=True, metavar="NAME")
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave.")
 @click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv.")
-@_mock_options
-@_cube_options
+@mock_options
+@cube_options
 @debug
 def transfer(output, overwrite, **options):
     """Measure with mocks of HI, put into CUBE and cleaned with it, what cleaning takes, and correct the
@@ -150,8 +92,8 @@ def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noi
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
-    remover = create(method, **_parameters(pairs))
-    cube, beams = _cube_and_beams(path, remover, beam, dish, reading)
+    remover = create(method, **method_parameters(pairs))
+    cube, beams = cube_and_beams(path, remover, beam, dish, reading)
     method_for(cube, remover)  # before the truth is read
     true = None if truth is None else read_truth(truth, **reading)
     if true is not None:
@@ -207,11 +149,11 @@ def _tell(cleaned, files, started):
 
 @click.command()
 @click.argument("path", metavar="CUBE")
-@click.option("--method", cls=_Methods, default="pca", show_default=True, metavar="NAME")
+@click.option("--method", cls=Methods, default="pca", show_default=True, metavar="NAME")
 @click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
 @click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most.")
 @click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
-@_cube_options
+@cube_options
 @debug
 def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, overwrite, **reading):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
@@ -226,12 +168,12 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
     from himap.removal.base import SeparationWarning
 
     page = None if output is None else check_page(output, overwrite=overwrite)
-    parameters = _parameters(pairs)
+    parameters = method_parameters(pairs)
     if "n_sources" in parameters:
         raise InputError(
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
         )
-    cube, beams = _cube_and_beams(path, create(method, **parameters), beam, dish, reading)
+    cube, beams = cube_and_beams(path, create(method, **parameters), beam, dish, reading)
     most = min(10, len(cube.freqs) - 1) if most is None else most
     if most <= least:
         raise InputError(f"--to must be more than --from, got {most} and {least}.")
@@ -251,33 +193,3 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
         with whole_file(page) as temporary:
             suggestion.write_suggestion(result, temporary)
         click.echo(page)
-
-
-def _parameters(pairs):
-    """Parameters of a method from texts NAME=VALUE."""
-    parameters = parse_texts([], named_values(pairs))
-    if "name" in parameters:
-        raise InputError("no method has a parameter called name; --method says which method.")
-    return parameters
-
-
-def _cube_and_beams(path, remover, beam, dish, reading):
-    """The cube, with its remarks told, and its beams, None where none are named."""
-    import numpy as np
-
-    from himap.cubes.beams import beams_of
-    from himap.cubes.cube import read_cube
-    from himap.instrument.beams.base import gaussian_widths
-
-    if dish is not None and beam is None:
-        raise InputError("--dish belongs to a beam; give --beam too.")
-    if beam is None and remover.needs_beams:
-        raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
-    cube = read_cube(path, **reading)
-    for remark in cube.remarks:
-        click.echo(remark, err=True)
-    beams = None if beam is None else beams_of(cube, beam, dish=dish)
-    if beams is not None:
-        widths = np.rad2deg(gaussian_widths(beams))
-        click.echo(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.", err=True)
-    return cube, beams

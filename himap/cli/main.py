@@ -8,9 +8,10 @@ import click
 
 from himap import __version__
 from himap.cli.cache import cache_commands
-from himap.cli.corrections import corrections
 from himap.cli.cubes import clean, suggest, transfer
 from himap.cli.readings import readings
+from himap.cli.records import beam_errors, corrections
+from himap.cli.sensitivity import sensitivity
 from himap.cli.shared import (
     SETTINGS,
     Commands,
@@ -48,10 +49,12 @@ def main():
     """
 
 
+main.add_command(beam_errors)
 main.add_command(cache_commands)
 main.add_command(clean)
 main.add_command(corrections)
 main.add_command(readings)
+main.add_command(sensitivity)
 main.add_command(suggest)
 main.add_command(templates)
 main.add_command(transfer)

@@ -15,6 +15,7 @@ from himap.products.fingerprint import CodeTree
 
 __all__ = [
     "StoredResult",
+    "beam_errors_code",
     "corrections_code",
     "ledger_code",
     "readings_code",
@@ -23,6 +24,9 @@ __all__ = [
 ]
 
 _LEDGER = "from himap.paper.ledger import evaluate, realisations"
+_BEAM_ERRORS = (
+    "from himap.paper.beam_errors import evaluate\nfrom himap.paper.corrections import cases_and_methods"
+)
 _CORRECTIONS = "from himap.paper.corrections import cases_and_methods, evaluate"
 _READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
 
@@ -43,8 +47,8 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of readings and corrections these words, of a folder of figures their names, of timings
-        nothing.
+        "claims", of readings, corrections and beam errors these words, of a folder of figures their names, of
+        timings nothing.
     """
 
     path: Path
@@ -100,7 +104,17 @@ def corrections_code(tree=None):
     return (tree or CodeTree()).source_fingerprint(_CORRECTIONS)
 
 
-_CODES = {"claims": ledger_code, "corrections": corrections_code, "readings": readings_code}
+def beam_errors_code(tree=None):
+    """SHA-256 (hex) of the code that measures what a wrong beam costs, as `ledger_code`."""
+    return (tree or CodeTree()).source_fingerprint(_BEAM_ERRORS)
+
+
+_CODES = {
+    "beam_errors": beam_errors_code,
+    "claims": ledger_code,
+    "corrections": corrections_code,
+    "readings": readings_code,
+}
 
 
 def _state(result, today):

@@ -4,11 +4,13 @@ from himap.cubes.beams import beams_of
 from himap.cubes.cleaning import clean_cube
 from himap.cubes.cube import read_cube
 from himap.cubes.report import write_report
+from himap.cubes.sensitivity import beam_sensitivity
 from himap.cubes.suggestion import suggest
 from himap.cubes.transfer import correct, measure_transfer
 from himap.cubes.writing import save_cleaned
 
 __all__ = [
+    "beam_sensitivity",
     "beams_of",
     "clean_cube",
     "correct",

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class Correction:
         What the mocks say of the scatter of `corrected`.
     """
 
+    command: ClassVar[str] = "corrections"
     seed: int
     method: str
     n_sources: int

@@ -1,0 +1,98 @@
+"""What the commands for cubes of one's own share: options, and the cube, beams and parameters of these."""
+
+from importlib import import_module
+
+import click
+
+from himap.cli.shared import named_values
+from himap.companion.parameters import parse_texts
+from himap.errors import InputError
+
+__all__ = ["Methods", "cube_and_beams", "cube_options", "method_parameters", "mock_options"]
+
+
+class _Registered(click.Option):
+    """An option whose help lists what there is, found when it is asked for."""
+
+    package, more = "", ""
+
+    def get_help_record(self, context):
+        names = import_module(self.package).available()
+        self.help = f"{', '.join(names)}{self.more}."
+        return super().get_help_record(context)
+
+
+class Methods(_Registered):
+    package = "himap.removal"
+
+
+class Beams(_Registered):
+    package = "himap.instrument.beams"
+    more = " (NAME:PARAMETER=VALUE for others), or a FILE"
+
+
+_OPTIONS = [
+    click.option("--beam", cls=Beams, metavar="NAME"),
+    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
+    click.option("--overwrite", is_flag=True, help="Write over what is there."),
+    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
+    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
+    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
+    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
+]
+
+
+_MOCKS = [
+    click.option(
+        "--mocks",
+        metavar="N|FILE",
+        multiple=True,
+        help="Mocks of HI to put in: how many, or a file.",
+    ),
+    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
+]
+
+
+def _with_options(options):
+    def with_all(command):
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return with_all
+
+
+cube_options, mock_options = _with_options(_OPTIONS), _with_options(_MOCKS)
+
+
+def method_parameters(pairs):
+    """Parameters of a method from texts NAME=VALUE."""
+    parameters = parse_texts([], named_values(pairs))
+    if "name" in parameters:
+        raise InputError("no method has a parameter called name; --method says which method.")
+    return parameters
+
+
+def cube_and_beams(path, remover, beam, dish, reading):
+    """The cube, with its remarks told, and its beams, None where none are named."""
+    import numpy as np
+
+    from himap.cubes.beams import beams_of
+    from himap.cubes.cube import read_cube
+    from himap.instrument.beams.base import gaussian_widths
+
+    if dish is not None and beam is None:
+        raise InputError("--dish belongs to a beam; give --beam too.")
+    if beam is None and remover.needs_beams:
+        raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
+    cube = read_cube(path, **reading)
+    for remark in cube.remarks:
+        click.echo(remark, err=True)
+    beams = None if beam is None else beams_of(cube, beam, dish=dish)
+    if beams is not None:
+        widths = np.rad2deg(gaussian_widths(beams))
+        click.echo(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.", err=True)
+    return cube, beams

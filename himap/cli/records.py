@@ -1,0 +1,155 @@
+"""`himap corrections`, `himap beam-errors`: what is measured on many skies beyond the paper, as records."""
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from himap.checks import whole_number
+from himap.cli.shared import debug, judging_parameters, provenance_parameters, workers
+from himap.companion.notebook_files import check_output, copy_name
+from himap.companion.parameters import Parameter
+from himap.figures.tables import Table
+from himap.products.fingerprint import CodeTree
+from himap.products.provenance import Provenance
+
+__all__ = ["beam_errors", "corrections"]
+
+_SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
+_WITHOUT = ("results", "lobes")  # what the notebooks show
+_ERRORS = {  # of a beam that is taken for another, by kind
+    "width": [1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2],
+    "ripple": [1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3],
+    "amplitude": [0.003, 0.01, 0.03, 0.1, 0.3, 1.0],
+    "phase": [0.003, 0.01, 0.03, 0.1, 0.3, 1.0],
+    "period": [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2],
+}
+
+
+def _record_options(chapter, name):
+    """The options of a command that writes a record, with the parameters of a chapter."""
+    options = [
+        click.option("--preset", help="ci, quick, laptop or paper; default: quick."),
+        click.option(
+            "-p", "pairs", metavar="NAME=VALUE", multiple=True, help=f"A parameter, as of {chapter}."
+        ),
+        click.option(
+            "-o", "--output", help=f"Where to write the JSON; default results/{name}_PRESET_PARAMETERS.json."
+        ),
+    ]
+
+    def with_options(command):
+        command = debug(workers(command))
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return with_options
+
+
+def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, own, measure):
+    """Measure a record, write it, and print its table; `measure` gives skies, rows and their parameters."""
+    from himap.paper.record_file import write_record
+
+    chosen, given = judging_parameters(
+        pairs, preset, own=own, without=_WITHOUT, more=[_SKIES], notebook=chapter
+    )
+    file = copy_name(name, chosen["preset"], given, suffix=".json")
+    path = check_output(Path(output) if output else Path("results") / file, suffix=".json")
+    started, preset = time.monotonic(), chosen["preset"]
+    cases, rows, parameters = measure(chosen)
+    about = Provenance.of(
+        cases[0].survey,
+        galaxy=cases[0].galaxy,
+        preset=preset,
+        parameters={"n_realisations": len(cases)} | parameters | provenance_parameters(given),
+        started=started,
+    )
+    code = code_of(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since
+    write_record(rows, path, asdict(about) | {"code": code})
+    click.echo(Table(measured.HEADER, measured.summary(rows), align=align))
+    click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+@click.command()
+@_record_options("20_transfer_function", "corrections")
+def corrections(preset, pairs, output):
+    """Measure how well transfer functions correct what methods lose.
+
+    Mocks are put into the observation of every sky and cleaned with it; the power of what comes back of them
+    corrects the power of what is left, which is held against the truth. On 20 skies with 10 mocks unless told
+    otherwise. What was interrupted goes on where it stopped.
+
+    The table tells of each band of C_l and P(k) the mean over skies of the ratio to the truth, as it is left,
+    corrected, and corrected by the other definition; the scatter of what is corrected, that which the mocks
+    foretell, and on how many skies the truth lies within the last.
+
+    \b
+    himap corrections --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
+    """
+    # Imported here: other commands need not wait seconds for what does the work.
+    from himap.companion.staleness import corrections_code
+    from himap.paper import corrections as measured
+    from himap.paper.mocks import first_mocks
+
+    def measure(chosen):
+        n_mocks = whole_number("n_mocks", chosen.pop("n_mocks"), 2, 1000)  # one has no scatter
+        cases, removers = measured.cases_and_methods(**chosen)
+        rows = measured.evaluate(cases, removers, first_mocks(n_mocks, cases))
+        return cases, rows, {"n_mocks": n_mocks}
+
+    methods = [["beam_subspace", 3], ["pca", 5], ["pca", 8], ["gmca", 5], ["sdecgmca", 5]]
+    _record(
+        "corrections",
+        corrections_code,
+        measured,
+        "llr" + "r" * len(measured.HEADER),
+        pairs=pairs,
+        preset=preset,
+        output=output,
+        chapter="20_transfer_function",
+        own={"n_mocks": 10, "methods": methods},
+        measure=measure,
+    )
+
+
+@click.command("beam-errors")
+@_record_options("21_beam_errors", "beam_errors")
+def beam_errors(preset, pairs, output):
+    """Measure what it costs methods to be told a wrong beam.
+
+    Each method cleans every sky with a beam whose width, or ripple, is wrong by so much, or with another
+    beam; what is left is held against the truth. On 20 skies unless told otherwise. What was interrupted goes
+    on where it stopped.
+
+    The table tells of each method and error the ratio of power to that of the truth that is furthest from 1,
+    how much HI is kept there, and the most that is left of foreground, of C_l at 10 <= l < 100 and of P(k)
+    at k > 0.03.
+
+    \b
+    himap beam-errors --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
+    """
+    from himap.companion.staleness import beam_errors_code
+    from himap.paper import beam_errors as measured
+    from himap.paper.corrections import cases_and_methods
+
+    methods = [["beam_subspace", n] for n in (3, 4, 5, 6)] + [["sdecgmca", 5], ["pca", 6], ["pca", 8]]
+
+    def measure(chosen):
+        errors = chosen.pop("errors")
+        cases, removers = cases_and_methods(**chosen)
+        return cases, measured.evaluate(cases, removers, errors), {}
+
+    _record(
+        "beam_errors",
+        beam_errors_code,
+        measured,
+        "lllrlrrl",
+        pairs=pairs,
+        preset=preset,
+        output=output,
+        chapter="21_beam_errors",
+        own={"errors": _ERRORS, "methods": methods},
+        measure=measure,
+    )

@@ -1,0 +1,192 @@
+"""How far what is left of a cube hangs on its beam, without the truth."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from himap.cubes import page
+from himap.cubes.beams import beams_of
+from himap.cubes.cleaning import Basis, method_for
+from himap.errors import InputError
+from himap.figures import plotting, styles
+from himap.figures.tables import Table
+from himap.instrument.beams import named
+from himap.instrument.beams.base import Beam
+from himap.instrument.beams.misjudged import Misjudged
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.measures.difference import FAINT
+from himap.measures.power_spectra import masked_alms
+from himap.measures.transfer import bands, recovery
+from himap.progress import progress
+
+__all__ = [
+    "HEADER",
+    "RIPPLES",
+    "WIDTHS",
+    "Sensitivity",
+    "beam_sensitivity",
+    "sensitivity_figure",
+    "sensitivity_rows",
+    "write_sensitivity",
+]
+
+HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
+"""Columns of `sensitivity_rows`."""
+
+WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
+"""What is tried unless told otherwise: errors of the FWHM, of all channels and oscillating, relative."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensitivity:
+    """What becomes of the power that is left, were the beam another.
+
+    Attributes
+    ----------
+    told
+        The `Misjudged` beam.
+    ratios
+        {band: power with that beam over power with the one that is believed}, such as "C/C0, 10-19".
+    """
+
+    told: Misjudged
+    ratios: dict[str, float]
+
+    @property
+    def kind(self):
+        """What is wrong: "width" or "ripple"."""
+        return "width" if self.told.width else "ripple"
+
+    @property
+    def error(self):
+        """By how much, relative to the FWHM."""
+        return self.told.width or self.told.ripple
+
+    @property
+    def furthest(self):
+        """(band, ratio) that is furthest from 1."""
+        return max(self.ratios.items(), key=lambda item: abs(np.log(max(item[1], np.finfo(float).tiny))))
+
+
+def beam_sensitivity(
+    cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20.0, dish=None, peaks=True, seed=2025
+):
+    """What becomes of a cleaned cube if its beam is not the one that is believed, a list of `Sensitivity`.
+
+    The truth is not needed: where the power that is left hangs on an error of the beam that cannot be
+    excluded, foreground is left or HI lost.
+
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`, of a method that uses the beam.
+    beam, dish
+        What is believed, as in `beams_of`.
+    widths
+        Relative errors of the FWHM of all channels.
+    ripples, period
+        Relative amplitudes of an error that oscillates with frequency, and its period in MHz.
+    peaks, seed
+        As the cube was cleaned (`clean_cube`).
+
+    Raises
+    ------
+    InputError
+        A method that does not use the beam, no error at all, or one outside its range.
+    """
+    cube, method = cleaned.cube, cleaned.method
+    if not method.needs_beams:
+        raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
+    told = _misjudged(beam, widths, ripples, period)
+    known = [(one, beams_of(cube, one, dish=dish)) for one in told]  # fails now
+    method_for(cube, method)
+    basis = Basis(cube, peaks=peaks)
+    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=None if cube.whole_sky else cube.mask)
+    if cleaned.separation.lmax is not None:
+        alms = sphere.alms_upto(alms, cleaned.separation.lmax)
+    faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
+    found = []
+    for one, beams in progress(known, "beams"):
+        other = method.separate(
+            basis.maps,
+            freqs=cube.freqs,
+            beams=beams,
+            rng=np.random.default_rng(seed),
+            modes=basis.modes if method.needs_modes else None,
+        )
+        more = (cleaned.separation.foreground + -other.foreground).condensed(faint)
+        more = replace(more, maps=cube.on_sphere(more.maps))
+        found.append(Sensitivity(told=one, ratios=_ratios(recovery(alms, more, cube.channel_width))))
+    return found
+
+
+def _misjudged(beam, widths, ripples, period):
+    beam = beam if isinstance(beam, Beam) else named(beam)
+    told = [Misjudged(beam=str(beam), width=width) for width in widths]
+    told += [Misjudged(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
+    if not told or not all(one.width or one.ripple for one in told):
+        raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
+    return told
+
+
+def _ratios(found):
+    known_at = {"angular": found.put_in.degrees, "frequency": found.put_in.k}
+    return {
+        band: float(
+            diagnostics.ratio(
+                getattr(found.came_back, kind)[inside], getattr(found.put_in, kind)[inside]
+            ).mean()
+        )
+        for band, (kind, inside) in bands(**known_at).items()
+    }
+
+
+def sensitivity_rows(found):
+    """One line of texts for each `Sensitivity`, a list of tuples; see `HEADER`."""
+    rows = []
+    for one in found:
+        band, ratio = one.furthest
+        wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.told.period:g} MHz"
+        rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", band))
+    return rows
+
+
+def sensitivity_figure(found):
+    """The ratios of all bands for each error of the beam: one panel for each kind."""
+    panels = []
+    for kind, title in {"width": "error of the FWHM [%]", "ripple": "ripple of the FWHM [%]"}.items():
+        several = sorted((one for one in found if one.kind == kind), key=lambda one: one.error)
+        if not several:
+            continue
+        at = range(len(several))
+        looks = styles.sequence(list(several[0].ratios))
+        curves = [((-0.5, len(several) - 0.5), (level, level), {"color": "0.75"}) for level in (0.99, 1.01)]
+        curves += [
+            (at, [one.ratios[look["label"]] for one in several], look | {"marker": "o", "markersize": 3})
+            for look in looks
+        ]
+        panels.append(
+            {
+                "curves": curves,
+                "yscale": "log",
+                "xticks": at,
+                "xticklabels": [f"{100 * one.error:+.3g}" for one in several],
+                "xlabel": title,
+                "ylabel": "power over that with the beam as believed",
+                "legend": {"fontsize": 7, "ncols": 2},
+            }
+        )
+    return plotting.lines(panels, size=(4.8, 3.8))
+
+
+def write_sensitivity(found, path):
+    """Write a page with the table and the figure of a list of `Sensitivity`."""
+    text = (
+        "The power that is left if the beam is another than is believed, over that with the beam as it is "
+        "believed, in bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
+        "excluded, know the beam better or remove one source more."
+    )
+    parts = [Table(HEADER, sensitivity_rows(found), align="lrrl").html()]
+    parts.append(page.figure(sensitivity_figure(found), "Power that is left for other beams", text))
+    path.write_text(page.page("How much hangs on the beam?", parts), encoding="utf-8")

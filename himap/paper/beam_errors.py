@@ -1,0 +1,268 @@
+"""Methods that are told another beam than that of the data: what it costs, against the truth, over skies."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from himap.errors import InputError
+from himap.instrument.beams import named
+from himap.instrument.beams.misjudged import Misjudged
+from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.rippled import Rippled
+from himap.instrument.noise import noise_sigma
+from himap.measures import diagnostics
+from himap.measures.difference import FAINT
+from himap.measures.transfer import bands, recovery
+from himap.paper import pipeline, plan
+from himap.paper.mocks import own_recovery
+from himap.products.parallel import make_all
+from himap.products.store import product
+from himap.removal.beam_projection import on_sky
+
+__all__ = [
+    "HEADER",
+    "KINDS",
+    "WORST_OF",
+    "BeamError",
+    "by_error",
+    "evaluate",
+    "misjudged_recovery",
+    "most_excess",
+    "summary",
+    "told_beam",
+    "tolerated",
+]
+
+KINDS = {
+    "width": "relative error of the FWHM",
+    "ripple": "relative amplitude of an unknown ripple of 20 MHz",
+    "amplitude": "relative error of the ripple's amplitude",
+    "phase": "error of the ripple's phase [rad]",
+    "period": "relative error of the ripple's period",
+    "beam": "another beam",
+}
+"""What can be wrong of the beam that a method is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamError:
+    """Power over that of the truth in one band, of one method that is told a wrong beam, on one sky.
+
+    Attributes
+    ----------
+    seed, method, n_sources, band
+        As of `himap.paper.corrections.Correction`.
+    kind, error
+        What is wrong (`KINDS`), and by how much; of "beam" the name of what is told. A method that does not
+        know the beam has one row a band, with the kind "none" and 0.
+    ratio, kept, excess
+        Means over the band of C/C0 or P/P0; of the share of it that is in common with the truth; and of what
+        is more than that, of foreground in the main. What a projection keeps it keeps whole, so that without
+        foreground ratio and kept are the same.
+    """
+
+    command: ClassVar[str] = "beam-errors"
+    seed: int
+    method: str
+    n_sources: int
+    kind: str
+    error: float | str
+    band: str
+    ratio: float
+    kept: float
+    excess: float
+
+
+def told_beam(beam, kind, error):
+    """The `Beam` that a method is told, where `kind` of `beam` is wrong by `error`.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, an error that is no number, or a ripple where the beam has none.
+    """
+    if kind == "beam":
+        return named(error)
+    if kind not in KINDS or isinstance(error, bool) or not isinstance(error, int | float):
+        raise InputError(
+            f"an error of the beam is one of {', '.join(KINDS)} and a number, got {kind!r} and {error!r}."
+        )
+    if kind in ("width", "ripple"):
+        return Misjudged(beam=str(beam), **{kind: float(error)})
+    ripple = Rippled() if beam == Oscillating() else beam
+    if not isinstance(ripple, Rippled):
+        raise InputError(
+            f"the {kind} of a ripple can be wrong of the beams rippled and oscillating, got {beam}."
+        )
+    own = {name: getattr(ripple, name) for name in ("amplitude", "period", "phase")}
+    own[kind] = own[kind] + error if kind == "phase" else own[kind] * (1 + error)
+    return Rippled(**own)
+
+
+@product
+def misjudged_recovery(case, remover, told):
+    """The `Recovery` of the truth, where a method is told the `Beam` `told`; peaks are masked.
+
+    A method that asks for the noise is told that of the instrument.
+    """
+    observed = pipeline.observation(case)
+    found = remover.separate(
+        pipeline.basis(case, True),
+        freqs=observed.freqs,
+        beams=told.of_survey(case.survey).total,
+        noise=noise_sigma(case.survey),
+        rng=case.survey.rng(f"removal {remover.name}"),
+        modes=pipeline.analysis(case) if remover.needs_modes else None,
+    )
+    endless = found.lmax is None
+    there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case)
+    faint = FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
+    wrong = (on_sky(there, case.survey.nside, found.lmax) + -found.foreground).condensed(faint)
+    return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
+
+
+def evaluate(cases, removers, errors):
+    """The `BeamError` of every band, method, error and case, a list; what is as large as a cube goes.
+
+    Parameters
+    ----------
+    cases
+        `pipeline.Case` each, alike but for the seed.
+    removers
+        Methods; those that do not know the beam are there for comparison.
+    errors
+        {kind: [error]}, as of `told_beam`; where nothing is wrong is there in any case, as "width" 0.
+
+    Raises
+    ------
+    InputError
+        No method, or what `told_beam` or a method refuses.
+    """
+    if not removers:
+        raise InputError("there must be methods to tell a wrong beam, got none.")
+    told = {("width", 0.0): cases[0].beam}
+    for kind, several in errors.items():
+        told |= {(kind, error): told_beam(cases[0].beam, kind, error) for error in several}
+    for beam in told.values():
+        beam.of_survey(cases[0].survey)  # fails now
+    rows = []
+    for case in cases:
+        calls = [
+            (case, remover, beam) for remover in removers if remover.needs_beams for beam in told.values()
+        ]
+        blind = [(case, remover) for remover in removers if not remover.needs_beams]
+        known = [misjudged_recovery.is_cached(*call) for call in calls]
+        known += [own_recovery.is_cached(*call) for call in blind]
+        with plan.passing_observations([] if all(known) else [case]):
+            make_all(misjudged_recovery, calls, "beams")
+            make_all(own_recovery, blind, "without beams")
+        for remover in removers:
+            if remover.needs_beams:
+                for (kind, error), beam in told.items():
+                    found = misjudged_recovery(case, remover, beam)
+                    rows += _rows(case, remover, kind, error, found)
+            else:
+                rows += _rows(case, remover, "none", 0.0, own_recovery(case, remover))
+    return rows
+
+
+def _rows(case, remover, kind, error, found):
+    known_at = {"angular": found.put_in.degrees, "frequency": found.put_in.k}
+    rows = []
+    for band, (spectrum, inside) in bands(**known_at).items():
+        back, common, true = (
+            getattr(getattr(found, name), spectrum)[inside] for name in ("came_back", "common", "put_in")
+        )
+        ratio, kept = diagnostics.ratio(back, true), diagnostics.ratio(common, true)
+        rows.append(
+            BeamError(
+                seed=case.survey.seed,
+                method=remover.name,
+                n_sources=getattr(remover, "n_sources", 0),
+                kind=kind,
+                error=error,
+                band=band,
+                ratio=float(ratio.mean()),
+                kept=float(kept.mean()),
+                excess=float((ratio - kept).mean()),
+            )
+        )
+    return rows
+
+
+WORST_OF = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
+"""The bands that are judged: below are few multipoles, and slow wavelengths are lost with any beam."""
+
+HEADER = (
+    "method",
+    "what is wrong",
+    "by",
+    "furthest from 1",
+    "in",
+    "HI kept there",
+    "most excess",
+    "in",
+)
+"""Columns of `summary`."""
+
+
+def by_error(rows):
+    """{(method, n_sources, kind, error): {band: means over skies of (ratio, kept, excess)}}, as judged."""
+    found = {}
+    for row in rows:
+        if row.band in WORST_OF:
+            key = (row.method, row.n_sources, row.kind, row.error)
+            found.setdefault(key, {}).setdefault(row.band, []).append((row.ratio, row.kept, row.excess))
+    return {
+        key: {band: np.mean(several, axis=0) for band, several in ratios.items()}
+        for key, ratios in found.items()
+    }
+
+
+def most_excess(means):
+    """The largest excess of any band, from the means of one method and error (`by_error`)."""
+    return max(float(excess) for _, _, excess in means.values())
+
+
+def tolerated(rows, limit=0.01):
+    """The error of each kind up to which the excess of no band is above `limit`.
+
+    Between the errors that were tried it is interpolated in the logarithms; beyond the largest it is that.
+
+    Returns
+    -------
+    dict
+        {(method, n_sources, kind): error}, NaN where the least error that was tried is too large.
+    """
+    curves = {}
+    for (*method, kind, error), means in by_error(rows).items():
+        if kind not in ("none", "beam") and error:
+            curves.setdefault((*method, kind), {})[error] = max(most_excess(means), limit / 1e6)
+    found = {}
+    for key, excess in curves.items():
+        errors = np.array(sorted(excess))
+        values = np.array([excess[error] for error in errors])
+        above = np.flatnonzero(values > limit)
+        if not len(above):
+            found[key] = float(errors[-1])
+        elif above[0] == 0:
+            found[key] = math.nan
+        else:
+            pair = slice(above[0] - 1, above[0] + 1)
+            found[key] = float(np.exp(np.interp(np.log(limit), np.log(values[pair]), np.log(errors[pair]))))
+    return found
+
+
+def summary(rows):
+    """One line of texts for each method and error, a list of tuples; see `HEADER`."""
+    lines = []
+    for (method, n_sources, kind, error), means in by_error(rows).items():
+        furthest = max(means, key=lambda band: abs(means[band][0] - 1))
+        most = max(means, key=lambda band: means[band][2])
+        ratio, kept, _ = means[furthest]
+        by = error if isinstance(error, str) else f"{error:g}"
+        numbers = (f"{ratio:.4g}", furthest, f"{kept:.3f}", f"{means[most][2]:.2%}", most)
+        lines.append((f"{method} {n_sources}", kind, by, *numbers))
+    return lines
