@@ -10,7 +10,17 @@ import pytest
 from himap.cubes import beams_of, read_cube
 from himap.errors import InputError
 from himap.instrument import beams
-from himap.instrument.beams import Degraded, Evolving, FromFile, MeerKAT, Oscillating, named
+from himap.instrument.beams import (
+    Degraded,
+    Evolving,
+    FromFile,
+    MeerKAT,
+    MeerKATLobes,
+    Misjudged,
+    Oscillating,
+    Rippled,
+    named,
+)
 from himap.instrument.beams.base import REGISTRY, Beam, GaussianBeam, diffraction_fwhm, gaussian_widths
 from himap.instrument.beams.oscillating import RIPPLES
 from himap.maps import sphere
@@ -91,7 +101,7 @@ class TestContract:
 
 
 def test_public_names():
-    classes = (Degraded, Evolving, FromFile, MeerKAT, Oscillating)
+    classes = (Degraded, Evolving, FromFile, MeerKAT, MeerKATLobes, Misjudged, Oscillating, Rippled)
     assert {kind.name: kind for kind in classes} == {name: REGISTRY[name] for name in NAMES}
     with pytest.raises(AttributeError, match="has no attribute 'Square'"):
         _ = beams.Square
@@ -227,6 +237,87 @@ class TestMeerKAT:
     def test_beyond_its_bands(self):
         with pytest.raises(InputError, match="katbeam knows 544 to 1088 or 856 to 1712 MHz"):
             MeerKAT().windows([500.0, 600.0], lmax=10)
+
+
+class TestMeerKATLobes:
+    @pytest.mark.parametrize("channel", [0, 1])
+    def test_against_a_map_of_the_beam(self, channel):
+        """b_l from the coefficients of a map of the beam at the pole, with all of its angles."""
+        theta, phi = hp.pix2ang(512, np.arange(12 * 512**2))
+        near = np.rad2deg(theta) < 20
+        radius = np.rad2deg(theta[near])
+        power = np.zeros(len(theta))
+        model = katbeam.JimBeam("MKAT-AA-L-JIM-2020")
+        freqs = np.array([900.0, 1400.0])
+        power[near] = model.I(radius * np.cos(phi[near]), radius * np.sin(phi[near]), freqs[channel])
+        alm = hp.map2alm(power, lmax=200, iter=1)[:201].real  # m = 0
+        expected = np.sqrt(1 / (2 * np.arange(201) + 1)) * alm / alm[0]
+        found = MeerKATLobes().windows(freqs, lmax=200).total[channel]
+        assert found == pytest.approx(expected, abs=1e-3)  # what the pixels take
+
+    def test_a_dish_ends_somewhere(self):
+        """Nothing much beyond 2 pi D / lambda, which the Gaussian does not know."""
+        freqs = np.array([900.0, 1400.0])
+        end = int(2 * np.pi / diffraction_fwhm(freqs, 13.5)[0])
+        lobes, gaussian = (kind().windows(freqs, lmax=400).total[0] for kind in (MeerKATLobes, MeerKAT))
+        assert lobes[end:].max() < 1e-3 < 5e-3 < gaussian[end]
+        assert lobes.min() == 1e-4
+        assert lobes[:20] == pytest.approx(gaussian[:20], abs=0.005)
+
+
+class TestMisjudged:
+    def test_of_a_gaussian_it_is_one_of_another_width(self):
+        told = Misjudged(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
+        expected = Evolving().fwhm(SURVEY.freqs) * (1.02 + 0.001 * np.sin(2 * np.pi * SURVEY.freqs / 7 + 0.5))
+        assert told.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
+        assert Misjudged(beam="evolving").of_survey(SURVEY).total == pytest.approx(
+            Evolving().of_survey(SURVEY).total
+        )
+
+    def test_what_the_analyst_smooths_with_is_known(self):
+        told, true = (one.of_survey(SURVEY) for one in (Misjudged(beam="degraded", width=0.1), Degraded()))
+        assert np.array_equal(told.resmoothing, true.resmoothing)
+        assert (told.telescope[:, 5:] < true.telescope[:, 5:]).all()
+
+    def test_of_a_file(self, tmp_path):
+        """It goes by the lines of the file, counts by what it holds, and keeps the sign of b_l."""
+        numbers = Evolving().of_survey(SURVEY).total
+        numbers[:, 30:] = -0.01
+        np.save(tmp_path / "b.npy", numbers)
+        told = Misjudged(beam=str(tmp_path / "b.npy"), width=0.5)
+        assert told.by_line and told.digest() == FromFile(path=tmp_path / "b.npy").digest()
+        assert told.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
+        assert not Misjudged().by_line and Misjudged().follows_dish
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("misjudged:beam=square", "unknown beam 'square'"),
+            ("misjudged:width=0.6", "width .* must be .* at most 0.5, got 0.6"),
+            ("misjudged:period=0", "period .* must be above 0, got 0"),
+            ("misjudged:width=wide", "width .* must be a number, got 'wide'"),
+        ],
+    )
+    def test_refused(self, text, message):
+        with pytest.raises(InputError, match=message):
+            named(text)
+
+
+class TestRippled:
+    def test_by_default_that_of_the_paper(self):
+        assert Rippled().of_survey(SURVEY).total == pytest.approx(Oscillating().of_survey(SURVEY).total)
+
+    def test_its_ripple(self):
+        """FWHM / (lambda / D), less that without a ripple, is A sin(2 pi nu / period + phase)."""
+        freqs = np.linspace(900, 1400, 300)
+        beam, smooth = Rippled(amplitude=0.6, period=33, phase=1.1), Rippled(amplitude=0)
+        wave = (beam.fwhm(freqs) - smooth.fwhm(freqs)) / diffraction_fwhm(freqs, 13.5)
+        assert wave == pytest.approx(0.01 * np.sin(2 * np.pi * freqs / 33 + 1.1), abs=1e-9)
+        assert smooth.fwhm(ROUND_FREQS) == pytest.approx(Oscillating().fwhm(ROUND_FREQS))
+
+    def test_beyond_the_polynomial(self):
+        with pytest.raises(InputError, match="850 to 1420 MHz"):
+            Rippled().windows([1000.0, 1500.0], lmax=10)
 
 
 class TestFromFile:

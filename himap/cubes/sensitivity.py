@@ -14,6 +14,7 @@ from himap.instrument.beams import named
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.misjudged import Misjudged
 from himap.maps import sphere
+from himap.maps.modes import MapModes
 from himap.measures import diagnostics
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
@@ -116,6 +117,8 @@ def beam_sensitivity(
             modes=basis.modes if method.needs_modes else None,
         )
         more = (cleaned.separation.foreground + -other.foreground).condensed(faint)
+        if not len(more.maps):  # nothing moves
+            more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
         more = replace(more, maps=cube.on_sphere(more.maps))
         found.append(Sensitivity(told=one, ratios=_ratios(recovery(alms, more, cube.channel_width))))
     return found

@@ -1,0 +1,119 @@
+"""How far what is left of a cube of one's own hangs on its beam, in Python and on the command line."""
+
+import numpy as np
+import pytest
+from cube_files import FREQS, N_PIX, NSIDE, himap, write_hdf5
+
+from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
+from himap.cubes.sensitivity import sensitivity_figure, sensitivity_rows
+from himap.errors import InputError
+from himap.instrument.beams import Evolving, Misjudged
+from himap.maps import sphere
+from himap.measures.power_spectra import masked_alms
+from himap.measures.transfer import cylindrical_power
+
+MEASURED = {"ordering": "RING", "units": "mK"}
+
+
+@pytest.fixture
+def path(rng, tmp_path):
+    """Two power laws with structure on all scales, seen through the evolving beam, and noise."""
+    sharp = [
+        sphere.synthesise(sphere.gaussian_alm(1e8 / np.arange(1, 2 * NSIDE) ** 2, rng), NSIDE)
+        for _ in range(2)
+    ]
+    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+    windows = Evolving().windows(FREQS, lmax=3 * NSIDE - 1).total
+    maps = [
+        sphere.synthesise(sphere.multiply_beam(sphere.analyse(one), window), NSIDE)
+        for one, window in zip(spectra @ np.array(sharp), windows, strict=True)
+    ]
+    noise = rng.normal(scale=0.05, size=(len(FREQS), N_PIX))
+    return write_hdf5(tmp_path / "cube.h5", (np.array(maps) + noise).astype(np.float32), **MEASURED)
+
+
+def cleaned_with(cube, beam):
+    return clean_cube(cube, "beam_subspace", n_sources=2, beams=beams_of(cube, beam), peaks=False)
+
+
+def test_power_of_cubes_that_are_cleaned_with_that_beam(path):
+    cube = read_cube(path)
+    cleaned, wrong = (
+        cleaned_with(cube, beam) for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
+    )
+    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[], peaks=False)
+    assert (found.kind, found.error) == ("width", 0.3)
+    before, after = (
+        cylindrical_power(masked_alms(one.residual), cube.channel_width) for one in (cleaned, wrong)
+    )
+    inside, high = slice(10, 20), before.k > 0.1
+    ratio = np.mean(after.angular[inside] / before.angular[inside])
+    assert found.ratios["C/C0, 10-19"] == pytest.approx(ratio, rel=0.01) and ratio > 2
+    ratio = np.mean(after.frequency[high] / before.frequency[high])
+    assert found.ratios["P/P0, k > 0.1"] == pytest.approx(ratio, rel=0.01) and ratio > 1.2
+
+
+def test_no_error_moves_nothing_and_more_moves_more(path):
+    cube = read_cube(path)
+    cleaned = cleaned_with(cube, Evolving())
+    found = beam_sensitivity(cleaned, Evolving(), widths=[1e-9, 0.1], ripples=[1e-2], period=50, peaks=False)
+    none, width, ripple = found
+    assert list(none.ratios.values()) == pytest.approx([1] * len(none.ratios), abs=1e-3)
+    assert width.furthest[1] > 1.2 and ripple.furthest[1] > 1.2
+    assert ripple.told.period == 50
+    rows = sensitivity_rows(found)
+    assert rows[1][:2] == ("FWHM of all channels", "+10 %") and rows[2][:2] == ("ripple of 50 MHz", "+1 %")
+    first, second = sensitivity_figure(found).axes
+    assert len(first.get_lines()) == 2 + len(width.ratios)
+    assert [text.get_text() for text in second.get_xticklabels()] == ["+1"]
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "message"),
+    [
+        ("pca", {}, "pca does not use the beam"),
+        ("beam_subspace", {"widths": [], "ripples": []}, "there must be errors of the beam"),
+        ("beam_subspace", {"widths": [0.0]}, "none that is 0"),
+        ("beam_subspace", {"widths": [0.9]}, "at most 0.5, got 0.9"),
+        ("beam_subspace", {"period": 0}, "period .* above 0"),
+        ("beam_subspace", {"dish": 12}, "dish= is for the beams"),
+    ],
+)
+def test_refused(path, method, options, message):
+    cube = read_cube(path)
+    beam = "meerkat" if "dish" in options else "evolving"
+    cleaned = clean_cube(cube, method, n_sources=2, beams=beams_of(cube, beam), peaks=False)
+    with pytest.raises(InputError, match=message):
+        beam_sensitivity(cleaned, beam, peaks=False, **options)
+
+
+class TestCommand:
+    COMMAND = ("--method", "beam_subspace", "--beam", "evolving", "-p", "n_sources=2", "--keep-peaks")
+
+    def test_table_and_page(self, path, tmp_path):
+        page = tmp_path / "beam.html"
+        done = himap("sensitivity", path, *self.COMMAND, "--width", "0.01", "--ripple", "1e-4", "-o", page)
+        assert done.exit_code == 0, done.output
+        header, width, ripple, told = done.stdout.splitlines()
+        assert header.split()[:3] == ["what", "is", "wrong"]
+        assert width.startswith("FWHM of all channels") and "+1 %" in width
+        assert ripple.startswith("ripple of 20 MHz") and "+0.01 %" in ripple
+        assert told.startswith(str(page))
+        text = page.read_text()
+        assert "How much hangs on the beam?" in text and text.count("<img") == 1 and "+0.01 %" in text
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (("--method", "pca"), "pca does not use the beam"),
+            (("--method", "beam_subspace"), "give --beam"),
+            ((*COMMAND, "--width", "0"), "none that is 0"),
+            ((*COMMAND, "-o", "beam.png"), ".html file"),
+        ],
+    )
+    def test_refused(self, path, options, message, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        before = sorted(tmp_path.iterdir())
+        done = himap("sensitivity", path, *options)
+        assert done.exit_code == 2 and message in done.output
+        assert sorted(tmp_path.iterdir()) == before
