@@ -200,10 +200,10 @@ class TestFile:
         path = tmp_path / "beam_errors.json"
         write_record(rows, path, {"preset": "ci"})
         assert read_record(BeamError, path) == (rows, {"preset": "ci"})
-        assert list(json.loads(path.read_text())) == ["format", "about", "beam_errors"]
+        assert list(json.loads(path.read_text())) == ["format", "about", "columns", "beam_errors"]
 
     def test_of_another_command(self, tmp_path):
         path = tmp_path / "other.json"
-        path.write_text(json.dumps({"format": 1, "about": {}, "corrections": [{}]}))
+        path.write_text(json.dumps({"format": 2, "about": {}, "columns": [], "corrections": [[]]}))
         with pytest.raises(InputError, match="not a file that `himap beam-errors` wrote"):
             read_record(BeamError, path)

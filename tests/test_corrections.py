@@ -130,7 +130,20 @@ class TestSummary:
         assert corrected.get_label() == "PCA 5"
 
 
+FILE = {
+    "format": 2,
+    "about": {},
+    "columns": list(asdict(ROW)),
+    "corrections": [list(asdict(ROW).values())],
+}
+
+
 class TestFile:
+    def test_a_file_by_hand(self, tmp_path):
+        path = tmp_path / "corrections.json"
+        path.write_text(json.dumps(FILE))
+        assert read_record(Correction, path) == ([ROW], {})
+
     def test_there_and_back(self, tmp_path):
         path = tmp_path / "corrections.json"
         write_record(ROWS, path, {"preset": "ci"})
@@ -146,10 +159,12 @@ class TestFile:
         [
             "{",
             "[]",
-            json.dumps({"format": 2, "about": {}, "corrections": [asdict(ROW)]}),
-            json.dumps({"format": 1, "about": {}, "corrections": []}),
-            json.dumps({"format": 1, "about": {}, "corrections": [{"seed": 1}]}),
-            json.dumps({"format": 1, "about": 3, "corrections": [asdict(ROW)]}),
+            json.dumps(FILE | {"format": 1}),
+            json.dumps(FILE | {"corrections": []}),
+            json.dumps(FILE | {"corrections": [[1]]}),
+            json.dumps(FILE | {"columns": ["seed", "colour"]}),
+            json.dumps(FILE | {"about": 3}),
+            json.dumps({name: value for name, value in FILE.items() if name != "columns"}),
         ],
     )
     def test_other_files_are_refused(self, tmp_path, content):

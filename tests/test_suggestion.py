@@ -28,7 +28,7 @@ class TestSuggestion:
         found = suggestion.suggest(cube, "pca", n_sources=range(1, 8))
         assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
         assert found.range == (n_components, n_components)
-        assert f"n_sources = {n_components}," in suggestion.advice(found)
+        assert f"For pca, consider n_sources = {n_components}, by both" in suggestion.advice(found)
 
     @pytest.mark.parametrize("share", [0, 0.3])
     def test_spectra_beside_those_of_another_number(self, share, maps, rng, tmp_path):
@@ -85,7 +85,7 @@ class TestSuggestion:
         path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
         page = tmp_path / "n.html"
         done = himap("suggest", path, "--to", 4, "-o", page)
-        assert done.exit_code == 0 and "Consider n_sources = 2," in done.output
+        assert done.exit_code == 0 and "For pca, consider n_sources = 2, by both criteria." in done.output
         assert page.read_text().count("<img alt=") == 1
         again = himap("suggest", path, "-o", page)
         assert again.exit_code == 2 and "give --overwrite" in again.output

@@ -10,7 +10,7 @@ from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest, transfer
 from himap.cli.readings import readings
-from himap.cli.records import beam_errors, corrections
+from himap.cli.records import beam_errors, corrections, suggestions
 from himap.cli.sensitivity import sensitivity
 from himap.cli.shared import (
     SETTINGS,
@@ -56,6 +56,7 @@ main.add_command(corrections)
 main.add_command(readings)
 main.add_command(sensitivity)
 main.add_command(suggest)
+main.add_command(suggestions)
 main.add_command(templates)
 main.add_command(transfer)
 

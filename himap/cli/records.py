@@ -1,4 +1,4 @@
-"""`himap corrections`, `himap beam-errors`: what is measured on many skies beyond the paper, as records."""
+"""`himap corrections`, `beam-errors`, `suggestions`: what is measured on many skies beyond the paper."""
 
 import time
 from dataclasses import asdict
@@ -14,9 +14,9 @@ from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
 
-__all__ = ["beam_errors", "corrections"]
+__all__ = ["beam_errors", "corrections", "suggestions"]
 
-_SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
+_SKIES = "skies, each with a seed of its own"
 _WITHOUT = ("results", "lobes")  # what the notebooks show
 _ERRORS = {  # of a beam that is taken for another, by kind
     "width": [1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2],
@@ -48,12 +48,17 @@ def _record_options(chapter, name):
     return with_options
 
 
-def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, own, measure):
+def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, own, measure, n_skies=20):
     """Measure a record, write it, and print its table; `measure` gives skies, rows and their parameters."""
     from himap.paper.record_file import write_record
 
     chosen, given = judging_parameters(
-        pairs, preset, own=own, without=_WITHOUT, more=[_SKIES], notebook=chapter
+        pairs,
+        preset,
+        own=own,
+        without=_WITHOUT,
+        more=[Parameter("n_realisations", "int", n_skies, _SKIES)],
+        notebook=chapter,
     )
     file = copy_name(name, chosen["preset"], given, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / file, suffix=".json")
@@ -152,4 +157,54 @@ def beam_errors(preset, pairs, output):
         chapter="21_beam_errors",
         own={"errors": _ERRORS, "methods": methods},
         measure=measure,
+    )
+
+
+@click.command()
+@_record_options("22_how_many", "suggestions")
+def suggestions(preset, pairs, output):
+    """Measure how often criteria find the right number of sources without the truth.
+
+    Each method cleans every sky, through every beam and with every noise, with each number of sources; what
+    each criterion is for is held against the number that is nearest to the truth. On 5 skies unless told
+    otherwise. What was interrupted goes on where it stopped.
+
+    The table tells of each method and criterion how often it was right, or for so many more or less, and the
+    median of what is wrong in the worst band of C_l at 10 <= l < 100 and of P(k) at k > 0.03, with the number
+    that it is for and with the best.
+
+    \b
+    himap suggestions --preset quick -p galaxy=templates -p template_dir=maps --jobs 2
+    """
+    from himap.companion.staleness import suggestions_code
+    from himap.instrument.beams import named
+    from himap.paper import suggestions as measured
+    from himap.paper.corrections import cases_and_methods
+    from himap.paper.methods import paper_beams
+    from himap.paper.mocks import first_mocks
+
+    def measure(chosen):
+        skies = chosen.pop("n_realisations")
+        n_mocks = whole_number("n_mocks", chosen.pop("n_mocks"), 1, 1000)
+        most = whole_number("n_sources_max", chosen.pop("n_sources_max"), 2, 100)
+        beams, noises, methods = (chosen.pop(name) for name in ("beams", "noises", "methods"))
+        paper = paper_beams(ripple=chosen.pop("ripple"))
+        (first,), _ = cases_and_methods(**chosen, methods=(), n_realisations=1)
+        beams = [paper.get(name) or named(name) for name in beams]
+        cases = measured.cases_over(first, beams=beams, noises=noises, n_realisations=skies)
+        rows = measured.evaluate(cases, methods, first_mocks(n_mocks, cases), range(1, most + 1))
+        return cases, rows, {"n_realisations": skies, "n_mocks": n_mocks}
+
+    _record(
+        "suggestions",
+        suggestions_code,
+        measured,
+        "llrrrrrrrr",
+        pairs=pairs,
+        preset=preset,
+        output=output,
+        chapter="22_how_many",
+        own={},
+        measure=measure,
+        n_skies=5,
     )

@@ -21,6 +21,7 @@ __all__ = [
     "readings_code",
     "stale_results",
     "stored_results",
+    "suggestions_code",
 ]
 
 _LEDGER = "from himap.paper.ledger import evaluate, realisations"
@@ -28,6 +29,10 @@ _BEAM_ERRORS = (
     "from himap.paper.beam_errors import evaluate\nfrom himap.paper.corrections import cases_and_methods"
 )
 _CORRECTIONS = "from himap.paper.corrections import cases_and_methods, evaluate"
+_SUGGESTIONS = (
+    "from himap.paper.corrections import cases_and_methods\n"
+    "from himap.paper.suggestions import cases_over, evaluate"
+)
 _READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
 
 
@@ -47,8 +52,8 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of readings, corrections and beam errors these words, of a folder of figures their names, of
-        timings nothing.
+        "claims", of readings, corrections, beam errors and suggestions these words, of a folder of figures
+        their names, of timings nothing.
     """
 
     path: Path
@@ -109,11 +114,17 @@ def beam_errors_code(tree=None):
     return (tree or CodeTree()).source_fingerprint(_BEAM_ERRORS)
 
 
+def suggestions_code(tree=None):
+    """SHA-256 (hex) of the code that judges criteria for the number of sources, as `ledger_code`."""
+    return (tree or CodeTree()).source_fingerprint(_SUGGESTIONS)
+
+
 _CODES = {
     "beam_errors": beam_errors_code,
     "claims": ledger_code,
     "corrections": corrections_code,
     "readings": readings_code,
+    "suggestions": suggestions_code,
 }
 
 

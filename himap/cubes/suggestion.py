@@ -1,4 +1,4 @@
-"""How many sources to remove, without knowing the truth: three views of a cube, and a range.
+"""How many sources to remove, without knowing the truth: three views of a cube, and a number or a range.
 
 Eigenvalues
     Of the channel covariance: HI and noise decline slowly and evenly with the number of the component,
@@ -10,7 +10,7 @@ Information criterion
     explains more than it costs.
 Stability
     How much both recovered spectra move from one n_s to the next. They fall steeply while foreground is left,
-    then hardly, and fall slowly for good as signal is taken.
+    then hardly, and fall slowly for good as signal is taken. It shows where no number is good.
 """
 
 from dataclasses import dataclass
@@ -22,15 +22,12 @@ from himap.cubes.cleaning import Basis, clean_cube, method_for
 from himap.cubes.report import SpectraBeside
 from himap.errors import InputError
 from himap.figures import plotting, styles
+from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
 from himap.progress import progress
 from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.covariance import channel_covariance
 
 __all__ = ["Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
-
-_STANDS_OUT = 3.0  # times the line of HI and noise: an eigenvalue with foreground in it
-_STABLE = 0.1  # relative change of a spectrum, in the mean over its scales
-_BULK = (0.2, 0.8)  # of the components: HI and noise for sure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +48,8 @@ class Suggestion:
         Largest relative change of C_l and P(k), in the mean over scales, to the next n_s, (n - 1,).
     stable
         The first number from which the spectra hardly move to the next, or None.
-    knows_beam
-        Whether the method does.
+    method, knows_beam
+        Name of the method that it is for, and whether that uses the beam.
     """
 
     n_sources: np.ndarray
@@ -62,24 +59,33 @@ class Suggestion:
     criterion: np.ndarray
     change: np.ndarray
     stable: int | None
+    method: str
     knows_beam: bool
 
     @property
+    def best(self):
+        """The number at which the criterion is least."""
+        return int(self.n_sources[self.criterion.argmin()])
+
+    @property
     def range(self):
-        """(low, high): from the least to the largest number that one of the three views is for, or None."""
-        if self.stable is None:
+        """(low, high): the number that the criterion and the eigenvalues agree on, or from one to the other.
+
+        None where no spectrum is stable, or the criterion falls to the last number that was tried.
+        """
+        if self.stable is None or (self.best == self.n_sources[-1] and self.n_bright >= self.best):
             return None
-        best = int(self.n_sources[self.criterion.argmin()])
-        views = np.clip([self.stable, best, self.n_bright], *self.n_sources[[0, -1]])
+        views = np.clip([self.best, self.n_bright], *self.n_sources[[0, -1]])
         return int(views.min()), int(views.max())
 
 
 def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **parameters):
     """Which numbers of sources to consider for a cube, without the truth.
 
-    Recommended is the range of what the three views say: eigenvalues that stand out, the least criterion, and
-    the first number from which both spectra move by less than 10 % to the next. For a method that knows the
-    beam, eigenvalues are those of the maps at the resolution of the worst channel, to l = 2 nside.
+    Recommended is what the least criterion and the eigenvalues that stand out say, one number where they
+    agree; none where no number leaves both spectra as they are with one more, to 10 %. It is for this method
+    and beam only. For a method that knows the beam, eigenvalues are those of the maps at the resolution of
+    the worst channel, to l = 2 nside.
 
     Parameters
     ----------
@@ -116,18 +122,17 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         spectra_of = spectra_of or SpectraBeside(cleaned)
         variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
-    change = np.array([_change(fewer, more) for fewer, more in zip(spectra[:-1], spectra[1:], strict=True)])
+    change = changes(spectra)
     values = _eigenvalues(cube, basis, beams if knows_beam else None)
-    line = _line(values)
-    stable = change < _STABLE
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
-        line=line,
-        n_bright=int(np.argmin(values > _STANDS_OUT * line)),
-        criterion=_criterion(np.array(variances), counts, cube.maps.shape[1]),
+        line=eigenvalue_line(values),
+        n_bright=n_above(values),
+        criterion=information(np.array(variances), counts, cube.maps.shape[1]),
         change=change,
-        stable=int(counts[stable.argmax()]) if stable.any() else None,
+        stable=settled(change, counts),
+        method=method,
         knows_beam=knows_beam,
     )
 
@@ -141,34 +146,14 @@ def _eigenvalues(cube, basis, beams):
     return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
 
 
-def _line(values):
-    """A straight line through the logarithms of the eigenvalues of HI and noise, carried on to the others."""
-    number = np.arange(len(values))
-    first, last = (int(share * len(values)) for share in _BULK)
-    bulk = slice(first, max(last, first + 2))
-    slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], np.finfo(float).tiny)), 1)
-    return np.exp(offset + slope * number)
-
-
-def _criterion(variances, counts, n_pix):
-    """BIC over n_pix n_channels, less its least; `variances` (n, n_channels) are those of the residuals."""
-    n_channels = variances.shape[1]
-    bic = np.log(variances).mean(axis=1) + counts * np.log(n_pix) / n_pix * (n_channels + n_pix) / n_channels
-    return bic - bic.min()
-
-
 def _scales(spectra, nside):
     """C_l for 2 <= l <= 2 nside, and P(k) for k > 0."""
     inside = (spectra.angular.degrees >= 2) & (spectra.angular.degrees <= 2 * nside)
     return spectra.angular.mean[inside], spectra.frequency.power[1:]
 
 
-def _change(fewer, more):
-    return max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(fewer, more, strict=True))
-
-
 def advice(suggestion):
-    """The recommendation of a `Suggestion` in words."""
+    """The recommendation of a `Suggestion` in words, and what one source more would change."""
     if suggestion.range is None:
         other = "" if suggestion.knows_beam else ", or a method that knows the beam"
         return (
@@ -176,7 +161,15 @@ def advice(suggestion):
             f"as they are with one more: try larger ones{other}."
         )
     low, high = suggestion.range
-    return f"Consider n_sources = {low if low == high else f'{low} to {high}'}, and look at the page of each."
+    numbers = f"{low}, by both criteria" if low == high else f"{low} to {high}, and look at the page of each"
+    last = np.flatnonzero(suggestion.n_sources == high)[0]
+    if last == len(suggestion.change):
+        return f"For {suggestion.method}, consider n_sources = {numbers}."
+    more = suggestion.change[last]
+    return (
+        f"For {suggestion.method}, consider n_sources = {numbers}. One more than {high} changes a spectrum "
+        f"by {more:.1%} in the mean over its scales."
+    )
 
 
 def views_figure(suggestion):
@@ -210,7 +203,7 @@ def views_figure(suggestion):
             "yscale": "log",
             "curves": [
                 (suggestion.n_sources[:-1], suggestion.change, blue),
-                (suggestion.n_sources[[0, -2]], np.full(2, _STABLE), {"color": "black", "linestyle": "--"}),
+                (suggestion.n_sources[[0, -2]], np.full(2, STABLE), {"color": "black", "linestyle": "--"}),
             ],
         },
     ]

@@ -1,7 +1,7 @@
 """The file of what was measured on many skies, rows of one kind: written whole, and read strictly."""
 
 import json
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 
 from himap.errors import InputError
@@ -9,8 +9,8 @@ from himap.outputs import whole_file
 
 __all__ = ["read_record", "write_record"]
 
-_FORMAT = 1
-_DIGITS = 5  # of a number: far more than two machines agree on
+_FORMAT = 2
+_DIGITS = 4  # of a number: more than two machines agree on
 
 
 def write_record(rows, path, about):
@@ -18,21 +18,21 @@ def write_record(rows, path, about):
 
     Rows are dataclasses whose class says in `command` which command of `himap` measures them.
     """
-    lines = ",\n".join(json.dumps(_rounded(asdict(row)), allow_nan=False) for row in rows)
-    head = f'"format": {_FORMAT},\n"about": {json.dumps(about)}'
+    columns = [item.name for item in fields(rows[0])]
+    lines = ",\n".join(
+        json.dumps([_rounded(getattr(row, name)) for name in columns], allow_nan=False) for row in rows
+    )
+    head = f'"format": {_FORMAT},\n"about": {json.dumps(about)},\n"columns": {json.dumps(columns)}'
     with whole_file(path) as temporary:
         temporary.write_text(f'{{{head},\n"{_key(type(rows[0]))}": [\n{lines}\n]}}\n')
 
 
+def _rounded(value):
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+
+
 def _key(kind):
     return kind.command.replace("-", "_")
-
-
-def _rounded(row):
-    return {
-        name: float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
-        for name, value in row.items()
-    }
 
 
 def read_record(kind, path):
@@ -47,7 +47,8 @@ def read_record(kind, path):
         content = json.loads(Path(path).read_text())
         if content["format"] != _FORMAT:
             raise ValueError(f"format {content['format']!r}, not {_FORMAT}")
-        rows, about = [kind(**row) for row in content[_key(kind)]], dict(content["about"])
+        columns, about = content["columns"], dict(content["about"])
+        rows = [kind(**dict(zip(columns, row, strict=True))) for row in content[_key(kind)]]
         if not rows:
             raise ValueError("no row")
     except FileNotFoundError:

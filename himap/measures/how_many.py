@@ -1,0 +1,67 @@
+"""How many sources to remove, without knowing the truth: criteria, from what each number of sources leaves.
+
+Numbers of sources are `counts`, ascending by one. `variances` (n, n_channels), mK^2, are those of what each
+of them leaves; `spectra` a list, one entry for each, of arrays such as C_l and P(k) of it.
+"""
+
+import numpy as np
+
+__all__ = [
+    "STABLE",
+    "changes",
+    "eigenvalue_line",
+    "information",
+    "n_above",
+    "settled",
+]
+
+STABLE = 0.1
+"""Relative change of a spectrum with one source more, in the mean over scales, below which it is stable."""
+
+_STANDS_OUT = 3.0  # times the line of HI and noise: an eigenvalue with foreground in it
+_BULK = (0.2, 0.8)  # of the components: HI and noise for sure
+
+
+def eigenvalue_line(values):
+    """A straight line through the logarithms of the eigenvalues of HI and noise, carried on to the others.
+
+    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number.
+    """
+    number = np.arange(len(values))
+    first, last = (int(share * len(values)) for share in _BULK)
+    bulk = slice(first, max(last, first + 2))
+    slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], np.finfo(float).tiny)), 1)
+    return np.exp(offset + slope * number)
+
+
+def n_above(values):
+    """How many of the first eigenvalues stand above `eigenvalue_line` three times."""
+    return int(np.argmin(values > _STANDS_OUT * eigenvalue_line(values)))
+
+
+def information(variances, counts, n_pix, *, kind="bic"):
+    """An information criterion over n_pix n_channels, less its least, (n,).
+
+    The mean over channels of ln(variance), and ln(n_pix) / n_pix ("bic", Schwarz 1978) or 2 / n_pix ("aic",
+    Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels.
+    """
+    n_channels = variances.shape[1]
+    price = {"bic": np.log(n_pix), "aic": 2.0}[kind] / n_pix
+    found = np.log(variances).mean(axis=1) + counts * price * (n_channels + n_pix) / n_channels
+    return found - found.min()
+
+
+def changes(spectra):
+    """Relative change to the next number, in the mean over scales, of what changes most, (n - 1,)."""
+    return np.array(
+        [
+            max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(fewer, more, strict=True))
+            for fewer, more in zip(spectra[:-1], spectra[1:], strict=True)
+        ]
+    )
+
+
+def settled(change, counts, limit=STABLE):
+    """The first number from which spectra change by less than `limit` to the next, or None."""
+    stable = change < limit
+    return int(counts[stable.argmax()]) if stable.any() else None

@@ -1,0 +1,118 @@
+"""What is known of each number of sources of a method, with and without the truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.decomposition import PCA as SklearnPCA
+
+from himap.measures import how_many
+from himap.measures.transfer import TransferFunction, bands
+from himap.paper import cleaned, pipeline
+from himap.paper.beam_errors import WORST_OF
+from himap.paper.mocks import own_recovery, recovered
+from himap.products.store import product
+from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.covariance import channel_covariance
+
+__all__ = ["SETTLED", "Views", "eigenvalues", "minka", "views_of"]
+
+SETTLED = 0.03
+"""Relative change of a band of a corrected spectrum with one source more, below which it is settled."""
+
+
+@product
+def eigenvalues(case, aware=False):
+    """Of the channel covariance of the peak-masked maps, (n_channels,) descending, mK^2.
+
+    For an `aware` method those of the maps at the resolution of the worst channel, to l = 2 nside.
+    """
+    if not aware:
+        return np.linalg.eigvalsh(channel_covariance(pipeline.basis(case, True)))[::-1]
+    lmax = 2 * case.survey.nside
+    beams = case.beam.of_survey(case.survey).total[:, : lmax + 1]
+    mixture = BlurredMixture(pipeline.analysis(case).upto(lmax), beams)
+    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
+
+
+@product
+def minka(case):
+    """The number of principal components that has most evidence (Minka 2000), scikit-learn's."""
+    lines = pipeline.basis(case, True).T.astype(float)
+    return int(SklearnPCA(n_components="mle", svd_solver="covariance_eigh").fit(lines).n_components_)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Views:
+    """What is known of each number of sources of one method on one case.
+
+    Attributes
+    ----------
+    counts
+        The numbers, (n,), ascending by one.
+    bic, aic
+        Information criteria, (n,) (`how_many.information`).
+    eigenvalues
+        (n_channels,), descending, mK^2.
+    change, corrected_change
+        To the next number, (n - 1,) (`how_many.changes`): of C_l and P(k), and of their bands over the
+        transfer function.
+    error, corrected_error
+        How far the worst band is from the truth, (n,), as it is left and over the transfer function.
+    """
+
+    counts: np.ndarray
+    bic: np.ndarray
+    aic: np.ndarray
+    eigenvalues: np.ndarray
+    change: np.ndarray
+    corrected_change: np.ndarray
+    error: np.ndarray
+    corrected_error: np.ndarray
+
+    @property
+    def best(self):
+        """The number that is nearest to the truth, as it is left."""
+        return int(self.counts[self.error.argmin()])
+
+    def advised(self):
+        """{criterion: number of sources, or None}, of all but "minka"; none of them knows the truth."""
+        return {
+            "bic": int(self.counts[self.bic.argmin()]),
+            "aic": int(self.counts[self.aic.argmin()]),
+            "eigenvalues": how_many.n_above(self.eigenvalues),
+            "stability": how_many.settled(self.change, self.counts),
+            "mocks": how_many.settled(self.corrected_change, self.counts, SETTLED),
+        }
+
+
+def views_of(case, removers, mocks):
+    """The `Views` of a method with each number of sources, `removers`, ascending by one."""
+    counts = np.array([remover.n_sources for remover in removers])
+    own = [own_recovery(case, remover) for remover in removers]
+    columns = zip(*(recovered(case, tuple(removers), mock) for mock in mocks), strict=True)
+    transfers = [TransferFunction(recoveries=column) for column in columns]
+    left = [_in_bands(one, one.came_back) for one in own]
+    true = [_in_bands(one, one.put_in) for one in own]
+    shares = [_in_bands(*pair) for pair in zip(own, transfers, strict=True)]
+    corrected = np.divide(left, shares)
+    variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
+    bic, aic = (
+        how_many.information(variances, counts, case.survey.n_pix, kind=kind) for kind in ("bic", "aic")
+    )
+    return Views(
+        counts=counts,
+        bic=bic,
+        aic=aic,
+        eigenvalues=eigenvalues(case, removers[0].needs_beams),
+        change=how_many.changes([(one.came_back.angular[2:], one.came_back.frequency[1:]) for one in own]),
+        corrected_change=how_many.changes([row[:, None] for row in corrected]),
+        error=np.abs(np.divide(left, true) - 1).max(axis=1),
+        corrected_error=np.abs(corrected / true - 1).max(axis=1),
+    )
+
+
+def _in_bands(recovery, spectra):
+    """Means of two spectra, "angular" and "frequency", in the judged bands, (n_bands,)."""
+    found = bands(recovery.put_in.degrees, recovery.put_in.k)
+    judged = [pair for band, pair in found.items() if band in WORST_OF]
+    return np.array([getattr(spectra, kind)[inside].mean() for kind, inside in judged])

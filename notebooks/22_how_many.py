@@ -1,0 +1,231 @@
+# ---
+# jupyter:
+#   himap:
+#     figures: []
+#     reads:
+#     - book/results/suggestions_quick_synthetic.json
+#     - book/results/suggestions_quick_templates.json
+#     section: ''
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # How many sources, without the truth
+#
+# Each method of blind source separation has to be told how many sources to remove. The paper chooses the number by the truth ({doc}`11_ns_scan`) and says in its conclusions that it should come from the data. This chapter holds criteria
+# that do not know the truth against it. A number is *right* if it is the one with which the worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is nearest to 1.
+#
+# | criterion | is for |
+# |---|---|
+# | BIC | the least mean over channels of $\ln \sigma^2_\nu$ of what is left, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
+# | AIC | the same with $2 / N$, as in GNILC ({cite:t}`olivari2016`) |
+# | eigenvalues | how many of the channel covariance stand above the line of HI and noise by a factor of 3; for a method that knows the beam, of maps at one resolution |
+# | stability | the first number with which no spectrum moves by 10 % or more when one source is added |
+# | mocks | the same, 3 %, of bands of the spectra over the transfer function ({doc}`20_transfer_function`): what is lost is corrected, so that only foreground moves them |
+# | evidence | the Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
+#
+# The first, the third and the fourth are what `himap suggest` shows.
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+survey: dict = {}  # Survey fields that differ from the preset
+galaxy: str = "synthetic"  # synthetic, templates or pysm3
+template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
+small_scales: bool = True  # add structure beyond the resolution of the templates
+ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
+beams: list = ["oscillating", "evolving", "degraded"]  # of the data, by name; the first one is shown
+noises: list = [1.0, 10.0]  # factors on the noise of the instrument, 1 first
+methods: list = ["pca", "beam_subspace"]  # that have a number of sources
+n_sources_max: int = 8  # numbers from 1 to this one are tried
+n_mocks: int = 2  # mocks, each with a seed of its own
+results: list | None = None  # what `himap suggestions` wrote; null: that of the book
+
+# %%
+import numpy as np
+
+from himap.companion.stored import RESULTS
+from himap.figures import plotting, styles
+from himap.figures.numbers import quote
+from himap.figures.tables import Table
+from himap.instrument.beams import named
+from himap.measures.how_many import STABLE, eigenvalue_line
+from himap.paper.choice import SETTLED, views_of
+from himap.paper.corrections import cases_and_methods
+from himap.paper.methods import paper_beams
+from himap.paper.mocks import first_mocks
+from himap.paper.record_file import read_record
+from himap.paper.study import Study
+from himap.paper.suggestions import CRITERIA, HEADER, Suggested, evaluate, summary
+from himap.products.provenance import Provenance
+from himap.removal import create
+
+# %% tags=["hide-input"]
+beam = paper_beams(ripple=ripple).get(beams[0]) or named(beams[0])
+(case,), _ = cases_and_methods(
+    preset=preset,
+    survey=survey,
+    galaxy=galaxy,
+    template_dir=template_dir,
+    small_scales=small_scales,
+    beam=str(beam),
+    methods=[],
+    n_realisations=1,
+)
+study = Study(
+    preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
+)
+mocks = first_mocks(n_mocks, [case])
+
+# %% [markdown]
+# ## One sky
+#
+# What the criteria see, and below it what they do not: how far the worst band is from the truth.
+
+# %% tags=["hide-input"]
+counts = range(1, n_sources_max + 1)
+rows = evaluate([case], methods, mocks, counts)
+looks = [
+    (styles.BLUE, "-", "o"),
+    (styles.VERMILION, "--", "s"),
+    (styles.GREEN, "-.", "^"),
+    (styles.PURPLE, ":", "D"),
+]
+panels = [
+    {
+        "title": "eigenvalues and the line of HI and noise",
+        "yscale": "log",
+        "ylabel": "variance [mK$^2$]",
+        "curves": [],
+    },
+    {"title": "BIC", "yscale": "symlog", "ylabel": "BIC per voxel, less its least", "curves": []},
+    {"title": "change with one source more", "yscale": "log", "ylabel": "relative change", "curves": []},
+    {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
+]
+for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
+    views = views_of(case, tuple(create(name, n_sources=n) for n in counts), mocks)
+    label = styles.METHOD_STYLES.get(name, {"label": name})["label"]
+    look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
+    faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}
+    shown = views.eigenvalues[:20]
+    line = eigenvalue_line(views.eigenvalues)[:20]
+    panels[0]["curves"] += [
+        (range(1, len(shown) + 1), shown, look),
+        (range(1, len(shown) + 1), line, {"color": colour, "linewidth": 0.8, "label": f"_{label}, line"}),
+    ]
+    panels[1]["curves"].append((views.counts, views.bic, look))
+    panels[2]["curves"] += [
+        (views.counts[:-1], views.change, look),
+        (views.counts[:-1], views.corrected_change, faint),
+    ]
+    panels[3]["curves"] += [(views.counts, views.error, look), (views.counts, views.corrected_error, faint)]
+for limit in (STABLE, SETTLED):
+    panels[2]["curves"].append(((1, n_sources_max), (limit, limit), {"color": "0.7", "linewidth": 0.8}))
+for panel in panels:
+    panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
+
+# %% mystnb={"figure": {"name": "fig-how-many-views", "caption": "Views of the number of sources. Eigenvalues of the channel covariance, at one resolution for a method that knows the beam, and the line of HI and noise. The information criterion. How much the spectra move with one source more, as they are left and corrected by mocks; the grey lines are 10 % and 3 %. And what none of them knows: how far the worst band of both spectra is from the truth."}}
+study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
+
+# %%
+Table(
+    ["method", "criterion", "advised", "best", "error with it", "with the best"],
+    [
+        (
+            row.method,
+            CRITERIA[row.criterion],
+            row.advised or "none",
+            row.best,
+            "not tried" if row.cost is None else f"{row.cost:.2f}",
+            f"{row.least:.2f}",
+        )
+        for row in rows
+    ],
+    align="llrrrr",
+)
+
+# %% [markdown]
+# (how-many-record)=
+# ## Over skies, beams and noise
+#
+# Measured before and stored with the book: five skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
+#
+# ```sh
+# himap suggestions --preset quick --jobs 2
+# ```
+#
+# Each line counts observations by what the criterion said: the right number, one or several more, one or several less, or none. Then the median over observations of how far the worst band is from 1, with the number that was advised (where
+# it was among those tried) and with the best.
+
+# %% tags=["hide-input"]
+paths = results or [RESULTS / f"suggestions_quick_{name}.json" for name in ("synthetic", "templates")]
+records = [read_record(Suggested, path) for path in paths]
+made = [Provenance.of_stored(about) for _, about in records]
+
+# %%
+Table(
+    ["Galaxy", *HEADER],
+    [(one.galaxy, *line) for (found, _), one in zip(records, made, strict=True) for line in summary(found)],
+    align="lll" + "r" * 8,
+)
+
+
+# %% tags=["hide-input"]
+def right(criterion, method=None, noise=None):
+    """The share of observations in which a criterion is right, of all records."""
+    own = [
+        row.advised == row.best
+        for found, _ in records
+        for row in found
+        if row.criterion == criterion
+        and method in (None, row.method)
+        and noise in (None, round(row.noise, 3))
+    ]
+    return f"{sum(own)} of {len(own)}"
+
+
+levels = sorted({round(row.noise, 3) for found, _ in records for row in found})
+quote(
+    many_bic=right("bic"),
+    many_bic_quiet=right("bic", noise=levels[0]),
+    many_bic_noisy=right("bic", noise=levels[-1]),
+    many_aic=right("aic"),
+    many_eigenvalues=right("eigenvalues"),
+    many_stability=right("stability"),
+    many_mocks=right("mocks"),
+    many_minka=right("minka"),
+    many_skies=len({row.seed for row in records[0][0]}),
+)
+
+# %% [markdown]
+# ## What to take away
+#
+# - **The BIC** is right for {glue:text}`many_bic` observations and methods ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** for
+#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` names one number.
+# - **Stability** is right for {glue:text}`many_stability`: HI is lost with every source, so spectra never stop moving; how fast they move depends on more than foreground. It tells where *no* number is good, and `himap suggest` uses it for
+#   that.
+# - **Mocks** are right for {glue:text}`many_mocks`. They are for the number with which the *corrected* spectra have settled, which is often one more: correction buys back what that one takes.
+# - **AIC and evidence** ({glue:text}`many_aic` and {glue:text}`many_minka`) take HI for components: its channels are correlated, as those of foregrounds are, and both criteria know only white noise. GNILC gives AIC maps that are whitened by
+#   the covariance of HI, which has to be known beforehand.
+# - The number belongs to the method and to its beam: what is right for PCA costs a method that knows the beam a share of the HI, and the other way round leaves foreground.
+#
+# On a cube of one's own:
+#
+# ```sh
+# himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
+# ```
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 22_how_many -p 'beams=["meerkat_lobes"]'             # side lobes: more components for PCA
+# himap run 22_how_many -p 'methods=["gmca", "fastica"]'
+# himap run 22_how_many -p 'noises=[1, 100]' -p n_sources_max=6
+# ```
