@@ -49,7 +49,6 @@ n_mocks: int = 2  # mocks, each with a seed of its own
 results: list | None = None  # what `himap suggestions` wrote; null: that of the book
 
 # %%
-import numpy as np
 
 from himap.companion.stored import RESULTS
 from himap.figures import plotting, styles
