@@ -1,0 +1,197 @@
+"""Gaussian process regression: what is smooth in frequency is foreground."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy import linalg, optimize
+from threadpoolctl import threadpool_limits
+
+from himap.errors import InputError
+from himap.maps.blocked import projection
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.conventions import ordered
+from himap.removal.covariance import channel_covariance
+
+__all__ = ["GaussianProcess"]
+
+_LEAST = 1e-14  # of the variance of the data: float32 maps have no smaller
+_MOST = 1e4  # of the variance of the data: a process that is smoother than the band is wide has more than it
+_LONGEST = 100.0  # bands: longer is straight to the last digit of float32
+_MOST_STEPS = 500  # some 50 are needed
+_OUT_OF_STEPS = 1  # scipy's status
+_NOTHING = 1e-6  # share of a direction that is foreground below which none of it is
+_STARTS = (1e-2, 1e-5)  # of the variance: the less smooth part of the foreground, where the search begins
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianProcess(ForegroundRemover):
+    """The mean of a Gaussian process that is smooth in frequency, given the data.
+
+    Every line of sight d is a draw of one process over frequency, a sum of independent ones with covariance
+
+        K = K_smooth + K_mix + K_HI + s^2 1,
+
+    K_smooth and K_mix squared exponentials, v exp(-x^2 / (2 L^2)) for channels x MHz apart: the foreground as
+    it was emitted, and what instruments add to it, which is less smooth; K_HI an exponential, v exp(-x / L);
+    and white noise. The foreground is (K_smooth + K_mix) K^-1 d, the rest is left (Mertens et al. 2018; for
+    single dishes Soares et al. 2022, whose kernels these are). No noise level is told: s is fitted with
+    everything else, at the maximum of the marginal likelihood of all n lines of sight,
+
+        ln L = -n/2 (ln det K + tr K^-1 C) + const,   C = d d^T / n,
+
+    by L-BFGS with the exact gradient, from two starts, of which the better end counts. It takes lines of
+    sight as independent draws, which changes how sure it is and not where its maximum is.
+
+    The foreground is linear in the data, so it is a mixing matrix times sources: the eigenvectors of
+    K_foreground against K_HI + s^2 1, each taken by its share of foreground in K. They are many, for the share
+    falls off slowly. Bounds keep the four apart: no foreground is shorter than `shortest`, no HI longer than
+    `longest_hi`.
+    """
+
+    name: ClassVar[str] = "gaussian_process"
+    shortest: float = parameter(
+        20.0, "shortest correlation length of the foreground, MHz", minimum=0, above=True
+    )
+    longest_hi: float = parameter(15.0, "longest correlation length of HI, MHz", minimum=0, above=True)
+
+    def check(self, n_channels):
+        """Refuse fewer channels than parameters."""
+        super().check(n_channels)
+        if n_channels < _Kernels.N_PARAMETERS:
+            raise InputError(
+                f"{self.name} fits {_Kernels.N_PARAMETERS} parameters to the covariance of the channels and "
+                f"needs as many channels, got {n_channels}."
+            )
+
+    def _separate(self, maps, *, freqs, beams, rng):
+        # The number of threads changes the last bits of products, and with them where the search ends.
+        with threadpool_limits(1, user_api="blas"):
+            covariance = channel_covariance(maps)
+            variance = np.trace(covariance) / len(covariance)
+            if variance == 0:
+                raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
+            kernels = _Kernels(freqs)
+            scaled = covariance / variance
+            runs = [self._maximised(kernels, scaled, mix) for mix in _STARTS]
+            best = min(runs, key=lambda run: run.fun)
+            spectra, rows = smoother(*kernels.parts(best.x))
+        mixing, sources = ordered(spectra, projection(rows, maps))
+        # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
+        return Separation(
+            mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit
+        )
+
+    def _maximised(self, kernels, covariance, mix):
+        """The most likely logarithms of the parameters, scipy's result; `mix` is where that variance starts.
+
+        In units of the data's variance.
+        """
+        band = kernels.distance.max()
+        faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), _LEAST, 1)
+        amplitude = np.log([_LEAST, _MOST])
+        foreground = np.log([self.shortest, max(_LONGEST * band, 2 * self.shortest)])
+        signal = np.log([self.longest_hi / _LONGEST, self.longest_hi])
+        bounds = [amplitude, foreground, amplitude, foreground, amplitude, signal, amplitude]
+        start = np.log([1, band, mix, band / 5, faint, self.longest_hi / 3, faint])
+        return optimize.minimize(
+            kernels.cost,
+            np.clip(start, *np.transpose(bounds)),
+            args=(covariance,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"maxiter": _MOST_STEPS, "maxfun": 2 * _MOST_STEPS, "ftol": 1e-10, "gtol": 1e-6},
+        )
+
+
+class _Kernels:
+    """The covariance of the channels, for the logarithms of 7 parameters: variance and length of the smooth
+    part, of the mix and of HI, and the variance of the noise; lengths in MHz.
+    """
+
+    N_PARAMETERS = 7
+
+    def __init__(self, freqs):
+        self.distance = np.abs(freqs[:, None] - freqs)
+        self.place = freqs - 0.5 * (freqs[0] + freqs[-1])
+
+    def parts(self, logs):
+        """(F, K_HI + noise) with K_foreground = F F^T, (n_channels, n_terms) and (n_channels, n_channels)."""
+        smooth, mix = (squared_exponential(self.place, *pair)[0] for pair in (logs[:2], logs[2:4]))
+        hi, _, noise = self._rest(*logs[4:])
+        return np.hstack([smooth, mix]), hi + noise
+
+    def _rest(self, variance, length, noise):
+        """K_HI, its derivative with respect to the logarithm of its length, and K_noise."""
+        ratio = self.distance / np.exp(length)
+        kernel = np.exp(variance - ratio)
+        return kernel, kernel * ratio, np.exp(noise) * np.eye(len(ratio))
+
+    def cost(self, logs, covariance):
+        """-ln L / n but for a constant, and its gradient, (7,)."""
+        roots = [squared_exponential(self.place, *pair) for pair in (logs[:2], logs[2:4])]
+        rest = self._rest(*logs[4:])
+        _, rows, power = _whitened(np.hstack([root for root, _ in roots]), rest[0] + rest[2])
+        # K^-1 = rows^T rows, and ln det K is that of its parts.
+        rows /= np.sqrt(1 + power)[:, None]
+        found = rows @ covariance @ rows.T
+        _, log_det = np.linalg.slogdet(rest[0] + rest[2])
+        value = 0.5 * (log_det + np.log1p(power).sum() + np.trace(found))
+        left = np.eye(len(found)) - found
+        slope = []
+        for root, derivative in roots:
+            seen = left @ (rows @ root)
+            slope += [0.5 * np.vdot(seen, rows @ root), np.vdot(seen, rows @ derivative)]
+        change = 0.5 * rows.T @ left @ rows
+        return value, np.array(slope + [np.vdot(change, term) for term in rest])
+
+
+def squared_exponential(place, variance, length):
+    """A root F of v exp(-(x - y)^2 / (2 L^2)) = F F^T, and its derivative with respect to ln L.
+
+    F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has all
+    its digits. A root of the matrix itself has a rounding of v in every eigenvalue, far more than HI has.
+
+    Parameters
+    ----------
+    place
+        x, MHz from the middle of the band, (n_channels,).
+    variance, length
+        ln v and ln L, v in mK^2, L in MHz.
+    """
+    ratio = place / np.exp(length)
+    largest = np.abs(ratio).max()
+    order = np.arange(int(largest**2 + 12 * largest + 40))  # beyond, terms are below 1e-16 of the largest
+    first = np.exp(0.5 * variance - 0.5 * ratio**2)[:, None]
+    root = np.cumprod(np.hstack([first, ratio[:, None] / np.sqrt(order[1:])]), axis=1)
+    return root, root * (ratio[:, None] ** 2 - order)
+
+
+def smoother(root, rest):
+    """F F^T (F F^T + K)^-1 as spectra times rows, (n_channels, n) and (n, n_channels).
+
+    Parameters
+    ----------
+    root, rest
+        F, (n_channels, n_terms), and K, (n_channels, n_channels), positive definite.
+    """
+    spectra, rows, power = _whitened(root, rest)
+    share = power / (1 + power)
+    kept = share > _NOTHING
+    return spectra[:, kept], share[kept, None] * rows[kept]
+
+
+def _whitened(root, rest):
+    """Spectra, rows and powers with rest = spectra spectra^T, rows spectra = 1, and
+    root root^T = spectra diag(power) spectra^T.
+
+    From singular values of the root, whose errors are a rounding of the largest: those of eigenvalues would be
+    one of the largest power, which is 1e12 times that of HI.
+    """
+    factor = linalg.cholesky(rest, lower=True)
+    white = linalg.solve_triangular(factor, root, lower=True)
+    white = np.pad(white, ((0, 0), (0, max(0, len(white) - white.shape[1]))))  # as many axes as channels
+    axes, size, _ = np.linalg.svd(white, full_matrices=False)
+    rows = linalg.solve_triangular(factor, axes, lower=True, trans="T").T
+    return factor @ axes, rows, size**2
