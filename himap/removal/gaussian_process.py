@@ -13,7 +13,7 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
 from himap.removal.covariance import channel_covariance
 
-__all__ = ["GaussianProcess"]
+__all__ = ["GaussianProcess", "smoother", "squared_exponential"]
 
 _LEAST = 1e-14  # of the variance of the data: float32 maps have no smaller
 _MOST = 1e4  # of the variance of the data: a process that is smoother than the band is wide has more than it
@@ -44,9 +44,8 @@ class GaussianProcess(ForegroundRemover):
     sight as independent draws, which changes how sure it is and not where its maximum is.
 
     The foreground is linear in the data, so it is a mixing matrix times sources: the eigenvectors of
-    K_foreground against K_HI + s^2 1, each taken by its share of foreground in K. They are many, for the share
-    falls off slowly. Bounds keep the four apart: no foreground is shorter than `shortest`, no HI longer than
-    `longest_hi`.
+    K_foreground against K_HI + s^2 1, each taken by its share of foreground in K, a dozen with any at all.
+    Bounds keep the four apart: no foreground is shorter than `shortest`, no HI longer than `longest_hi`.
     """
 
     name: ClassVar[str] = "gaussian_process"
@@ -150,8 +149,8 @@ class _Kernels:
 def squared_exponential(place, variance, length):
     """A root F of v exp(-(x - y)^2 / (2 L^2)) = F F^T, and its derivative with respect to ln L.
 
-    F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has all
-    its digits. A root of the matrix itself has a rounding of v in every eigenvalue, far more than HI has.
+    F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has
+    all its digits. A root of the matrix itself has a rounding of v in every eigenvalue, more than HI has.
 
     Parameters
     ----------
@@ -186,8 +185,8 @@ def _whitened(root, rest):
     """Spectra, rows and powers with rest = spectra spectra^T, rows spectra = 1, and
     root root^T = spectra diag(power) spectra^T.
 
-    From singular values of the root, whose errors are a rounding of the largest: those of eigenvalues would be
-    one of the largest power, which is 1e12 times that of HI.
+    From singular values of the root, whose errors are a rounding of the largest: those of eigenvalues would
+    be one of the largest power, which is 1e12 times that of HI.
     """
     factor = linalg.cholesky(rest, lower=True)
     white = linalg.solve_triangular(factor, root, lower=True)

@@ -1,4 +1,4 @@
-"""Generalised needlet internal linear combination: what stands out of a prior of HI and noise is foreground."""
+"""Generalised needlet internal linear combination: what stands out of HI and noise is foreground."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.blocked import projection
-from himap.maps.modes import MapModes
 from himap.maps.needlets import cosine_needlets
 from himap.progress import progress
 from himap.removal import harmonic
@@ -30,26 +29,28 @@ class GNILC(ForegroundRemover):
     """Needlet by needlet, the axes in which the data have more than HI and noise are removed.
 
     Maps are cut into needlets, windows h_j(l) with sum_j h_j^2 = 1 (`cosine_needlets`). In each of them the
-    covariance R of the channels is held against that expected of HI and noise, Q: R~ = Q^-1/2 R Q^-1/2 has
-    eigenvalues mu near 1 where there is no foreground. How many, m, have some is what makes least
+    covariance R of the channels is held against Q, that expected of HI and noise: where there is no
+    foreground the eigenvalues mu of R~ = Q^-1/2 R Q^-1/2 are near 1. The number m of those that have some is
+    the one with the least
 
         2 m + sum_{i > m} (mu_i - ln mu_i - 1)
 
-    (Akaike 1974). With S = Q^1/2 U, U the other eigenvectors, HI and noise are S (S^T R^-1 S)^-1 S^T R^-1 x, x
-    the data in that needlet, which goes back through h_j (Remazeilles et al. 2011; for HI Olivari et al.
-    2016). U being eigenvectors of R~, that is the projection Q^1/2 U U^T Q^-1/2 x: the foreground is the same
-    with the first m eigenvectors, a mixing matrix times sources, and all needlets together are some dozens of
-    spectra. What transforms cannot hold, beyond the last l, is filtered as the last needlet.
+    (Akaike 1974). With U the other eigenvectors and S = Q^1/2 U, HI and noise are
+    S (S^T R^-1 S)^-1 S^T R^-1 x, x being the data in that needlet, which goes back through h_j (Remazeilles
+    et al. 2011; for HI Olivari et al. 2016). As U are eigenvectors of R~, this is Q^1/2 U U^T Q^-1/2 x, and
+    the foreground is the same of the first m eigenvectors: a mixing matrix times sources in each needlet, and
+    in all of them some dozens of spectra. What transforms cannot hold, beyond the last l, is filtered as the
+    last needlet.
 
     Two things are not as published. R is of the whole sky in every needlet, not of a region around each
-    pixel: the paper takes regions so large that channels over modes, the bias of an internal linear
-    combination, is a few percent, and with a hundred channels that is most of the sky in all needlets but the
-    finest. And an axis with *less* power than expected never counts for foreground, where by the equation
-    one that is far too faint does.
+    pixel. Regions must hold many more modes than there are channels, or chance takes signal away (the bias of
+    an internal linear combination); with a hundred channels that is most of the sky in all needlets but the
+    finest. And an axis with *less* power than expected never counts as foreground; in the sum as it stands,
+    many that are far too faint would.
 
-    Q should be that of a mock of HI and noise through the instrument, the `prior`; a covariance from a single
-    mock has the noise of few modes, so it is smoothed (`stationary`). Without one, Q has a shape from theory
-    and a level from the data (`expected_covariance`): a method is not to know the simulations.
+    Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
+    mock has few modes. Without it Q has its shape from theory and its level from the data
+    (`expected_covariance`), as a method is not to know the simulations.
     """
 
     name: ClassVar[str] = "gnilc"
@@ -77,16 +78,13 @@ class GNILC(ForegroundRemover):
         # The number of threads changes the last bits of products, and with them what is counted.
         with threadpool_limits(1, user_api="blas"):
             filters = self._filters(maps, freqs, modes, peaks, windows)
-        fields = []
-        for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True):
-            fields.append(self._within(rows, window**2, modes, nside))
-        # Beyond the last l: of all that is in the maps, less what the last needlet lacks.
-        *_, (_, rows) = filters
-        fields[-1] += projection(rows, maps) - self._within(rows, np.ones(lmax + 1), modes, nside)
-        taken = MapModes(
-            spectra=np.hstack([spectra for spectra, _ in filters]), maps=np.concatenate(fields)
-        )
-        mixing, sources = ordered(taken.spectra, taken.maps)
+        found = [
+            _through(window**2, modes.along(rows, lmax), nside)
+            for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True)
+        ]
+        _, rows = filters[-1]  # beyond the last l: what is in the maps less what is in their modes
+        found[-1] += projection(rows, maps) - _through(np.ones(lmax + 1), modes.along(rows, lmax), nside)
+        mixing, sources = ordered(np.hstack([spectra for spectra, _ in filters]), np.concatenate(found))
         return Separation(mixing=mixing, sources=sources)
 
     def _peaks(self, lmax):
@@ -107,11 +105,13 @@ class GNILC(ForegroundRemover):
             filters.append(foreground_filter(covariance, prior))
         return filters
 
-    def _within(self, rows, weights, modes, nside):
-        """Maps of ``rows @ data`` through weights of l, (n_rows, n_pix)."""
-        lmax = len(weights) - 1
-        found = modes.along(rows, lmax) * weights[harmonic.degrees(lmax)]
-        return sphere.synthesise(harmonic.from_modes(found), nside)
+
+def _through(weights, modes, nside):
+    """Maps of modes times weights of l, (n, (lmax + 1)^2) to (n, n_pix)."""
+    maps = np.empty((len(modes), 12 * nside**2))
+    for mode, out in zip(modes * weights[harmonic.degrees(len(weights) - 1)], maps, strict=True):
+        out[:] = sphere.synthesise(harmonic.from_modes(mode), nside)
+    return maps
 
 
 def foreground_filter(covariance, prior):

@@ -31,7 +31,8 @@ def read_mock(path, shape):
         maps = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError) as problem:
         raise InputError(
-            f"prior must be a .npy file with maps of HI and noise, (n_channels, n_pix) in mK; {path}: {problem}."
+            "prior must be a .npy file with maps of HI and noise, (n_channels, n_pix) in mK, RING, channels "
+            f"ascending; {path}: {problem}."
         ) from None
     maps = checked_cube("the mock of prior", maps, min_channels=2)
     if maps.shape != shape:
