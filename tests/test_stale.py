@@ -41,6 +41,8 @@ METHODS = {
     ("removal/parametric.py", "Parametric._separate"): {"08"} | ALL_SIX | ANY_METHOD,
     ("removal/beam_subspace.py", "BeamSubspace._separate"): BEAM_AWARE,
     ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"16"} | BEAM_AWARE,
+    ("removal/gnilc.py", "GNILC._separate"): ANY_METHOD,
+    ("removal/gaussian_process.py", "GaussianProcess._separate"): ANY_METHOD,
 }
 BEAMS = {
     ("instrument/beams/degraded.py", "Degraded._fwhm"): OBSERVED,
