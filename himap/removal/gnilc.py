@@ -1,6 +1,7 @@
 """Generalised needlet internal linear combination: what stands out of HI and noise is foreground."""
 
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
@@ -18,6 +19,7 @@ from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
 from himap.removal.hi_prior import band_covariance, expected_covariance, mock_covariances, read_mock
+from himap.removal.local_filters import local_difference
 
 __all__ = ["GNILC", "foreground_filter", "n_foreground"]
 
@@ -42,11 +44,12 @@ class GNILC(ForegroundRemover):
     in all of them some dozens of spectra. What transforms cannot hold, beyond the last l, is filtered as the
     last needlet.
 
-    Two things are not as published. R is of the whole sky in every needlet, not of a region around each
-    pixel. Regions must hold many more modes than there are channels, or chance takes signal away (the bias of
-    an internal linear combination); with a hundred channels that is most of the sky in all needlets but the
-    finest. And an axis with *less* power than expected never counts as foreground; in the sum as it stands,
-    many that are far too faint would.
+    The paper takes R around each pixel, from a region with so many modes that channels over modes, the bias
+    of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not as many
+    modes on the whole sky has one R, as all have with a bias of 0. With a hundred channels only the finest
+    have regions, and their filters (`local_difference`) cost much more than the rest. Beyond the last l the
+    filter is that of the whole sky. Not as published is that an axis with *less* power than expected never
+    counts as foreground: in the sum as it stands, many that are far too faint would.
 
     Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
     mock has few modes. Without it Q has its shape from theory and its level from the data
@@ -58,6 +61,9 @@ class GNILC(ForegroundRemover):
     needs_modes: ClassVar[bool] = True
     first_peak: int = parameter(
         20, "l of the peak of the first needlet; that of each next one is twice as large", minimum=2
+    )
+    bias: float = parameter(
+        0.0, "channels over modes in a region of the sky; 0 for one region, all of it", minimum=0, maximum=1
     )
     prior: str | None = parameter(None, "file (.npy) with a mock of HI and noise, (n_channels, n_pix), mK")
 
@@ -77,14 +83,21 @@ class GNILC(ForegroundRemover):
         windows = cosine_needlets(peaks, lmax)
         # The number of threads changes the last bits of products, and with them what is counted.
         with threadpool_limits(1, user_api="blas"):
-            filters = self._filters(maps, freqs, modes, peaks, windows)
+            covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
+            priors = self._priors(maps, freqs, covariances, peaks, windows)
+            filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
+            local = self._local(modes, windows, priors, filters, nside)
         found = [
             _through(window**2, modes.along(rows, lmax), nside)
             for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True)
         ]
         _, rows = filters[-1]  # beyond the last l: what is in the maps less what is in their modes
         found[-1] += projection(rows, maps) - _through(np.ones(lmax + 1), modes.along(rows, lmax), nside)
-        mixing, sources = ordered(np.hstack([spectra for spectra, _ in filters]), np.concatenate(found))
+        spectra = [spectra for spectra, _ in filters]
+        if local is not None:
+            spectra.append(np.eye(len(maps)))
+            found.append(local)
+        mixing, sources = ordered(np.hstack(spectra), np.concatenate(found))
         return Separation(mixing=mixing, sources=sources)
 
     def _peaks(self, lmax):
@@ -94,16 +107,33 @@ class GNILC(ForegroundRemover):
             peaks.append(2 * peaks[-1])
         return peaks
 
-    def _filters(self, maps, freqs, modes, peaks, windows):
-        """For each needlet the spectra of its foreground and the rows that find their amplitudes."""
+    def _priors(self, maps, freqs, covariances, peaks, windows):
+        """The covariance expected of HI and noise in each needlet."""
         if self.prior is not None:
-            priors = mock_covariances(read_mock(self.prior, maps.shape), windows)
-        filters = []
-        for n, (peak, window) in enumerate(zip(peaks, windows, strict=True)):
-            covariance = band_covariance(modes.upto(int(np.flatnonzero(window).max())), window)
-            prior = expected_covariance(covariance, freqs, peak) if self.prior is None else priors[n]
-            filters.append(foreground_filter(covariance, prior))
-        return filters
+            return mock_covariances(read_mock(self.prior, maps.shape), windows)
+        pairs = zip(covariances, peaks, strict=True)
+        return [expected_covariance(covariance, freqs, peak) for covariance, peak in pairs]
+
+    def _local(self, modes, windows, priors, filters, nside):
+        """What filters of regions take more, (n_channels, n_pix) float64; None if no needlet has regions."""
+        alms = None
+        for window, prior, whole in zip(windows, priors, filters, strict=True):
+            n_modes = np.sum((2 * np.arange(len(window)) + 1) * window**2)
+            n_channels = len(prior)
+            if n_channels >= self.bias * n_modes:
+                continue
+            data = _through(window[: _last(window) + 1], modes.upto(_last(window)), nside)
+            find = partial(foreground_filter, prior=prior)
+            more = local_difference(data, find, whole, np.sqrt(n_channels / (self.bias * n_modes)))
+            found = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
+            found *= window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
+            alms = found if alms is None else alms + found
+        return None if alms is None else sphere.synthesise(alms, nside).astype(np.float64)
+
+
+def _last(window):
+    """The largest l that a window holds."""
+    return int(np.flatnonzero(window).max())
 
 
 def _through(weights, modes, nside):
