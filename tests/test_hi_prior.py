@@ -46,6 +46,16 @@ def test_level_is_that_of_the_data_without_their_foreground(rng):
     assert np.sqrt(np.diag(found)) == pytest.approx(level, rel=0.1)
 
 
+def test_what_the_axes_of_the_foreground_take_of_the_level_is_given_back():
+    """A level that is the same in all channels is found to the digits of a foreground 1e4 times brighter."""
+    freqs = FREQS[::5]
+    shape = hi_prior.expected_covariance(np.eye(10), freqs, 60)
+    shape /= np.sqrt(np.outer(np.diag(shape), np.diag(shape)))
+    spectra = (freqs[:, None] / 1000) ** np.array([-2.1, -2.8])
+    found = hi_prior.expected_covariance(4 * shape + 1e8 * spectra @ spectra.T, freqs, 60)
+    assert np.diag(found) == pytest.approx(4, rel=1e-3)
+
+
 def test_stationary_keeps_variances_and_has_no_negative_power(rng):
     few = rng.standard_normal((50, 3)) * np.geomspace(1, 4, 50)[:, None]
     found = hi_prior.stationary(few @ few.T / 3)
