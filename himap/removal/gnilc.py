@@ -44,12 +44,14 @@ class GNILC(ForegroundRemover):
     in all of them some dozens of spectra. What transforms cannot hold, beyond the last l, is filtered as the
     last needlet.
 
-    The paper takes R around each pixel, from a region with so many modes that channels over modes, the bias
-    of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not as many
-    modes on the whole sky has one R, as all have with a bias of 0. With a hundred channels only the finest
-    have regions, and their filters (`local_difference`) cost much more than the rest. Beyond the last l the
-    filter is that of the whole sky. Not as published is that an axis with *less* power than expected never
-    counts as foreground: in the sum as it stands, many that are far too faint would.
+    The paper takes R around each pixel, from a region with so many modes that channels over modes, the
+    bias of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not
+    as many modes on the whole sky has one R, as all have with a bias of 0. With a hundred channels only
+    the finest have regions, and their filters (`local_difference`) cost much more than the rest. For the
+    same reason the first needlet needs many more modes than there are channels: with hundreds of channels
+    a `first_peak` of 20 is too small, and takes HI at the lowest l. Beyond the last l the filter is that
+    of the whole sky. Not as published is that an axis with *less* power than expected never counts as
+    foreground: in the sum as it stands, many that are far too faint would.
 
     Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
     mock has few modes. Without it Q has its shape from theory and its level from the data
