@@ -46,7 +46,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 methods: list = [["beam_subspace", 3], ["pca", 6], ["pca", 8]]  # pairs of a name and a number of sources
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_mocks: int = 3  # mocks, each with a seed of its own
-results: list | None = None  # what `himap corrections` wrote; null: that of the book
+results: list | None = None  # what `himap record corrections` wrote; null: that of the book
 
 # %%
 import warnings
@@ -256,7 +256,7 @@ quote(
 # One sky says little of an estimator. What follows was measured before, on many, and stored with the book:
 #
 # ```sh
-# himap corrections --preset quick -p n_mocks=6 -p 'methods=[["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 8]]' --jobs 2
+# himap record corrections --preset quick -p n_mocks=6 -p 'methods=[["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 8]]' --jobs 2
 # ```
 #
 # and the same once more with `-p galaxy=templates -p template_dir=FOLDER`.

@@ -53,7 +53,7 @@ methods: list = [
 ]  # pairs of a name and a number of sources
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 errors: dict = {"width": [0.0003, 0.003, 0.03], "ripple": [3e-6, 3e-5, 3e-4]}  # of each kind; "beam": names
-results: list | None = None  # what `himap beam-errors` wrote; null: that of the book
+results: list | None = None  # what `himap record beam-errors` wrote; null: that of the book
 lobes: list | None = None  # the same where the data have side lobes
 
 # %%
@@ -109,7 +109,7 @@ study.stamped(errors_figure(rows), beam=cases[0].beam)
 # More errors, methods and skies, measured before and stored with the book, with the synthetic and the real Galaxy (templates, nside 64):
 #
 # ```sh
-# himap beam-errors --preset quick -p n_realisations=5 --jobs 2
+# himap record beam-errors --preset quick -p n_realisations=5 --jobs 2
 # ```
 
 # %% tags=["hide-input"]

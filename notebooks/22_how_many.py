@@ -46,7 +46,7 @@ noises: list = [1.0, 10.0]  # factors on the noise of the instrument, 1 first
 methods: list = ["pca", "beam_subspace"]  # that have a number of sources
 n_sources_max: int = 8  # numbers from 1 to this one are tried
 n_mocks: int = 2  # mocks, each with a seed of its own
-results: list | None = None  # what `himap suggestions` wrote; null: that of the book
+results: list | None = None  # what `himap record suggestions` wrote; null: that of the book
 
 # %%
 
@@ -154,10 +154,10 @@ Table(
 # (how-many-record)=
 # ## Over skies, beams and noise
 #
-# Measured before and stored with the book: five skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
+# Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
 #
 # ```sh
-# himap suggestions --preset quick --jobs 2
+# himap record suggestions --preset quick --jobs 2
 # ```
 #
 # Each line counts observations by what the criterion said: the right number, one or several more, one or several less, or none. Then the median over observations of how far the worst band is from 1, with the number that was advised (where

@@ -205,5 +205,5 @@ class TestFile:
     def test_of_another_command(self, tmp_path):
         path = tmp_path / "other.json"
         path.write_text(json.dumps({"format": 2, "about": {}, "columns": [], "corrections": [[]]}))
-        with pytest.raises(InputError, match="not a file that `himap beam-errors` wrote"):
+        with pytest.raises(InputError, match="not a file that `himap record beam-errors` wrote"):
             read_record(BeamError, path)

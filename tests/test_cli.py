@@ -98,9 +98,11 @@ def test_help_fits_a_screen_and_shows_an_example(himap_command):
         assert f"\n  {command}" in out
 
 
-@pytest.mark.parametrize("command", sorted(main.commands))
+@pytest.mark.parametrize(
+    "command", sorted(main.commands) + [f"record {name}" for name in main.commands["record"].commands]
+)
 def test_help_of_each_command_fits_a_screen_and_shows_an_example(himap_command, command):
-    code, out, _ = himap_command(command, "--help")
+    code, out, _ = himap_command(*command.split(), "--help")
     assert code == 0 and len(out.splitlines()) <= 28
     assert re.search(rf"\n  himap {command} ", out)
 

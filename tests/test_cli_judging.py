@@ -1,4 +1,4 @@
-"""The commands that measure on many skies, claims, readings and corrections, with nothing computed."""
+"""The commands that measure on many skies, from claims to suggestions, with nothing computed."""
 
 import json
 import re
@@ -12,8 +12,14 @@ from outcomes import outcome
 import himap
 from himap.cli.main import main
 from himap.companion import notebooks
-from himap.companion.staleness import corrections_code, ledger_code, readings_code
-from himap.paper import corrections, ledger, readings
+from himap.companion.staleness import (
+    beam_errors_code,
+    corrections_code,
+    ledger_code,
+    readings_code,
+    suggestions_code,
+)
+from himap.paper import beam_errors, corrections, ledger, readings, suggestions
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.readings_file import read_readings
 from himap.paper.record_file import read_record
@@ -168,7 +174,7 @@ class TestCorrections:
 
     def test_table_and_file(self, command):
         himap_command, seen = command
-        code, out, err = himap_command("corrections", "--preset", "ci", "-p", "seed=7")
+        code, out, err = himap_command("record", "corrections", "--preset", "ci", "-p", "seed=7")
         assert (code, err) == (0, "")
         ((cases, removers, mocks),) = seen
         assert [case.survey.seed for case in cases] == list(range(7, 27))
@@ -190,7 +196,7 @@ class TestCorrections:
     def test_chosen(self, command):
         himap_command, seen = command
         options = ("-p", 'methods=[["pca", 4]]', "-p", "n_mocks=2", "-p", "beam=degraded", "-o", "a.json")
-        assert himap_command("corrections", *options)[0] == 0
+        assert himap_command("record", "corrections", *options)[0] == 0
         ((cases, removers, mocks),) = seen
         assert cases[0].beam.name == "degraded" and len(mocks) == 2
         assert [one.n_sources for one in removers] == [4]
@@ -208,8 +214,98 @@ class TestCorrections:
     )
     def test_bad_input_before_any_work(self, command, options, message):
         himap_command, seen = command
-        code, _, err = himap_command("corrections", "--preset", "ci", *options)
+        code, _, err = himap_command("record", "corrections", "--preset", "ci", *options)
         assert code == 2
         assert message in err
         assert not seen
+        assert not list(Path().iterdir())
+
+
+class TestBeamErrors:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        """The command with the real parameters of 21_beam_errors, and nothing cleaned."""
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(cases, removers, errors):
+            seen.append((cases, removers, errors))
+            told = {
+                "kind": "width",
+                "error": 0.01,
+                "band": "C/C0, 10-19",
+                "ratio": 0.9,
+                "kept": 0.8,
+                "excess": 0.1,
+            }
+            return [beam_errors.BeamError(seed=7, method="pca", n_sources=5, **told)]
+
+        monkeypatch.setattr(beam_errors, "evaluate", evaluate)
+        return himap_command, seen
+
+    def test_table_and_file(self, command):
+        himap_command, seen = command
+        code, out, err = himap_command("record", "beam-errors", "--preset", "ci", "-p", "n_realisations=2")
+        assert (code, err) == (0, "")
+        ((cases, removers, errors),) = seen
+        assert len(cases) == 2 and {one.name for one in removers} == {"beam_subspace", "sdecgmca", "pca"}
+        assert set(errors) == {"width", "ripple", "amplitude", "phase", "period"}
+        assert re.search(r"^pca 5 +width +0.01 +0.9 +C/C0, 10-19 +0.800 +10.00% +C/C0, 10-19$", out, re.M)
+        rows, about = read_record(beam_errors.BeamError, "results/beam_errors_ci_n_realisations=2.json")
+        assert len(rows) == 1 and about["code"] == beam_errors_code()
+
+    def test_chosen(self, command):
+        himap_command, seen = command
+        options = ("-p", 'errors={"beam": ["meerkat"]}', "-p", "beam=meerkat_lobes", "-o", "a.json")
+        assert himap_command("record", "beam-errors", *options)[0] == 0
+        ((cases, _, errors),) = seen
+        assert cases[0].beam.name == "meerkat_lobes" and errors == {"beam": ["meerkat"]}
+
+    @pytest.mark.parametrize("option", ["results=[]", "lobes=[]"])
+    def test_what_the_notebook_shows_is_no_parameter(self, command, option):
+        code, _, err = command[0]("record", "beam-errors", "--preset", "ci", "-p", option)
+        assert code == 2 and "unknown parameter" in err
+
+
+class TestSuggestions:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        """The command with the real parameters of 22_how_many, and nothing cleaned."""
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(cases, methods, mocks, counts):
+            seen.append((cases, methods, mocks, counts))
+            told = {"criterion": "bic", "advised": 4, "best": 3, "cost": 0.2, "least": 0.1}
+            return [suggestions.Suggested(seed=7, beam="degraded", noise=1.0, method="pca", **told)]
+
+        monkeypatch.setattr(suggestions, "evaluate", evaluate)
+        return himap_command, seen
+
+    def test_table_and_file(self, command):
+        himap_command, seen = command
+        code, out, err = himap_command("record", "suggestions", "--preset", "ci", "-p", "noises=[1, 3]")
+        assert (code, err) == (0, "")
+        ((cases, methods, mocks, counts),) = seen
+        assert len(cases) == 5 * 3 * 2 and methods == ["pca", "beam_subspace"]
+        assert len(mocks) == 2 and list(counts) == list(range(1, 9))
+        assert not {mock.seed for mock in mocks} & {case.survey.seed for case in cases}
+        assert re.search(r"^pca +information criterion \(BIC\) +0 +1 +0 +0 +0 +0 +0.200 +0.100$", out, re.M)
+        (path,) = Path("results").iterdir()
+        rows, about = read_record(suggestions.Suggested, path)
+        assert len(rows) == 1 and about["code"] == suggestions_code()
+
+    @pytest.mark.parametrize(
+        ("option", "message"),
+        [
+            ("n_sources_max=1", "n_sources_max"),
+            ("n_mocks=0", "n_mocks"),
+            ("noises=[3]", "1 first"),
+            ('beams=["square"]', "unknown beam"),
+        ],
+    )
+    def test_bad_input_before_any_work(self, command, option, message):
+        himap_command, seen = command
+        code, _, err = himap_command("record", "suggestions", "--preset", "ci", "-p", option)
+        assert code == 2 and message in err and not seen
         assert not list(Path().iterdir())

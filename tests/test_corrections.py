@@ -170,9 +170,9 @@ class TestFile:
     def test_other_files_are_refused(self, tmp_path, content):
         path = tmp_path / "corrections.json"
         path.write_text(content)
-        with pytest.raises(InputError, match="is not a file that `himap corrections` wrote"):
+        with pytest.raises(InputError, match="is not a file that `himap record corrections` wrote"):
             read_record(Correction, path)
 
     def test_a_missing_file(self, tmp_path):
-        with pytest.raises(InputError, match="`himap corrections` writes it"):
+        with pytest.raises(InputError, match="`himap record corrections` writes it"):
             read_record(Correction, Path(tmp_path, "none.json"))

@@ -151,6 +151,17 @@ DEFINED = {
         "1 %": "lines that are drawn",
         "68 %": "share within one standard deviation of a Gaussian",
     },
+    "notebooks/21_beam_errors.py": {
+        "0.14 %": "the paper's ripple",
+        "1 %": "a line that is drawn, and what is tolerated",
+        "0.1 %": "end of an axis",
+    },
+    "notebooks/22_how_many.py": {
+        "10 %": "what counts as stable",
+        "3 %": "what counts as settled",
+        "factor of 3": "what counts as above the line",
+        "ten times": "the noise that is tried",
+    },
 }
 """{page: {number: what it is}}."""
 

@@ -2,7 +2,7 @@
 
 Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
 stale stands in the tables below: chapters by their number, "ledger" for what `himap claims` stores,
-"readings" and "corrections" for what these commands do.
+"readings", "corrections", "beam_errors" and "suggestions" for what these commands do.
 Stored figures are stale with their chapter (test_stored.py).
 """
 
@@ -14,21 +14,28 @@ import pytest
 
 import himap
 from himap.companion.notebooks import notebooks
-from himap.companion.staleness import corrections_code, ledger_code, readings_code
+from himap.companion.staleness import (
+    beam_errors_code,
+    corrections_code,
+    ledger_code,
+    readings_code,
+    suggestions_code,
+)
 from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent
 
-CHAPTERS = {f"{n:02}" for n in range(1, 21)}
+CHAPTERS = {f"{n:02}" for n in range(1, 23)}
 SKIES = CHAPTERS - {"16", "18", "19"}  # those show what is stored
 JUDGING = {"ledger", "readings"}
-STORED = JUDGING | {"corrections"}
+RECORDS = {"corrections", "beam_errors", "suggestions"}
+STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY_METHOD = {"11", "17", "20", "corrections"}  # take any method by its name
+ANY_METHOD = {"11", "17", "20", "21", "22"} | RECORDS  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
-ANY_BEAM = SKIES - {"01", "02", "10", "15"} | {"corrections"}  # those name the paper's three, or none
+ANY_BEAM = SKIES - {"01", "02", "10", "15"} | RECORDS  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
 CLEANED = OBSERVED - {"02"}
 
@@ -50,6 +57,9 @@ BEAMS = {
     ("instrument/beams/oscillating.py", "Oscillating._fwhm"): OBSERVED,
     ("instrument/beams/meerkat.py", "MeerKAT._fwhm"): ANY_BEAM,
     ("instrument/beams/from_file.py", "FromFile._windows"): ANY_BEAM,
+    ("instrument/beams/meerkat_lobes.py", "MeerKATLobes._windows"): ANY_BEAM,
+    ("instrument/beams/misjudged.py", "Misjudged._windows"): ANY_BEAM,
+    ("instrument/beams/rippled.py", "Rippled._fwhm"): ANY_BEAM,
 }
 CLAIMS = {
     ("paper/claims/sky.py", None): CLAIMED,
@@ -95,11 +105,16 @@ OTHERS = {
     ("cli/templates.py", None): set(),
     ("cli/readings.py", None): set(),
     ("cli/records.py", None): set(),
-    ("paper/mocks.py", "recovered"): {"20", "corrections"},
-    ("measures/transfer.py", "recovery"): {"20", "corrections"},
-    ("measures/transfer.py", "TransferFunction.errors"): {"20", "corrections"},
+    ("paper/mocks.py", "recovered"): {"20", "22", "corrections", "suggestions"},
+    ("measures/transfer.py", "recovery"): {"20", "21", "22"} | RECORDS,
+    ("measures/transfer.py", "TransferFunction.errors"): {"20", "22", "corrections", "suggestions"},
+    ("paper/beam_errors.py", "misjudged_recovery"): {"21", "beam_errors"},
+    ("paper/beam_errors.py", "tolerated"): {"21"},
+    ("paper/choice.py", "views_of"): {"22", "suggestions"},
+    ("paper/suggestions.py", "summary"): {"22"},
+    ("measures/how_many.py", "information"): {"17", "22", "suggestions"},
     ("paper/corrections.py", "evaluate"): {"corrections"},
-    ("paper/record_file.py", "read_record"): {"20"},
+    ("paper/record_file.py", "read_record"): {"20", "21", "22"},
     ("figures/marks.py", None): {"16"},
     ("products/store.py", None): set(),
     ("progress.py", None): set(),
@@ -124,9 +139,11 @@ def fingerprints(library):
         tree = CodeTree(himap=library)
         codes = {one.name.partition("_")[0]: one.fingerprint(tree) for one in chapters}
         return codes | {
+            "beam_errors": beam_errors_code(tree),
             "corrections": corrections_code(tree),
             "ledger": ledger_code(tree),
             "readings": readings_code(tree),
+            "suggestions": suggestions_code(tree),
         }
 
     return compute

@@ -14,10 +14,10 @@ __all__ = ["Methods", "cube_and_beams", "cube_options", "method_parameters", "mo
 class _Registered(click.Option):
     """An option whose help lists what there is, found when it is asked for."""
 
-    package, more = "", ""
+    package, more, less = "", "", ()
 
     def get_help_record(self, context):
-        names = import_module(self.package).available()
+        names = [name for name in import_module(self.package).available() if name not in self.less]
         self.help = f"{', '.join(names)}{self.more}."
         return super().get_help_record(context)
 
@@ -28,7 +28,8 @@ class Methods(_Registered):
 
 class Beams(_Registered):
     package = "himap.instrument.beams"
-    more = " (NAME:PARAMETER=VALUE for others), or a FILE"
+    more = "; NAME:PARAMETER=VALUE; a FILE"
+    less = ("file",)
 
 
 _OPTIONS = [

@@ -10,7 +10,7 @@ from himap import __version__
 from himap.cli.cache import cache_commands
 from himap.cli.cubes import clean, suggest, transfer
 from himap.cli.readings import readings
-from himap.cli.records import beam_errors, corrections, suggestions
+from himap.cli.records import record
 from himap.cli.sensitivity import sensitivity
 from himap.cli.shared import (
     SETTINGS,
@@ -41,7 +41,7 @@ _CLAIMS = {"n_realisations": 5, "nudged": True}
 @click.version_option(__version__, message="himap %(version)s")
 @debug
 def main():
-    """Foreground removal in HI intensity mapping: the notebooks of the companion, and cubes of your own.
+    """Foreground removal in HI intensity mapping: notebooks, and cubes of your own.
 
     \b
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
@@ -49,14 +49,12 @@ def main():
     """
 
 
-main.add_command(beam_errors)
 main.add_command(cache_commands)
 main.add_command(clean)
-main.add_command(corrections)
 main.add_command(readings)
+main.add_command(record)
 main.add_command(sensitivity)
 main.add_command(suggest)
-main.add_command(suggestions)
 main.add_command(templates)
 main.add_command(transfer)
 

@@ -1,4 +1,4 @@
-"""`himap corrections`, `beam-errors`, `suggestions`: what is measured on many skies beyond the paper."""
+"""`himap record`: what is measured on many skies beyond the paper, for its chapters."""
 
 import time
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
 
-__all__ = ["beam_errors", "corrections", "suggestions"]
+__all__ = ["record"]
 
 _SKIES = "skies, each with a seed of its own"
 _WITHOUT = ("results", "lobes")  # what the notebooks show
@@ -77,7 +77,17 @@ def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, o
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
-@click.command()
+@click.group(short_help="Measure what a chapter beyond the paper shows, on many skies.")
+@debug
+def record():
+    """Measure on many skies what a chapter beyond the paper shows.
+
+    \b
+    himap record corrections --preset quick -p n_mocks=6 --jobs 2
+    """
+
+
+@record.command()
 @_record_options("20_transfer_function", "corrections")
 def corrections(preset, pairs, output):
     """Measure how well transfer functions correct what methods lose.
@@ -91,7 +101,7 @@ def corrections(preset, pairs, output):
     foretell, and on how many skies the truth lies within the last.
 
     \b
-    himap corrections --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
+    himap record corrections --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
     """
     # Imported here: other commands need not wait seconds for what does the work.
     from himap.companion.staleness import corrections_code
@@ -119,7 +129,7 @@ def corrections(preset, pairs, output):
     )
 
 
-@click.command("beam-errors")
+@record.command("beam-errors")
 @_record_options("21_beam_errors", "beam_errors")
 def beam_errors(preset, pairs, output):
     """Measure what it costs methods to be told a wrong beam.
@@ -133,7 +143,7 @@ def beam_errors(preset, pairs, output):
     at k > 0.03.
 
     \b
-    himap beam-errors --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
+    himap record beam-errors --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
     """
     from himap.companion.staleness import beam_errors_code
     from himap.paper import beam_errors as measured
@@ -160,21 +170,20 @@ def beam_errors(preset, pairs, output):
     )
 
 
-@click.command()
+@record.command()
 @_record_options("22_how_many", "suggestions")
 def suggestions(preset, pairs, output):
     """Measure how often criteria find the right number of sources without the truth.
 
-    Each method cleans every sky, through every beam and with every noise, with each number of sources; what
-    each criterion is for is held against the number that is nearest to the truth. On 5 skies unless told
-    otherwise. What was interrupted goes on where it stopped.
+    Each method cleans every sky, through every beam and with every noise, with each number of sources. On 5
+    skies unless told otherwise. What was interrupted goes on where it stopped.
 
     The table tells of each method and criterion how often it was right, or for so many more or less, and the
     median of what is wrong in the worst band of C_l at 10 <= l < 100 and of P(k) at k > 0.03, with the number
     that it is for and with the best.
 
     \b
-    himap suggestions --preset quick -p galaxy=templates -p template_dir=maps --jobs 2
+    himap record suggestions --preset quick -p galaxy=templates -p template_dir=maps --jobs 2
     """
     from himap.companion.staleness import suggestions_code
     from himap.instrument.beams import named

@@ -22,6 +22,7 @@ __all__ = [
     "VERMILION",
     "beam_style",
     "method_style",
+    "paler",
     "sequence",
 ]
 
@@ -51,6 +52,8 @@ AXES = {
     },
 }
 """Labels of the axes of both power spectra, and of their ratios to the truth."""
+
+_PALER = 0.28  # of the way to white
 
 METHOD_STYLES = {
     "pca": {"label": "PCA", "color": BLUE, "linestyle": "--"},
@@ -88,6 +91,12 @@ def method_style(method):
 def beam_style(beam):
     """Style of the curves of a `Beam`, its label included."""
     return BEAM_STYLES.get(beam.name, _OTHER | {"label": str(beam)})
+
+
+def paler(color, steps):
+    """The colour some steps nearer to white, (3,): for more of the same, such as sources of one method."""
+    rgb = np.array(matplotlib.colors.to_rgb(color))
+    return 1 - (1 - rgb) * (1 - _PALER) ** steps
 
 
 def sequence(labels):

@@ -1,6 +1,5 @@
 """Figures of what it costs a method to be told a wrong beam."""
 
-import matplotlib.colors
 import numpy as np
 
 from himap.figures import plotting, styles
@@ -10,7 +9,6 @@ __all__ = ["errors_figure"]
 
 _DASHES = ("-", "--", "-.", ":", (0, (6, 1.5)))
 _MARKERS = "os^Dv"
-_PALER = 0.28  # of the way to white, for each further number of sources of a method
 _LIMITS = (1e-3, 1e2)
 _FEW = 0.01
 
@@ -41,9 +39,8 @@ def _looks(methods):
     for name, n_sources in methods:
         n = n_of[name] = n_of.get(name, -1) + 1
         style = styles.METHOD_STYLES.get(name, {"color": "0.35", "label": name})
-        rgb = np.array(matplotlib.colors.to_rgb(style["color"]))
         looks[name, n_sources] = {
-            "color": tuple(1 - (1 - rgb) * (1 - _PALER) ** n),
+            "color": tuple(styles.paler(style["color"], n)),
             "linestyle": _DASHES[n % len(_DASHES)],
             "marker": _MARKERS[n % len(_MARKERS)],
             "label": f"{style['label']} {n_sources}",

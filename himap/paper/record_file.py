@@ -16,7 +16,7 @@ _DIGITS = 4  # of a number: more than two machines agree on
 def write_record(rows, path, about):
     """Write rows of one kind as JSON, one a line; `about` says what made it. Whole or not there.
 
-    Rows are dataclasses whose class says in `command` which command of `himap` measures them.
+    Rows are dataclasses whose class says in `command` which command of `himap record` measures them.
     """
     columns = [item.name for item in fields(rows[0])]
     lines = ",\n".join(
@@ -52,7 +52,11 @@ def read_record(kind, path):
         if not rows:
             raise ValueError("no row")
     except FileNotFoundError:
-        raise InputError(f"there is no stored record {path}; `himap {kind.command}` writes it.") from None
+        raise InputError(
+            f"there is no stored record {path}; `himap record {kind.command}` writes it."
+        ) from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} is not a file that `himap {kind.command}` wrote ({error}).") from None
+        raise InputError(
+            f"{path} is not a file that `himap record {kind.command}` wrote ({error})."
+        ) from None
     return rows, about
