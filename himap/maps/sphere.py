@@ -40,7 +40,6 @@ __all__ = [
     "power_spectrum",
     "synthesise",
     "synthesise_cube",
-    "window_of_profile",
     "synthesise_grid",
 ]
 
@@ -260,12 +259,6 @@ def gaussian_beam(fwhm, lmax):
     sigma = np.asarray(fwhm) / np.sqrt(8 * np.log(2))
     degree = np.arange(lmax + 1)
     return np.exp(-0.5 * degree * (degree + 1) * sigma[..., None] ** 2)
-
-
-def window_of_profile(profile, radius, lmax):
-    """b_l, (lmax + 1,), 1 at l = 0, of a symmetric beam with the power `profile` at angles `radius`, rad."""
-    window = hp.beam2bl(profile, radius, lmax)
-    return window / window[0]
 
 
 def multiply_beam(alm, beam):

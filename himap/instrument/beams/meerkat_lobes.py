@@ -5,10 +5,10 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
+from scipy import special
 
 from himap.instrument.beams.base import Beam, Windows
 from himap.instrument.beams.meerkat import model_of, stokes_i
-from himap.maps import sphere
 
 __all__ = ["MeerKATLobes"]
 
@@ -39,5 +39,13 @@ class MeerKATLobes(Beam):
 
 @lru_cache(maxsize=4096)  # of a survey it is asked for again and again
 def _window(model, freq, lmax):
+    """b_l = int P(r) P_l(cos r) sin r dr over that of l = 0."""
     profile = stokes_i(model, freq, _RADIUS, _N_ANGLES)
-    return np.maximum(sphere.window_of_profile(profile, np.deg2rad(_RADIUS), lmax), _LEAST)
+    window = _legendre(lmax) @ (profile * np.sin(np.deg2rad(_RADIUS)))
+    return np.maximum(window / window[0], _LEAST)
+
+
+@lru_cache(maxsize=2)
+def _legendre(lmax):
+    """P_l(cos r) at all radii, (lmax + 1, n_radii)."""
+    return special.eval_legendre(np.arange(lmax + 1)[:, None], np.cos(np.deg2rad(_RADIUS)))
