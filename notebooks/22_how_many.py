@@ -157,7 +157,7 @@ Table(
 # Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
 #
 # ```sh
-# himap record suggestions --preset quick --jobs 2
+# himap record suggestions --preset quick -p n_realisations=3 --jobs 2
 # ```
 #
 # Each line counts observations by what the criterion said: the right number, one or several more, one or several less, or none. Then the median over observations of how far the worst band is from 1, with the number that was advised (where
