@@ -1,0 +1,232 @@
+"""Smooth spectra, at every multipole as many as stand out of HI and noise: himap's own method."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.progress import progress
+from himap.removal import harmonic
+from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.conventions import ordered
+from himap.removal.faint_covariance import faint_covariance
+from himap.removal.spectral_filter import SpectralFilter, block_of
+
+__all__ = ["FilteredSeparation", "SmoothSpectra", "multipole_bands", "smooth_basis", "standing_out"]
+
+_INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
+_LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
+_MOST_TURNS = 20  # of a band; it takes 3 to 6
+_SETTLED = 1e-3  # relative change of the covariance of HI and noise
+_ROUNDING = 1e-7  # of a float32 map
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilteredSeparation(Separation):
+    """A `Separation` whose foreground is a linear filter of the maps: `filter`, a `SpectralFilter`."""
+
+    filter: SpectralFilter
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothSpectra(ForegroundRemover):
+    """At every multipole the few smooth spectra, seen through the beams, that stand out of HI and noise.
+
+    Not a method of the paper. In a band of multipoles the data are X_l = diag(H_l) B S_l + N_l. B are
+    `n_smooth` smooth functions, a power law times polynomials in log frequency, in which foregrounds can be
+    expanded (Chluba, Hill & Abitbol 2017); H is the beam over the best beam of any channel. Of the smooth
+    functions no mixing matrix is fitted channel by channel, so none can follow HI. N_l, HI and noise, has the
+    covariance C of `faint_covariance`, smooth as HI is. In turns
+
+    - S comes from X by least squares weighted with C^-1, which for what HI adds to S looks at its correlation
+      between channels; its covariance beyond what C explains is shrunk to what random matrices of that size
+      let one believe (`standing_out`), and to its `n_sources` largest axes. What does not stand out is not
+      taken, so that a source too many does no harm;
+    - C comes from what is left, X less the mean of the foreground given X, and the covariance of that mean
+      (expectation maximisation, Dempster et al. 1977; with free spectra, Delabrouille et al. 2003).
+
+    What is taken is the mean of the foreground given X, a Wiener filter. What it must take of HI with it is
+    known from C, without the truth and without mocks (`himap.measures.expected.expected_recovery`). `mixing`
+    and `sources` are the principal axes of the foreground before the beam, all l together. There is no
+    threshold to choose, no noise level to know and no randomness.
+    """
+
+    name: ClassVar[str] = "smooth_spectra"
+    needs_beams: ClassVar[bool] = True
+    needs_whole_sky: ClassVar[bool] = True
+    needs_modes: ClassVar[bool] = True
+    n_sources: int = parameter(4, "largest number of spectra at any multipole", minimum=1)
+    n_smooth: int = parameter(6, "number of smooth functions that the spectra are made of", minimum=2)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.n_sources > self.n_smooth:
+            raise InputError(
+                f"n_sources must be at most n_smooth, {self.n_smooth}, got {self.n_sources}; give a larger "
+                "n_smooth with it."
+            )
+
+    def check(self, n_channels):
+        super().check(n_channels)
+        if self.n_smooth >= n_channels:
+            raise InputError(
+                f"n_smooth must be below the number of channels, {n_channels}, got {self.n_smooth}."
+            )
+
+    def _separate(self, maps, *, freqs, beams, rng, modes):
+        nside = sphere.nside_of(maps)
+        lmax = min(3 * nside, beams.shape[1]) - 1
+        windows = (beams / beams.max(axis=0))[:, : lmax + 1]
+        rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
+        basis = smooth_basis(freqs, self.n_smooth)
+        bands = [
+            _Band(modes, windows, first, last, basis, freqs, rounding)
+            for first, last in multipole_bands(lmax)
+        ]
+        found = [band.settled(self.n_sources) for band in progress(bands, self.name)]
+        mixing, sources = self._sources(basis, np.hstack([one.amplitudes for one in found]))
+        filter_ = SpectralFilter(
+            spectra=np.concatenate([one.spectra for one in found]),
+            estimators=np.concatenate([one.estimators for one in found]),
+            faint=np.array([one.faint for one in found]),
+            first=np.array([band.first for band in bands]),
+        )
+        return FilteredSeparation(
+            taken=filter_.taken(maps, modes),
+            mixing=mixing,
+            sources=sphere.synthesise(harmonic.from_modes(sources), nside),
+            converged=all(one.converged for one in found),
+            n_iterations=max(one.n_turns for one in found),
+            filter=filter_,
+        )
+
+    def _sources(self, basis, amplitudes):
+        """Principal axes of the foreground before the beam, and their modes."""
+        _, axes = np.linalg.eigh(amplitudes @ amplitudes.T)
+        axes = axes[:, ::-1][:, : self.n_sources]
+        return ordered(basis @ axes, axes.T @ amplitudes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """What a band of multipoles gives: its part of a `SpectralFilter`, and amplitudes in the basis."""
+
+    spectra: np.ndarray
+    estimators: np.ndarray
+    faint: np.ndarray
+    amplitudes: np.ndarray
+    converged: bool
+    n_turns: int
+
+
+class _Band:
+    """The data of some multipoles, and the smooth functions seen through the beams."""
+
+    def __init__(self, modes, windows, first, last, basis, freqs, rounding):
+        self.first, self.basis, self.freqs, self.rounding = first, basis, freqs, rounding
+        self.degrees = range(first, last + 1)
+        self.n_modes = (last + 1) ** 2 - first**2
+        self.seen = windows.T[first : last + 1, :, None] * basis
+        self._modes = modes
+
+    def settled(self, n_sources):
+        """The `_Found` of this band once the covariance of HI and noise has settled."""
+        data = [block_of(self._modes, degree) for degree in self.degrees]
+        faint = self._start(data)
+        for n_turns in range(1, _MOST_TURNS + 1):
+            turn, estimators = self._spectra(data, faint, n_sources)
+            spectra = self.seen @ turn
+            left = self._left(data, spectra, estimators, faint)
+            last, faint = faint, self._faint(left, int(np.sum(turn.any(axis=0))))
+            converged = np.linalg.norm(faint - last) <= _SETTLED * np.linalg.norm(last)
+            if converged:
+                break
+        amplitudes = [turn @ (one @ block) for one, block in zip(estimators, data, strict=True)]
+        return _Found(
+            spectra=spectra,
+            estimators=estimators,
+            faint=last,
+            amplitudes=np.hstack(amplitudes),
+            converged=bool(converged),
+            n_turns=n_turns,
+        )
+
+    def _start(self, data):
+        """Covariance of HI and noise from what least squares of all smooth functions leave."""
+        orthonormal = np.linalg.qr(self.seen)[0]
+        left = [block - one @ (one.T @ block) for one, block in zip(orthonormal, data, strict=True)]
+        n_channels, n_smooth = self.basis.shape
+        products = sum(block @ block.T for block in left) / self.n_modes
+        return self._faint(products * n_channels / (n_channels - n_smooth), n_smooth)
+
+    def _spectra(self, data, faint, n_sources):
+        """Axes of the foreground in the smooth functions, (n_smooth, n_sources), and G_l of each l."""
+        inverse = np.linalg.inv(faint)
+        weighted = inverse @ self.seen
+        known = np.swapaxes(self.seen, 1, 2) @ weighted
+        noise, signal = 0, 0
+        for one, precision, block in zip(weighted, known, data, strict=True):
+            amplitudes = np.linalg.solve(precision, one.T @ block)
+            signal = signal + amplitudes @ amplitudes.T
+            noise = noise + block.shape[1] * np.linalg.inv(precision)
+        root = np.linalg.cholesky(noise / self.n_modes)
+        whitened = np.linalg.solve(root, np.linalg.solve(root, signal / self.n_modes).T)
+        values, axes = np.linalg.eigh(whitened)
+        values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
+        variance = standing_out(values, len(axes) / self.n_modes)
+        turn = root @ (axes * np.sqrt(variance))  # so that its sources have unit variance
+        precision = turn.T @ known @ turn + np.eye(n_sources)
+        return turn, np.linalg.solve(precision, np.swapaxes(weighted @ turn, 1, 2))
+
+    def _left(self, data, spectra, estimators, faint):
+        """Mean products of HI and noise given the data, (n_channels, n_channels)."""
+        products = 0
+        for one, estimator, block in zip(spectra, estimators, data, strict=True):
+            left = block - one @ (estimator @ block)
+            products = products + left @ left.T + block.shape[1] * (one @ (estimator @ faint))
+        return (products + products.T) / (2 * self.n_modes)
+
+    def _faint(self, products, n_taken):
+        return faint_covariance(products + self.rounding * np.eye(len(products)), self.freqs, n_taken)
+
+
+def smooth_basis(freqs, n_smooth):
+    """Orthonormal power law times polynomials in log frequency, (n_channels, n_smooth)."""
+    x = np.log(freqs)
+    x = 2 * (x - x[0]) / (x[-1] - x[0]) - 1
+    power_law = (freqs / freqs[0]) ** _INDEX
+    return np.linalg.qr(power_law[:, None] * np.polynomial.legendre.legvander(x, n_smooth - 1))[0]
+
+
+def multipole_bands(lmax):
+    """First and last l of bands that get wider with l, and cover all to `lmax`."""
+    edges = [0]
+    while edges[-1] <= lmax:
+        edges.append(max(edges[-1] + _LEAST_WIDTH, int(_GROWTH * edges[-1])))
+    if len(edges) > 2 and lmax + 1 - edges[-2] < _LEAST_WIDTH:
+        del edges[-2]
+    edges[-1] = lmax + 1
+    return [(low, high - 1) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def standing_out(values, ratio):
+    """Variance of a signal behind sample eigenvalues of signal plus noise of unit variance, (n,).
+
+    The shrinkage of eigenvalues that is optimal in the Frobenius norm (Donoho, Gavish & Johnstone 2018): 0 up
+    to the edge (1 + sqrt(ratio))^2 of the eigenvalues of noise alone (Marchenko & Pastur 1967), from there
+    on without a step.
+
+    Parameters
+    ----------
+    values
+        Sample eigenvalues.
+    ratio
+        Dimensions over samples.
+    """
+    values = np.maximum(values, (1 + np.sqrt(ratio)) ** 2)
+    half = (values + 1 - ratio) / 2
+    signal = half + np.sqrt(np.maximum(half**2 - values, 0)) - 1
+    cosine = np.maximum(1 - ratio / signal**2, 0) / (1 + ratio / signal)
+    return signal * cosine

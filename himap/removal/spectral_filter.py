@@ -1,0 +1,81 @@
+"""A linear filter of few spectra at every multipole: what it takes of maps, and what it leaves of HI."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap.maps import sphere
+from himap.maps.blocked import projection
+from himap.maps.modes import MapModes
+from himap.progress import progress
+from himap.removal import harmonic
+
+__all__ = ["SpectralFilter", "block_of"]
+
+_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpectralFilter:
+    """At every l the foreground is W_l G_l X_l of the data X_l.
+
+    Attributes
+    ----------
+    spectra
+        W_l, (n_l, n_channels, n_sources), with zeros where fewer spectra do.
+    estimators
+        G_l, (n_l, n_sources, n_channels).
+    faint
+        Covariance of HI and noise per mode that they were made with, mK^2, (n_bands, n_channels, n_channels).
+    first
+        First l of each band, (n_bands,).
+    """
+
+    spectra: np.ndarray
+    estimators: np.ndarray
+    faint: np.ndarray
+    first: np.ndarray
+
+    @property
+    def lmax(self):
+        """Last l of its own; what a transform cannot hold is filtered like this one."""
+        return len(self.spectra) - 1
+
+    def taken(self, maps, modes):
+        """What it takes of maps, a `MapModes`.
+
+        Parameters
+        ----------
+        maps
+            (n_channels, n_pix) float32, mK, RING.
+        modes
+            Their `CubeModes`.
+        """
+        axes = _axes(self.spectra)
+        within = axes.T @ self.spectra
+        foreground = within[-1] @ projection(self.estimators[-1], maps)
+        more = np.empty((axes.shape[1], (self.lmax + 1) ** 2))
+        for degree, out in enumerate(harmonic.blocks(more)):
+            data = block_of(modes, degree)
+            out[:] = within[degree] @ (self.estimators[degree] @ data)
+            out -= within[-1] @ (self.estimators[-1] @ data)
+        nside = sphere.nside_of(maps)
+        for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
+            pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
+        return MapModes(spectra=axes, maps=foreground)
+
+    def faint_at(self, degree):
+        """The covariance of HI and noise at one l, (n_channels, n_channels)."""
+        return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
+
+
+def block_of(modes, degree):
+    """The modes of one l of a `CubeModes`, (n_channels, 2 l + 1) float64."""
+    block = slice(degree**2, (degree + 1) ** 2)
+    return modes.spectra @ modes.bright[:, block] + modes.rest[:, block]
+
+
+def _axes(spectra):
+    """Orthonormal spectra that hold all of some W_l (n_l, n_channels, n_sources), (n_channels, n_axes)."""
+    axes, values, _ = np.linalg.svd(np.hstack(list(spectra)), full_matrices=False)
+    return axes[:, values > _RANK * values[0]]
