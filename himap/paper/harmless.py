@@ -1,4 +1,4 @@
-"""Foreground left and HI lost, each by itself, for methods with a number of sources; and what a filter foresees.
+"""Foreground left and HI lost, each by itself, and what a filter foresees of it.
 
 C/C0 near 1 is no proof that HI is kept: what is lost of it and what is left of the foreground may cancel.
 """

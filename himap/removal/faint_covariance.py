@@ -1,4 +1,4 @@
-"""The covariance between channels of HI and noise, as smooth as HI is: told from what bright spectra leave."""
+"""The covariance between channels of HI and noise, as smooth as HI is, from what bright spectra leave."""
 
 import numpy as np
 from scipy.linalg import toeplitz
@@ -6,7 +6,8 @@ from scipy.linalg import toeplitz
 __all__ = ["faint_covariance", "log_fit"]
 
 _LEVEL_ORDER = 3  # of the polynomial in frequency that the logarithm of the variance is
-_POWER_ORDER = 5  # of the one in k that the logarithm of the power is
+_POWER_ORDER = 3  # of the one in k / (k + _SCALE) that the logarithm of the power is
+_SCALE = 0.3  # 1/MHz: channels a few MHz apart hold nearly the same HI; about there its power bends
 _MOST_STEPS = 50  # of a fit; it takes 5 to 10
 _SETTLED = 1e-9  # change of a logarithm
 
@@ -15,9 +16,10 @@ def faint_covariance(products, freqs, n_taken):
     """A covariance D R D with D smooth in frequency and R that of a stationary field of smooth power.
 
     HI along a line of sight, at one l, is close to stationary, and its power has no features: the logarithm
-    of the variance of a channel is a cubic in frequency, that of the power a quintic in k. So the power at
-    small k, where foregrounds are and HI went with them, is continued from where HI is all that there is, and
-    what is no more than HI in a smooth spectrum is not taken for a foreground.
+    of the variance of a channel is a cubic in frequency, that of the power one in k / (k + 0.3/MHz), which
+    goes from 0 to nearly 1, level at both ends. So the power at small k, where foregrounds are and HI went
+    with them, is continued from where HI is all that there is, and what is no more than HI in a smooth
+    spectrum is not taken for a foreground.
 
     Parameters
     ----------
@@ -36,9 +38,11 @@ def faint_covariance(products, freqs, n_taken):
     n_channels = len(freqs)
     places = (freqs - freqs[0]) / (freqs[-1] - freqs[0]) * (n_channels - 1)
     levels = np.sqrt(_smooth(np.diag(products), places, _LEVEL_ORDER))
-    waves = np.arange(n_channels)  # in the band and half of them, up to Nyquist's
+    waves = np.arange(n_channels)  # half of them in the band, from none up to Nyquist's
     power = _power(products / np.outer(levels, levels), places, waves)
-    smooth = _smooth(power, waves, _POWER_ORDER, first=min(n_taken + 1, n_channels - _POWER_ORDER - 1))
+    k = np.pi * waves / (freqs[-1] - freqs[0])
+    first = max(0, min(n_taken + 1, n_channels - _POWER_ORDER - 1))
+    smooth = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
     return np.outer(levels, levels) * _correlation(smooth, places, waves)
 
 
@@ -61,7 +65,7 @@ def log_fit(design, values):
 def _smooth(values, places, order, first=0):
     """`values` at ascending `places` as the exponential of a polynomial, fitted to those from `first` on."""
     x = 2 * (places - places[0]) / (places[-1] - places[0]) - 1
-    design = np.polynomial.legendre.legvander(x, max(0, min(order, len(values) - first - 1)))
+    design = np.polynomial.legendre.legvander(x, min(order, len(values) - first - 1))
     return np.exp(design @ log_fit(design[first:], np.maximum(values[first:], np.finfo(float).tiny)))
 
 

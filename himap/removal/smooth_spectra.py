@@ -18,7 +18,7 @@ __all__ = ["FilteredSeparation", "SmoothSpectra", "multipole_bands", "smooth_bas
 
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
-_MOST_TURNS = 20  # of a band; it takes 3 to 6
+_MOST_TURNS = 50  # of a band; it takes 3 to 6 where smooth spectra hold a few percent of HI
 _SETTLED = 1e-3  # relative change of the covariance of HI and noise
 _ROUNDING = 1e-7  # of a float32 map
 
@@ -58,18 +58,15 @@ class SmoothSpectra(ForegroundRemover):
     needs_whole_sky: ClassVar[bool] = True
     needs_modes: ClassVar[bool] = True
     n_sources: int = parameter(4, "largest number of spectra at any multipole", minimum=1)
-    n_smooth: int = parameter(6, "number of smooth functions that the spectra are made of", minimum=2)
+    n_smooth: int = parameter(8, "number of smooth functions that the spectra are made of", minimum=2)
 
-    def __post_init__(self):
-        super().__post_init__()
+    def check(self, n_channels):
+        super().check(n_channels)
         if self.n_sources > self.n_smooth:
             raise InputError(
                 f"n_sources must be at most n_smooth, {self.n_smooth}, got {self.n_sources}; give a larger "
                 "n_smooth with it."
             )
-
-    def check(self, n_channels):
-        super().check(n_channels)
         if self.n_smooth >= n_channels:
             raise InputError(
                 f"n_smooth must be below the number of channels, {n_channels}, got {self.n_smooth}."
@@ -135,21 +132,21 @@ class _Band:
         """The `_Found` of this band once the covariance of HI and noise has settled."""
         data = [block_of(self._modes, degree) for degree in self.degrees]
         faint = self._start(data)
-        for n_turns in range(1, _MOST_TURNS + 1):
+        converged, n_turns = False, 0
+        while not converged and n_turns < _MOST_TURNS:
+            n_turns += 1
             turn, estimators = self._spectra(data, faint, n_sources)
             spectra = self.seen @ turn
             left = self._left(data, spectra, estimators, faint)
             last, faint = faint, self._faint(left, int(np.sum(turn.any(axis=0))))
-            converged = np.linalg.norm(faint - last) <= _SETTLED * np.linalg.norm(last)
-            if converged:
-                break
+            converged = bool(np.linalg.norm(faint - last) <= _SETTLED * np.linalg.norm(last))
         amplitudes = [turn @ (one @ block) for one, block in zip(estimators, data, strict=True)]
         return _Found(
             spectra=spectra,
             estimators=estimators,
             faint=last,
             amplitudes=np.hstack(amplitudes),
-            converged=bool(converged),
+            converged=converged,
             n_turns=n_turns,
         )
 
@@ -225,8 +222,8 @@ def standing_out(values, ratio):
     ratio
         Dimensions over samples.
     """
-    values = np.maximum(values, (1 + np.sqrt(ratio)) ** 2)
-    half = (values + 1 - ratio) / 2
-    signal = half + np.sqrt(np.maximum(half**2 - values, 0)) - 1
+    edge = (1 + np.sqrt(ratio)) ** 2
+    half = (np.maximum(values, edge) + 1 - ratio) / 2
+    signal = half + np.sqrt(np.maximum(half**2 - np.maximum(values, edge), 0)) - 1
     cosine = np.maximum(1 - ratio / signal**2, 0) / (1 + ratio / signal)
-    return signal * cosine
+    return np.where(values > edge, signal * cosine, 0)

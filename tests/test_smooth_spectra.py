@@ -1,0 +1,162 @@
+"""SmoothSpectra: closed forms of its steps, and what it was made for: HI stays, whatever n_s is."""
+
+import numpy as np
+import pytest
+from smooth_problem import BEAMS, FREQS, INDICES, LMAX, N_CHANNELS, WIDTH, hi_covariance, make_sky
+from sparse_problem import largest_angle
+
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.measures.expected import expected_recovery
+from himap.removal.base import SeparationWarning
+from himap.removal.beam_subspace import BeamSubspace
+from himap.removal.pca import PCA
+from himap.removal.smooth_spectra import SmoothSpectra, multipole_bands, smooth_basis, standing_out
+
+
+@pytest.fixture(scope="module")
+def sky():
+    return make_sky(np.random.default_rng(8))
+
+
+def cleaned(sky, **options):
+    return SmoothSpectra(**options).clean(sky.maps, freqs=FREQS, beams=BEAMS)
+
+
+def power_ratio(residual, truth, low, high):
+    """C/C0 from one l to another."""
+    powers = [
+        sphere.power_spectrum(sphere.analyse(np.asarray(cube, dtype=float), LMAX)).mean(axis=0)
+        for cube in (residual, truth)
+    ]
+    return powers[0][low : high + 1].sum() / powers[1][low : high + 1].sum()
+
+
+class TestSteps:
+    @pytest.mark.parametrize("lmax", [3, 4, 7, 23, 191, 767])
+    def test_bands_hold_every_multipole_once(self, lmax):
+        bands = multipole_bands(lmax)
+        assert [degree for first, last in bands for degree in range(first, last + 1)] == list(range(lmax + 1))
+        widths = [last - first + 1 for first, last in bands]
+        assert min(widths) >= min(5, lmax + 1)
+
+    def test_power_laws_are_smooth(self):
+        """Six functions hold any index that there is to the last digit of float32, five nearly so."""
+        spectra = (FREQS / 1150)[:, None] ** np.linspace(-3.5, -2, 7)
+        for n_smooth, tolerance in ((6, 1e-7), (5, 1e-5)):
+            basis = smooth_basis(FREQS, n_smooth)
+            left = spectra - basis @ (basis.T @ spectra)
+            assert np.abs(left).max() < tolerance
+        assert basis.T @ basis == pytest.approx(np.eye(5))
+
+    @pytest.mark.parametrize("ratio", [0.01, 0.2])
+    @pytest.mark.parametrize("variance", [1.5, 4.0, 1e6])
+    def test_shrinkage_undoes_what_samples_add(self, ratio, variance):
+        """Sample eigenvalue and angle of a spiked covariance, 1 + variance (Baik & Silverstein 2006)."""
+        sample = (1 + variance) * (1 + ratio / variance)
+        cosine = (1 - ratio / variance**2) / (1 + ratio / variance)
+        assert standing_out(np.array([sample]), ratio) == pytest.approx([variance * cosine])
+
+    def test_noise_alone_does_not_stand_out(self):
+        edge = (1 + np.sqrt(0.1)) ** 2
+        found = standing_out(np.array([0.3, 1.0, edge, edge + 1e-6, edge + 0.1]), 0.1)
+        assert (found[:3] == 0).all()
+        assert 0 < found[3] < 1e-2 < found[4]
+
+    def test_what_is_taken_is_the_mean_of_the_foreground_given_the_data(self, sky):
+        """F (F + C)^-1 X, with the covariances as matrices between channels."""
+        linear = cleaned(sky).separation.filter
+        for degree in (3, 11, 30):
+            spectra, faint = linear.spectra[degree], linear.faint_at(degree)
+            foreground = spectra @ spectra.T
+            expected = np.linalg.solve(foreground + faint, foreground).T
+            assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)
+
+
+class TestHI:
+    def test_without_a_foreground_nothing_much_is_taken(self, rng):
+        sky = make_sky(rng, brightness=1e-9)
+        for n_sources in (3, 6):
+            found = cleaned(sky, n_sources=n_sources)
+            assert power_ratio(found.residual, sky.truth, 5, 30) > 0.98
+
+    def test_more_spectra_than_there_are_do_no_harm(self, sky):
+        three, six = (cleaned(sky, n_sources=n).residual for n in (3, 6))
+        for low, high in ((5, 9), (10, 19), (20, 30)):
+            ratios = [power_ratio(one, sky.truth, low, high) for one in (three, six)]
+            assert ratios[1] == pytest.approx(ratios[0], abs=0.02)
+
+    def test_of_a_method_that_fits_spectra_they_do(self, sky):
+        """So the test above is none that any method passes."""
+        three, six = (
+            BeamSubspace(n_sources=n).clean(sky.maps, freqs=FREQS, beams=BEAMS).residual for n in (3, 6)
+        )
+        assert power_ratio(three, sky.truth, 5, 9) - power_ratio(six, sky.truth, 5, 9) > 0.1
+
+    def test_it_loses_no_more_than_a_projection_on_the_true_spectra(self, sky):
+        """Which no method that fits spectra to the data can keep more than."""
+        spectra = (FREQS / 1150)[:, None] ** np.array(INDICES)
+        put_in, kept = 0, 0
+        for degree in range(5, 31):
+            basis = np.linalg.qr(BEAMS[:, degree, None] * spectra)[0]
+            modes = sky.hi[:, sphere.alm_degree(LMAX) == degree]
+            put_in += np.sum(np.abs(modes) ** 2)
+            kept += np.sum(np.abs(modes - basis @ (basis.T @ modes)) ** 2)
+        assert power_ratio(cleaned(sky).residual, sky.truth, 5, 30) > kept / put_in - 0.003
+
+    def test_what_is_lost_is_what_it_foresees(self, sky):
+        """As well as the power of HI can be continued to where foregrounds are."""
+        found = cleaned(sky)
+        expected = expected_recovery(found.separation, WIDTH)
+        low = slice(5, 31)
+        foreseen = 1 - expected.common.angular[low].sum() / expected.put_in.angular[low].sum()
+        lost = 1 - power_ratio(found.residual, sky.truth, 5, 30)
+        assert foreseen == pytest.approx(lost, rel=0.25)
+        assert lost > 0.05
+
+    def test_the_covariance_is_that_of_hi(self, sky):
+        linear = cleaned(sky).separation.filter
+        for degree in (12, 22):
+            truth = hi_covariance() * np.outer(BEAMS[:, degree], BEAMS[:, degree])
+            found = linear.faint_at(degree)
+            assert np.linalg.norm(found - truth) < 0.15 * np.linalg.norm(truth)
+
+
+class TestResult:
+    def test_spectra_span_the_foreground(self, sky):
+        found = cleaned(sky, n_sources=3).separation
+        assert found.converged and 1 < found.n_iterations < 20
+        assert found.mixing.T @ found.mixing == pytest.approx(np.eye(3), abs=1e-10)
+        assert (np.diff(found.sources.var(axis=1)) < 0).all()
+        truth = (FREQS / 1150)[:, None] ** np.array(INDICES)
+        blind = PCA(n_sources=3).clean(sky.maps, freqs=FREQS).separation
+        assert largest_angle(truth, found.mixing[:, :2]) < 1e-3
+        assert largest_angle(found.mixing, truth) < largest_angle(blind.mixing, truth)
+
+    def test_every_parameter_is_used(self, sky):
+        four = cleaned(sky).residual
+        for options in ({"n_sources": 1}, {"n_smooth": 5}):
+            assert np.std(cleaned(sky, **options).residual - four) > 1e-4 * np.std(four)
+
+    def test_a_field_of_nothing_is_left_as_it_is(self):
+        maps = np.zeros((N_CHANNELS, 3072), dtype=np.float32)
+        assert not SmoothSpectra().clean(maps, freqs=FREQS, beams=BEAMS).residual.any()
+
+    def test_not_settling_is_a_warning_and_a_flag(self, sky, monkeypatch):
+        monkeypatch.setattr("himap.removal.smooth_spectra._MOST_TURNS", 1)
+        with pytest.warns(SeparationWarning, match="smooth_spectra: stopped after 1 iterations"):
+            found = cleaned(sky)
+        assert not found.separation.converged
+
+
+@pytest.mark.parametrize(
+    ("options", "n_channels", "message"),
+    [
+        ({"n_sources": 9}, 40, "n_sources must be at most n_smooth, 8, got 9; give a larger n_smooth"),
+        ({"n_smooth": 40}, 40, "n_smooth must be below the number of channels, 40, got 40"),
+        ({"n_sources": 41}, 40, "at most the number of channels, 40, got 41"),
+    ],
+)
+def test_what_does_not_fit(options, n_channels, message):
+    with pytest.raises(InputError, match=message):
+        SmoothSpectra(**options).check(n_channels)
