@@ -36,8 +36,8 @@ class SmoothSpectra(ForegroundRemover):
 
     Not a method of the paper. In a band of multipoles the data are X_l = diag(H_l) B S_l + N_l. B are
     `n_smooth` smooth functions, a power law times polynomials in log frequency, in which foregrounds can be
-    expanded (Chluba, Hill & Abitbol 2017); H is the beam over the best beam of any channel. Of the smooth
-    functions no mixing matrix is fitted channel by channel, so none can follow HI. N_l, HI and noise, has the
+    expanded (Chluba, Hill & Abitbol 2017); H is the beam over the best beam of any channel. No spectrum is
+    fitted channel by channel, so none follows HI further than these functions can. N_l, HI and noise, has the
     covariance C of `faint_covariance`, smooth as HI is. In turns
 
     - S comes from X by least squares weighted with C^-1, which for what HI adds to S looks at its correlation
