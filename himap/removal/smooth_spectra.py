@@ -132,13 +132,15 @@ class _Band:
         """The `_Found` of this band once the covariance of HI and noise has settled."""
         data = [block_of(self._modes, degree) for degree in self.degrees]
         faint = self._start(data)
-        converged, n_turns = False, 0
+        converged, n_turns, n_taken = False, 0, self.basis.shape[1]
         while not converged and n_turns < _MOST_TURNS:
             n_turns += 1
             turn, estimators = self._spectra(data, faint, n_sources)
             spectra = self.seen @ turn
             left = self._left(data, spectra, estimators, faint)
-            last, faint = faint, self._faint(left, int(np.sum(turn.any(axis=0))))
+            # Never more than in the last turn: one that is faint could come and go for ever.
+            n_taken = min(n_taken, int(np.sum(turn.any(axis=0))))
+            last, faint = faint, self._faint(left, n_taken)
             converged = bool(np.linalg.norm(faint - last) <= _SETTLED * np.linalg.norm(last))
         amplitudes = [turn @ (one @ block) for one, block in zip(estimators, data, strict=True)]
         return _Found(
