@@ -49,6 +49,7 @@ METHODS = {
     ("removal/beam_subspace.py", "BeamSubspace._separate"): BEAM_AWARE,
     ("removal/sdecgmca/method.py", "SDecGMCA._separate"): {"16"} | BEAM_AWARE,
     ("removal/gnilc.py", "GNILC._separate"): ANY_METHOD,
+    ("removal/smooth_spectra.py", "SmoothSpectra._separate"): ANY_METHOD | {"23"},
     ("removal/gaussian_process.py", "GaussianProcess._separate"): ANY_METHOD,
 }
 BEAMS = {
