@@ -156,6 +156,10 @@ DEFINED = {
         "1 %": "a line that is drawn, and what is tolerated",
         "0.1 %": "end of an axis",
     },
+    "notebooks/23_thresholds.py": {
+        "10 %": "a grey band",
+        "1 %": "the goal, set beforehand",
+    },
     "notebooks/22_how_many.py": {
         "10 %": "what counts as stable",
         "3 %": "what counts as settled",
