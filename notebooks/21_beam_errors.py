@@ -128,7 +128,7 @@ plotting.stamp(errors_figure(records[-1][0]), made[-1].footer())
 # A source more catches what a wrong beam makes of the foreground, once that stands out enough to be found: the curves come down again. Just before that, where it is as bright as the HI, no source finds it: **the errors that hurt
 # most, with sources to spare, are the small ones.**
 #
-# The next table has the error up to which less than 1 % of foreground is left, between those that were tried by interpolation; "less" where the least of them is too much.
+# The next table has the error up to which at most 1 % of foreground is left more than with the exact beam, between those that were tried by interpolation; "less" where the least of them is too much.
 
 
 # %% tags=["hide-input"]
@@ -227,8 +227,8 @@ quote(
 #
 # At `quick`, in the mean over {glue:text}`beams_skies` skies:
 #
-# - **With the number of sources that an exact beam asks for, the beam has to be exact**: three of BeamSubspace leave less than 1 % of foreground only while the width is known to {glue:text}`beams_width` and no ripple of more than
-#   {glue:text}`beams_ripple` of the FWHM is unknown, on the Galaxy where that is less.
+# - **With the number of sources that an exact beam asks for, the beam has to be exact**: three of BeamSubspace leave 1 % more of foreground than with the exact beam as soon as the width is wrong by {glue:text}`beams_width`, or by a ripple of
+#   {glue:text}`beams_ripple` of the FWHM, on the Galaxy where that is less.
 # - **Sources buy knowledge**: what a wrong beam makes of the foreground is a few spectra more, and a method that has one or two to spare finds them. It costs the HI that each further source takes, which mocks can correct
 #   ({doc}`20_transfer_function`).
 # - **A Gaussian is not a beam.** Told the beam with its side lobes, three sources leave {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real) of foreground; told Gaussians of the right width,

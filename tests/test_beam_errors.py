@@ -154,12 +154,13 @@ class TestJudged:
         assert most_excess(by_error([*rows, BeamError(**asdict(other[0]) | {"band": "C/C0, 2-4"})])[key]) < 1
 
     def test_tolerated_between_two_errors(self):
-        rows = [*made_up(0.0, 0.001), *made_up(1e-3, 1e-3), *made_up(1e-1, 1e-1), *made_up(1.0, 1e-4)]
+        rows = [*made_up(0.0, 0.05), *made_up(1e-3, 0.051), *made_up(1e-1, 0.15), *made_up(1.0, 1e-4)]
         assert tolerated(rows)["beam_subspace", 3, "width"] == pytest.approx(1e-2)
         assert tolerated(rows, 0.001)["beam_subspace", 3, "width"] == pytest.approx(1e-3)
 
     def test_tolerated_none_or_all(self):
-        rows = [*made_up(0.1, 0.5), *made_up(0.1, -0.01, kind="ripple"), *made_up(0.2, 0.0, kind="ripple")]
+        rows = [*made_up(0.0, 0.0), *made_up(0.1, 0.5)]
+        rows += [*made_up(0.1, -0.01, kind="ripple"), *made_up(0.2, 0.0, kind="ripple")]
         found = tolerated([*rows, *made_up(0.0, 0.5, kind="none", method="pca")])
         assert math.isnan(found.pop(("beam_subspace", 3, "width")))
         assert found == {("beam_subspace", 3, "ripple"): 0.2}

@@ -227,7 +227,7 @@ def most_excess(means):
 
 
 def tolerated(rows, limit=0.01):
-    """The error of each kind up to which the excess of no band is above `limit`.
+    """The error of each kind up to which the largest excess is at most `limit` more than with the exact beam.
 
     Between the errors that were tried it is interpolated in the logarithms; beyond the largest it is that.
 
@@ -236,23 +236,26 @@ def tolerated(rows, limit=0.01):
     dict
         {(method, n_sources, kind): error}, NaN where the least error that was tried is too large.
     """
+    excess = {key: most_excess(means) for key, means in by_error(rows).items()}
     curves = {}
-    for (*method, kind, error), means in by_error(rows).items():
+    for (*method, kind, error), value in excess.items():
         if kind not in ("none", "beam") and error:
-            curves.setdefault((*method, kind), {})[error] = max(most_excess(means), limit / 1e6)
-    found = {}
-    for key, excess in curves.items():
-        errors = np.array(sorted(excess))
-        values = np.array([excess[error] for error in errors])
-        above = np.flatnonzero(values > limit)
-        if not len(above):
-            found[key] = float(errors[-1])
-        elif above[0] == 0:
-            found[key] = math.nan
-        else:
-            pair = slice(above[0] - 1, above[0] + 1)
-            found[key] = float(np.exp(np.interp(np.log(limit), np.log(values[pair]), np.log(errors[pair]))))
-    return found
+            more = value - excess[*method, "width", 0.0]
+            curves.setdefault((*method, kind), {})[error] = max(more, limit / 1e6)
+    return {key: _crossing(more, limit) for key, more in curves.items()}
+
+
+def _crossing(more, limit):
+    """The error at which a curve {error: value} first comes to `limit`."""
+    errors = np.array(sorted(more))
+    values = np.array([more[error] for error in errors])
+    above = np.flatnonzero(values > limit)
+    if not len(above):
+        return float(errors[-1])
+    if above[0] == 0:
+        return math.nan
+    pair = slice(above[0] - 1, above[0] + 1)
+    return float(np.exp(np.interp(np.log(limit), np.log(values[pair]), np.log(errors[pair]))))
 
 
 def summary(rows):
