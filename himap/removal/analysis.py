@@ -8,6 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from himap.maps import sphere
 from himap.maps.blocked import projection
+from himap.maps.filling import continued_alm
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
@@ -60,15 +61,18 @@ class CubeModes:
         return modes
 
 
-def analysed(maps):
+def analysed(maps, kept=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
+
+    With a mask `kept` (n_pix,) bool, of what is kept alone: what is bright goes on outside
+    (`himap.maps.filling`), what is not is zero there.
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _analysed(maps)
+        return _analysed(maps) if kept is None else _analysed_within(maps, kept)
 
 
 def _analysed(maps):
@@ -78,12 +82,34 @@ def _analysed(maps):
     bright = np.empty((len(pixels), (lmax + 1) ** 2))
     for bright_map, tolerance, out in zip(progress(pixels, "bright maps"), tolerances, bright, strict=True):
         out[:] = harmonic.to_modes(sphere.analyse_closely(bright_map, lmax, tolerance))
-    n_iter = 0 if sphere.nside_of(maps) >= _FINE else sphere.N_ITER_FLAT
     rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
     for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
         faint = (channel - spectrum @ pixels).astype(np.float32)
-        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=n_iter))
+        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=_refinements(maps)))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
+
+
+def _analysed_within(maps, kept):
+    n_pix, lmax = len(kept), 3 * sphere.nside_of(kept) - 1
+    seen = maps[:, kept]
+    spectra, tolerances = _bright_axes(channel_covariance(seen))
+    lines = projection(spectra.T, seen)
+    bright = np.empty((len(lines), (lmax + 1) ** 2))
+    for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
+        pixels = np.zeros(n_pix)
+        pixels[kept] = line
+        out[:] = harmonic.to_modes(continued_alm(pixels, kept, tolerance))
+    rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
+    for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):
+        faint = np.zeros(n_pix, dtype=np.float32)
+        faint[kept] = channel - spectrum @ lines
+        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=_refinements(kept)))
+    return CubeModes(spectra=spectra, bright=bright, rest=rest)
+
+
+def _refinements(pixels):
+    """Of the analysis of what is faint."""
+    return 0 if sphere.nside_of(pixels) >= _FINE else sphere.N_ITER_FLAT
 
 
 def _bright_axes(covariance):

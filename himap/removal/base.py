@@ -15,7 +15,7 @@ import numpy as np
 from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, checked_noise, parameter
 from himap.errors import InputError
 from himap.maps.blocked import centred
-from himap.maps.modes import MapModes
+from himap.removal.separation import Cleaned, Separation, modes_of
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
@@ -24,92 +24,6 @@ REGISTRY = {}
 
 class SeparationWarning(UserWarning):
     """A method ended without converging, or with something the user should know."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Separation:
-    """What a method found.
-
-    Attributes
-    ----------
-    mixing
-        A, (n_channels, n_sources), float64.
-    sources
-        S, (n_sources, n_pix), mK, float64.
-    taken
-        The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
-    means
-        What was taken from every channel before, (n_channels,): `_separate` leaves it to the base class.
-    converged
-        False if the method stopped at its limit.
-    n_iterations
-        0 for a direct method.
-    flagged
-        (n_pix,) bool, the lines of sight whose own fit cannot be trusted; None where there is no such fit.
-    lmax
-        Multipole at which the method ends: beyond, all goes with the foreground that was in the maps it was
-        found in, so that peaks that were masked there stay whole; None if it does not end.
-    """
-
-    mixing: np.ndarray
-    sources: np.ndarray
-    taken: MapModes | None = None
-    means: np.ndarray | None = None
-    converged: bool = True
-    n_iterations: int = 0
-    flagged: np.ndarray | None = None
-    lmax: int | None = None
-
-    @property
-    def foreground(self):
-        """The foreground up to `lmax`, less `means`, a `MapModes`."""
-        return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
-
-    def left_of(self, maps, basis, modes=None, *, channels=slice(None)):
-        """What is left of `maps` once the foreground of `basis` is taken, (n_channels, n_pix) float32.
-
-        Parameters
-        ----------
-        maps, basis
-            (n_channels, n_pix), mK; `basis` are those that this was found in.
-        modes
-            The `CubeModes` of `basis` where they are at hand, if this ends at `lmax`: beyond, all that
-            `basis` holds is taken.
-        channels
-            A slice: which channels are asked for.
-        """
-        foreground = self.foreground.of_channels(channels)
-        if self.lmax is None:
-            return foreground.taken_from(maps[channels], self.means[channels])
-        modes = _analysed(basis) if modes is None else modes
-        left = foreground.taken_from(modes.low_cube(self.lmax, channels))
-        for observed, found, out in zip(maps[channels], basis[channels], left, strict=True):
-            out += observed - found
-        return left
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cleaned:
-    """A cleaned cube.
-
-    Attributes
-    ----------
-    maps
-        What came, (n_channels, n_pix), mK.
-    residual
-        HI plus noise as the method sees it, (n_channels, n_pix) float32, mK.
-    separation
-        The `Separation` behind it.
-    """
-
-    maps: np.ndarray
-    residual: np.ndarray
-    separation: Separation
-
-    @property
-    def foreground(self):
-        """What was subtracted, the mean of every channel included, float32, made when asked for."""
-        return (self.maps - self.residual).astype(np.float32, copy=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,6 +48,10 @@ class ForegroundRemover(ABC):
         to that end is recorded (`Separation.converged`), and no warning.
     needs_modes
         Whether `_separate` gets the harmonic modes of the maps too, `modes`, a `CubeModes`.
+    takes_mask
+        Whether `_separate`, where there is a mask, gets it as `kept`. A method that needs the whole sky then
+        gets maps that go on outside of the mask, and should learn nothing from there; one that does not take
+        the mask learns from all of them. The others get the lines of sight that are kept.
     """
 
     name: ClassVar[str]
@@ -142,6 +60,7 @@ class ForegroundRemover(ABC):
     needs_noise: ClassVar[bool] = False
     needs_whole_sky: ClassVar[bool] = False
     needs_modes: ClassVar[bool] = False
+    takes_mask: ClassVar[bool] = False
     ends_by_count: ClassVar[bool] = False
 
     @property
@@ -156,7 +75,9 @@ class ForegroundRemover(ABC):
     def __post_init__(self):
         checked_fields(self)
 
-    def clean(self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None):
+    def clean(
+        self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None, mask=None
+    ):
         """Find the foreground and subtract it.
 
         Parameters
@@ -170,6 +91,8 @@ class ForegroundRemover(ABC):
             themselves unless given. The foreground is always subtracted from `maps`.
         modes
             As in `separate`, of those maps.
+        mask
+            As in `separate`; the residual is 0 where nothing is kept.
 
         Returns
         -------
@@ -180,15 +103,18 @@ class ForegroundRemover(ABC):
         InputError
             Maps of different shapes; and as `separate`.
         """
-        maps = checked_cube("maps", maps, min_channels=2)
-        basis = maps if separate_on is None else checked_cube("separate_on", separate_on, min_channels=2)
+        kept = _kept(maps, mask)
+        maps = _within("maps", maps, kept)
+        basis = maps if separate_on is None else _within("separate_on", separate_on, kept)
         if basis.shape != maps.shape:
             raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
-        separation, modes = self._found(basis, freqs, beams, noise, rng, modes)
+        separation, modes = self._found(basis, freqs, beams, noise, rng, modes, kept)
         residual = separation.left_of(maps, basis, modes)
+        if kept is not None:
+            residual[:, ~kept] = 0
         return Cleaned(maps=maps, residual=residual, separation=separation)
 
-    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None):
+    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None, mask=None):
         """Find the foreground.
 
         Parameters
@@ -205,7 +131,11 @@ class ForegroundRemover(ABC):
             numpy Generator, for methods that draw numbers.
         modes
             The `CubeModes` of the maps less their channel means (`himap.removal.analysis.analysed`), where
-            they are at hand, for methods that need them: to make them is half of the work.
+            they are at hand, for methods that need them: to make them is half of the work. With a mask those
+            of what is kept, less the means over it.
+        mask
+            (n_pix,) bool, True where kept; what is elsewhere may be anything and counts nothing, neither for
+            the channel means. None keeps all.
 
         Returns
         -------
@@ -215,26 +145,38 @@ class ForegroundRemover(ABC):
         ------
         InputError
             Maps that are not finite or of one channel; frequencies or beams that do not fit them; more
-            sources than channels.
+            sources than channels; a bad mask, or one that the method cannot work with.
         """
-        maps = checked_cube("maps", maps, min_channels=2)
-        return self._found(maps, freqs, beams, noise, rng, modes)[0]
+        kept = _kept(maps, mask)
+        return self._found(_within("maps", maps, kept), freqs, beams, noise, rng, modes, kept)[0]
 
-    def _found(self, maps, freqs, beams, noise, rng, modes):
+    def _found(self, maps, freqs, beams, noise, rng, modes, kept):
         """The `Separation` of checked maps, and their `CubeModes` where the method needs them."""
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
         noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
+        shape, whole = maps.shape, kept is not None and self.needs_whole_sky
+        if kept is not None:
+            self.check_kept(kept, beams)
+            maps = maps[:, kept]
         find = partial(self._separate, freqs=freqs, beams=beams, rng=rng)
         if self.needs_noise:
             find = partial(find, noise=noise)
-        if self.needs_modes:
-            modes = _analysed(maps) if modes is None else modes
-            find = partial(find, modes=modes)
+        if self.needs_modes and not whole:
+            modes = modes_of(maps) if modes is None else modes
         means = maps.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        separation = replace(find(centred(maps, means) if self.centred else _single(maps)), means=means)
-        self._check_result(separation, maps.shape)
+        maps = centred(maps, means) if self.centred else _single(maps)
+        if whole:
+            maps, modes = _completed(maps, kept, modes)
+        if self.needs_modes:
+            find = partial(find, modes=modes)
+        if kept is not None and self.takes_mask:
+            find = partial(find, kept=kept)
+        separation = replace(find(maps), means=means)
+        if kept is not None and not whole:
+            separation = _on_sphere(separation, kept)
+        self._check_result(separation, shape)
         return separation, modes
 
     def _own_beams(self, beams, n_channels):
@@ -297,18 +239,61 @@ class ForegroundRemover(ABC):
                 f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
             )
 
+    def check_kept(self, kept, beams):
+        """Refuse, before any work, a mask (n_pix,) bool that the method cannot work with.
+
+        Parameters
+        ----------
+        kept
+            True where kept.
+        beams
+            b_l, (n_channels, lmax + 1), or None for a method that does not use them.
+
+        Raises
+        ------
+        InputError
+            The pixels are no HEALPix sphere, where the method needs the whole sky.
+        """
+        if self.needs_whole_sky:
+            from himap.maps import sphere
+
+            sphere.nside_of(kept)
+
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
         """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
 
 
+def _kept(maps, mask):
+    """The mask as (n_pix,) bool, or None."""
+    if mask is None:
+        return None
+    # Imported here, and below: most calls do without transforms, and to import these takes a second.
+    from himap.removal.masked import checked_kept
+
+    return checked_kept(mask, np.shape(maps)[-1] if np.ndim(maps) else 0)
+
+
+def _within(label, maps, kept):
+    """Checked maps (n_channels, n_pix), 0 where not kept."""
+    maps = checked_cube(label, maps, min_channels=2, kept=kept)
+    return maps if kept is None else np.where(kept, maps, np.zeros((), maps.dtype))
+
+
+def _completed(lines, kept, modes):
+    """Maps of the whole sky that go on outside of `kept`, and their `CubeModes`, made unless given."""
+    from himap.removal.analysis import analysed
+    from himap.removal.masked import completed, lines_on_sphere
+
+    modes = analysed(lines_on_sphere(lines, kept), kept) if modes is None else modes
+    return completed(lines, kept, modes), modes
+
+
+def _on_sphere(separation, kept):
+    from himap.removal.masked import on_sphere
+
+    return on_sphere(separation, kept)
+
+
 def _single(maps):
     return maps.astype(np.float32, copy=False)
-
-
-def _analysed(maps):
-    """The `CubeModes` of maps (n_channels, n_pix) less their channel means."""
-    # Imported here: most methods do without transforms, and to import these takes a second.
-    from himap.removal.analysis import analysed
-
-    return analysed(centred(maps))

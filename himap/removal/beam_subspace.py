@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from himap.checks import checked_noise
+from himap.errors import InputError
 from himap.maps import sphere
 from himap.progress import progress
 from himap.removal import harmonic
@@ -13,6 +14,7 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
 from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.conventions import ordered
+from himap.removal.masked import inner_alm, inner_weights
 from himap.removal.sparse_sources import SparseSources
 
 __all__ = ["BeamSubspace"]
@@ -42,12 +44,20 @@ class BeamSubspace(ForegroundRemover):
     The foreground is H A S with S from least squares at every l of the maps (`through_beams`): it depends on
     A only through the space that its columns span. They are orthonormal; the sources are uncorrelated and
     ordered by variance, not separated. There is no randomness.
+
+    With a mask, what minimises the squares of X - H A S over the kept pixels is wanted, S being free outside.
+    What an extension of the maps by any H A S adds to least squares on the whole sky is nothing: so the maps
+    are continued smoothly to the whole sphere, where their bright part nearly is such an H A S, and all is
+    done there (`himap.maps.filling`). What it is not lies at the edge, within reach of the beam. T is
+    multiplied by weights that are 0 there, so that A is found from what is farther inside, and spectra of
+    what is left should leave out as much: two widths of the widest beam.
     """
 
     name: ClassVar[str] = "beam_subspace"
     needs_beams: ClassVar[bool] = True
     needs_whole_sky: ClassVar[bool] = True
     needs_modes: ClassVar[bool] = True
+    takes_mask: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of spectra", minimum=1)
     share: float = parameter(
         0.3, "share of the significant coefficients that A is found from", minimum=0, maximum=1, above=True
@@ -68,14 +78,38 @@ class BeamSubspace(ForegroundRemover):
         super().check(n_channels)
         self.checked_noise(self.noise, n_channels)
 
-    def _separate(self, maps, *, freqs, beams, rng, modes):
+    def check_kept(self, kept, beams):
+        super().check_kept(kept, beams)
+        lmax, last = min(self.lmax, 2 * sphere.nside_of(kept)), beams.shape[1] - 1
+        if last < lmax:
+            raise InputError(
+                f"with a mask the beams must reach l = {lmax}, as {self.name} does, got b_l to {last}: what "
+                "lies beyond would be mixed across the edge. Give longer b_l, or a smaller lmax."
+            )
+        inside = inner_weights(sphere.synthesise(self._inner_alm(kept, beams, lmax), sphere.nside_of(kept)))
+        n_modes, needed = np.mean(inside) * (lmax + 1) ** 2, len(beams)
+        if n_modes < needed:
+            raise InputError(
+                f"the mask keeps {kept.mean():.2%} of the sky; farther from its edge than the beam reaches "
+                f"there are {n_modes:.0f} modes to l = {lmax}, and {needed} channels need as many. Keep more "
+                "of the sky, or use a method that takes each line of sight as it comes, such as pca."
+            )
+
+    @staticmethod
+    def _inner_alm(kept, beams, lmax):
+        return inner_alm(kept, beams.min(axis=0), lmax)
+
+    def _separate(self, maps, *, freqs, beams, rng, modes, kept=None):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1]))
-        mixing, converged, n_iterations = self._settled(mixture, mixing)
+        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1], kept))
+        weights = None
+        if kept is not None:
+            weights = inner_weights(sphere.synthesise_grid(self._inner_alm(kept, beams, lmax)))
+        mixing, converged, n_iterations = self._settled(mixture, mixing, weights)
         mixing, sources = ordered(mixing, mixture.sources(mixing))
         return Separation(
             taken=through_beams(maps, mixing, beams / best, modes),
@@ -85,16 +119,22 @@ class BeamSubspace(ForegroundRemover):
             n_iterations=n_iterations,
         )
 
-    def _noise_power(self, mixture, mixing, n_pix):
+    def _noise_power(self, mixture, mixing, n_pix, kept):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
         if self.noise is None:
-            return mixture.residual_noise(mixing, mixture.sources(mixing))
+            left = mixture.residual_noise(mixing, mixture.sources(mixing))
+            return left if kept is None else left / np.mean(kept)
         return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
 
-    def _settled(self, mixture, mixing):
+    def _settled(self, mixture, mixing, weights):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
-        analytic = self.thresholds == "analytic"
-        sparse = SparseSources(mixture.lmax, self.n_scales, n_sigma=self.n_sigma, analytic=analytic)
+        sparse = SparseSources(
+            mixture.lmax,
+            self.n_scales,
+            n_sigma=self.n_sigma,
+            analytic=self.thresholds == "analytic",
+            weights=weights,
+        )
         exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_ITERATIONS), self.name):

@@ -24,12 +24,16 @@ class SparseSources:
         Lowest threshold, in units of the noise of a source in a scale.
     analytic
         Noise propagated from that of the sources; otherwise 1.48 times the median absolute coefficient.
+    weights
+        Of every point of the grid to `lmax`, 0 to 1, (n_grid,), for a part of the sky: what is looked at are
+        coefficients times their weights, and medians are of those above zero. None for the whole sky.
     """
 
-    def __init__(self, lmax, n_scales, *, n_sigma, analytic):
+    def __init__(self, lmax, n_scales, *, n_sigma, analytic, weights=None):
         self.lmax = lmax
         self.n_sigma = n_sigma
         self.analytic = analytic
+        self.weights = weights
         self.filters = starlet_filters(n_scales, lmax)
         self._bands = starlet_bands(n_scales, lmax)[:-1]
 
@@ -57,11 +61,12 @@ class SparseSources:
 
     def _scales(self, alm):
         """The detail scales of one source on the grid, [(n_grid,), ...]."""
-        return [sphere.synthesise_grid(alm[keep] * band, self.lmax) for keep, band in self._bands]
+        scales = [sphere.synthesise_grid(alm[keep] * band, self.lmax) for keep, band in self._bands]
+        return scales if self.weights is None else [self.weights * scale for scale in scales]
 
     def _limit(self, scale, level, share):
         """Threshold of one scale (n_grid,)."""
         sizes = np.abs(scale)
         if not self.analytic:
-            level = NORMAL * np.median(sizes)
+            level = NORMAL * np.median(sizes if self.weights is None else sizes[self.weights > 0])
         return share_threshold(sizes, self.n_sigma * level, share)
