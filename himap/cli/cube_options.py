@@ -36,6 +36,7 @@ _OPTIONS = [
     click.option("--beam", cls=Beams, metavar="NAME"),
     click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
     click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     click.option("--overwrite", is_flag=True, help="Write over what is there."),
     click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
@@ -77,12 +78,13 @@ def method_parameters(pairs):
     return parameters
 
 
-def cube_and_beams(path, remover, beam, dish, reading):
+def cube_and_beams(path, remover, beam, dish, mask, reading):
     """The cube, with its remarks told, and its beams, None where none are named."""
     import numpy as np
 
     from himap.cubes.beams import beams_of
     from himap.cubes.cube import read_cube
+    from himap.cubes.masks import read_mask
     from himap.instrument.beams.base import gaussian_widths
 
     if dish is not None and beam is None:
@@ -90,6 +92,8 @@ def cube_and_beams(path, remover, beam, dish, reading):
     if beam is None and remover.needs_beams:
         raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
     cube = read_cube(path, **reading)
+    if mask is not None:
+        cube = cube.within(read_mask(mask, cube.nside))
     for remark in cube.remarks:
         click.echo(remark, err=True)
     beams = None if beam is None else beams_of(cube, beam, dish=dish)

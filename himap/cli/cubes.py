@@ -30,8 +30,8 @@ __all__ = ["clean", "suggest", "transfer"]
 @cube_options
 @debug
 def clean(output, overwrite, **options):
-    """Remove the foregrounds of CUBE: HDF5, FITS (one file, or a folder with one for each channel) or .npy.
-    With --mocks spectra are corrected for what is lost, on the page and in a .csv.
+    """Remove the foregrounds of CUBE: HDF5, FITS (one file, or one for each channel) or .npy. With --mocks
+    spectra are corrected for what is lost, on the page and in a .csv.
 
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
@@ -78,11 +78,11 @@ def transfer(output, overwrite, **options):
 
 def _inputs(options):
     """The names of files, or what may be such, in the options of a command."""
-    names = [options[name] for name in ("path", "truth", "beam", "freqs")]
+    names = [options[name] for name in ("path", "truth", "beam", "freqs", "mask")]
     return [name for name in (*names, *options["mocks"]) if name is not None]
 
 
-def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noise, **reading):
+def _cleaned(path, method, beam, dish, pairs, truth, mask, keep_peaks, mocks, mock_noise, **reading):
     """A `CleanedCube`, and a function that writes its page, and its spectra where there are mocks."""
     from himap.cubes import corrected_report
     from himap.cubes.cleaning import clean_cube, method_for
@@ -93,7 +93,7 @@ def _cleaned(path, method, beam, dish, pairs, truth, keep_peaks, mocks, mock_noi
     from himap.removal.base import SeparationWarning
 
     remover = create(method, **method_parameters(pairs))
-    cube, beams = cube_and_beams(path, remover, beam, dish, reading)
+    cube, beams = cube_and_beams(path, remover, beam, dish, mask, reading)
     method_for(cube, remover)  # before the truth is read
     true = None if truth is None else read_truth(truth, **reading)
     if true is not None:
@@ -155,7 +155,7 @@ def _tell(cleaned, files, started):
 @click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
 @cube_options
 @debug
-def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, overwrite, **reading):
+def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, output, overwrite, **reading):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
 
     \b
@@ -173,7 +173,7 @@ def suggest(path, method, beam, dish, pairs, keep_peaks, least, most, output, ov
         raise InputError(
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
         )
-    cube, beams = cube_and_beams(path, create(method, **parameters), beam, dish, reading)
+    cube, beams = cube_and_beams(path, create(method, **parameters), beam, dish, mask, reading)
     most = min(10, len(cube.freqs) - 1) if most is None else most
     if most <= least:
         raise InputError(f"--to must be more than --from, got {most} and {least}.")

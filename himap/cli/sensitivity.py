@@ -28,7 +28,7 @@ __all__ = ["sensitivity"]
 @cube_options
 @debug
 def sensitivity(
-    path, method, widths, ripples, period, beam, dish, pairs, keep_peaks, output, overwrite, **reading
+    path, method, widths, ripples, period, beam, dish, pairs, mask, keep_peaks, output, overwrite, **reading
 ):
     """Clean CUBE with beams that differ a little from --beam, and tell how far the power that is left moves.
 
@@ -47,7 +47,7 @@ def sensitivity(
     remover = create(method, **method_parameters(pairs))
     if not remover.needs_beams:
         raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
-    cube, beams = cube_and_beams(path, remover, beam, dish, reading)
+    cube, beams = cube_and_beams(path, remover, beam, dish, mask, reading)
     chosen = {"widths": widths, "ripples": ripples} if widths or ripples else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # of cleaning it says the report

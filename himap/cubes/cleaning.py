@@ -11,6 +11,7 @@ from himap.maps.blocked import centred
 from himap.removal import available, create
 from himap.removal.analysis import analysed
 from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
+from himap.removal.masked import lines_of
 from himap.removal.peaks import mask_peaks
 
 __all__ = ["Basis", "CleanedCube", "clean_cube", "method_for"]
@@ -82,11 +83,23 @@ class Basis:
         masked = mask_peaks(cube.maps, cube.freqs) if peaks else None
         self.maps = masked.maps if peaks else cube.maps
         self.flagged = float(masked.flagged.mean()) if peaks else 0.0
+        self._cube = cube
 
     @cached_property
     def modes(self):
-        """The `CubeModes` of the maps less their channel means."""
-        return analysed(centred(self.maps))
+        """The `CubeModes` of the maps less their channel means; of a part of the sky, continued outside."""
+        kept = None if self._cube.whole_sky else self._cube.mask
+        return analysed(self._cube.on_sphere(centred(self.maps)), kept)
+
+    def given_to(self, method, maps):
+        """What `method` is given of maps (n_channels, n_seen) of the cube: (maps, its further arguments).
+
+        A method that looks at the whole sky gets them on the sphere, with the mask.
+        """
+        options = {"modes": self.modes} if method.needs_modes else {}
+        if method.needs_whole_sky and not self._cube.whole_sky:
+            return self._cube.on_sphere(maps), options | {"mask": self._cube.mask}
+        return maps, options
 
 
 def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, **parameters):
@@ -121,15 +134,20 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
     """
     remover = method_for(cube, method, **parameters)
     basis = Basis(cube, peaks=peaks) if basis is None else basis
+    maps, options = basis.given_to(remover, cube.maps)
     result = remover.clean(
-        cube.maps,
+        maps,
         freqs=cube.freqs,
         beams=beams if remover.needs_beams else None,
         rng=np.random.default_rng(seed),
-        separate_on=basis.maps,
-        modes=basis.modes if remover.needs_modes else None,
+        separate_on=basis.given_to(remover, basis.maps)[0],
+        **options,
     )
-    return CleanedCube(**vars(result), cube=cube, method=remover, flagged=basis.flagged)
+    seen = {"maps": cube.maps, "residual": result.residual, "separation": result.separation}
+    if "mask" in options:
+        seen["residual"] = result.residual[:, cube.mask]
+        seen["separation"] = lines_of(result.separation, cube.mask)
+    return CleanedCube(**seen, cube=cube, method=remover, flagged=basis.flagged)
 
 
 def method_for(cube, method, **parameters):
@@ -147,10 +165,14 @@ def method_for(cube, method, **parameters):
     remover = create(method, **parameters) if isinstance(method, str) else method
     remover.check(len(cube.freqs))
     remover.checked_noise(None, len(cube.freqs))
-    if remover.needs_whole_sky and not cube.whole_sky:
-        able = [name for name in available() if not REGISTRY[name].needs_whole_sky]
+    if remover.needs_whole_sky and not (cube.whole_sky or remover.takes_mask):
+        able = [name for name in available() if _takes_parts(REGISTRY[name])]
         raise InputError(
             f"{remover.name} transforms whole maps and cannot work on {cube.mask.mean():.1%} of the sky. "
-            f"Use a method that takes each line of sight as it comes ({', '.join(able)}), or fill the gaps."
+            f"Use a method that can ({', '.join(able)}), or fill the gaps."
         )
     return remover
+
+
+def _takes_parts(method):
+    return method.takes_mask or not method.needs_whole_sky

@@ -9,6 +9,7 @@ from himap.cubes.files import read_freqs, read_raw
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, is_nested, temperature_unit, to_ring
+from himap.removal.masked import checked_kept
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
@@ -86,6 +87,21 @@ class Cube:
     def channel_width(self):
         """MHz; the mean distance of two channels."""
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
+
+    def within(self, mask):
+        """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, RING, keeps.
+
+        Raises
+        ------
+        InputError
+            A mask of another resolution, or that keeps nothing of what is seen.
+        """
+        kept = checked_kept(mask, len(self.mask)) & self.mask
+        if not kept.any():
+            raise InputError("the mask keeps no pixel that the cube sees; True (or 1) means kept.")
+        remark = f"{kept.mean():.1%} of the sky is kept by the mask."
+        maps, remarks = self.maps[:, kept[self.mask]], (*self.remarks, remark)
+        return replace(self, maps=maps, mask=kept, remarks=remarks)
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen; themselves if all is."""

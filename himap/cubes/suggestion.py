@@ -50,6 +50,8 @@ class Suggestion:
         The first number from which the spectra hardly move to the next, or None.
     method, knows_beam
         Name of the method that it is for, and whether that uses the beam.
+    at_one_resolution
+        Whether the eigenvalues are those of maps at one resolution.
     """
 
     n_sources: np.ndarray
@@ -61,6 +63,7 @@ class Suggestion:
     stable: int | None
     method: str
     knows_beam: bool
+    at_one_resolution: bool
 
     @property
     def best(self):
@@ -84,8 +87,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
 
     Recommended is what the least criterion and the eigenvalues that stand out say, one number where they
     agree; none where no number leaves both spectra as they are with one more, to 10 %. It is for this method
-    and beam only. For a method that knows the beam, eigenvalues are those of the maps at the resolution of
-    the worst channel, to l = 2 nside.
+    and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of the maps at the
+    resolution of the worst channel, to l = 2 nside.
 
     Parameters
     ----------
@@ -123,7 +126,9 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
     change = changes(spectra)
-    values = _eigenvalues(cube, basis, beams if knows_beam else None)
+    # The edge of a part of the sky would stand out too, once maps are re-convolved.
+    at_one = knows_beam and cube.whole_sky
+    values = _eigenvalues(cube, basis, beams if at_one else None)
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
@@ -134,12 +139,13 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         stable=settled(change, counts),
         method=method,
         knows_beam=knows_beam,
+        at_one_resolution=at_one,
     )
 
 
 def _eigenvalues(cube, basis, beams):
     """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given."""
-    if beams is None or not cube.whole_sky:
+    if beams is None:
         return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     lmax = min(2 * cube.nside, beams.shape[1] - 1)
     mixture = BlurredMixture(basis.modes.upto(lmax), beams[:, : lmax + 1])
@@ -179,7 +185,7 @@ def views_figure(suggestion):
     blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
     panels = [
         {
-            "title": "Eigenvalues" + (" at one resolution" if suggestion.knows_beam else ""),
+            "title": "Eigenvalues" + (" at one resolution" if suggestion.at_one_resolution else ""),
             "xlabel": "component",
             "ylabel": r"variance [mK$^2$]",
             "xscale": "log",

@@ -11,6 +11,7 @@ from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import TransferFunction, recovery
+from himap.removal.masked import lines_of
 
 __all__ = ["Corrected", "correct", "measure_transfer"]
 
@@ -78,13 +79,16 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
                 f"{mock.shape}."
             )
         both = Basis(replace(cube, maps=cube.maps + mock), peaks=peaks)
+        maps, options = both.given_to(method, both.maps)
         found = method.separate(
-            both.maps,
+            maps,
             freqs=cube.freqs,
             beams=beams if method.needs_beams else None,
             rng=np.random.default_rng(seed),
-            modes=both.modes if method.needs_modes else None,
+            **options,
         )
+        if "mask" in options:
+            found = lines_of(found, cube.mask)
         variance = float(mock.var(axis=1, dtype=np.float64).sum())
         wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
         alms = masked_alms(cube.on_sphere(mock), mask=mask)

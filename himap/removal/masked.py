@@ -10,7 +10,15 @@ from himap.maps import sphere
 from himap.maps.modes import MapModes
 from himap.removal import harmonic
 
-__all__ = ["checked_kept", "completed", "inner_alm", "inner_weights", "lines_on_sphere", "on_sphere"]
+__all__ = [
+    "checked_kept",
+    "completed",
+    "inner_alm",
+    "inner_weights",
+    "lines_of",
+    "lines_on_sphere",
+    "on_sphere",
+]
 
 
 def checked_kept(mask, n_pix):
@@ -45,14 +53,21 @@ def lines_on_sphere(lines, kept):
 
 def on_sphere(separation, kept):
     """A `Separation` of the lines of sight in `kept` as one of all pixels, 0 elsewhere."""
+    return _moved(separation, lambda lines: lines_on_sphere(lines, kept))
+
+
+def lines_of(separation, kept):
+    """A `Separation` of all pixels as one of the lines of sight in `kept`, the other way round."""
+    return _moved(separation, lambda lines: lines[:, kept])
+
+
+def _moved(separation, move):
     taken, flagged = separation.taken, separation.flagged
     return replace(
         separation,
-        sources=lines_on_sphere(separation.sources, kept),
-        taken=None
-        if taken is None
-        else MapModes(spectra=taken.spectra, maps=lines_on_sphere(taken.maps, kept)),
-        flagged=None if flagged is None else lines_on_sphere(flagged[None], kept)[0],
+        sources=move(separation.sources),
+        taken=None if taken is None else MapModes(spectra=taken.spectra, maps=move(taken.maps)),
+        flagged=None if flagged is None else move(flagged[None])[0],
     )
 
 

@@ -1,0 +1,150 @@
+"""A mask inside of the separation, beside what else is done about a bright plane, on the same pixels.
+
+Every way is measured on the pixels of a `Region` that are farther than a margin from its edge: what a beam
+mixes across the edge is seen there, and no method is asked for it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from himap.checks import checked_fields, parameter
+from himap.errors import InputError
+from himap.instrument.noise import noise_sigma
+from himap.maps import sphere
+from himap.maps.blocked import centred
+from himap.measures import diagnostics
+from himap.measures.difference import Moments, difference, line_errors
+from himap.measures.power_spectra import angular_power_pair, frequency_power
+from himap.measures.results import Comparison, PowerSpectra
+from himap.paper import cleaned, pipeline
+from himap.products.store import product
+from himap.removal.analysis import analysed
+from himap.sky.dimming import Dimming
+
+__all__ = ["WAYS", "Region", "by_depth", "compared", "residual", "separation"]
+
+WAYS = ("no mask", "post-masked", "dimmed", "inside")
+"""The foreground found on the whole sky; the same without the lines of sight whose error stands out (paper,
+Sect. 5.1); with the plane dimmed in the sky itself (Sect. 5.2); and found on the region alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """The part of the sky beyond a Galactic latitude, north and south, or north alone.
+
+    Raises
+    ------
+    InputError
+        A latitude outside 0 to 89 deg.
+    """
+
+    latitude: float = parameter(10.0, "least |b| that is kept, deg", minimum=0, maximum=89)
+    north: bool = parameter(False, "whether the south is left out, as of a survey of a cap")
+
+    def __post_init__(self):
+        checked_fields(self)
+        if not isinstance(self.north, bool | np.bool_):
+            raise InputError(f"north must be True or False, got {self.north!r}.")
+
+    def depth(self, nside):
+        """How far inside of the edge each pixel lies, deg, negative outside, (n_pix,)."""
+        latitude = sphere.pixel_latitude(nside)
+        return (latitude if self.north else np.abs(latitude)) - self.latitude
+
+    def mask(self, nside, margin=0.0):
+        """(n_pix,) bool: True farther inside than `margin`, deg."""
+        return self.depth(nside) > margin
+
+
+@product
+def analysis(case, region, mask_peaks=True):
+    """The `CubeModes` of a region of the maps that the foreground is found in, less their means there."""
+    kept = region.mask(case.survey.nside)
+    maps = pipeline.basis(case, mask_peaks)
+    less_means = centred(maps, maps[:, kept].mean(axis=1, dtype=np.float64))
+    less_means[:, ~kept] = 0
+    return analysed(less_means, kept)
+
+
+@product
+def separation(case, remover, region, mask_peaks=True):
+    """The `Separation` that `remover` makes of a region of a case, as `cleaned.separation` of all of it."""
+    observed, whole = pipeline.observation(case), remover.needs_whole_sky
+    return remover.separate(
+        pipeline.basis(case, mask_peaks),
+        freqs=observed.freqs,
+        beams=observed.beams,
+        noise=noise_sigma(case.survey),
+        rng=case.survey.rng(f"removal {remover.name}"),
+        modes=analysis(case, region, mask_peaks) if whole else None,
+        mask=region.mask(case.survey.nside),
+    )
+
+
+def residual(case, remover, region, way):
+    """What is left by one of `WAYS`, mK, (n_channels, n_pix) float32; not kept. Of "inside" the rest is 0.
+
+    Raises
+    ------
+    InputError
+        No such way, or a method that ends at some multipole.
+    """
+    if way not in WAYS:
+        raise InputError(f"a way must be {', '.join(WAYS[:-1])} or {WAYS[-1]}, got {way!r}.")
+    if remover.ends:
+        raise InputError(f"what {remover.name} leaves ends at some l, which a mask mixes with others.")
+    if way == "dimmed":
+        case = replace(case, dimming=Dimming())
+    if way != "inside":
+        return cleaned.residual(case, remover)
+    kept = region.mask(case.survey.nside)
+    observed = pipeline.observation(case).maps
+    left = separation(case, remover, region).left_of(observed, observed)
+    left[:, ~kept] = 0
+    return left
+
+
+@product
+def compared(case, remover, region, way, margin=4.0):
+    """The `Comparison` of what is left by one of `WAYS` with the truth, inside of a region.
+
+    Parameters
+    ----------
+    case
+        `pipeline.Case`, its Galaxy not dimmed.
+    remover
+        A method that does not end at some l.
+    region
+        The `Region`.
+    way
+        One of `WAYS`.
+    margin
+        How far inside of its edge spectra begin, deg. C_l are decoupled (MASTER), in bins of 1 / f_sky.
+    """
+    survey = case.survey
+    inside = region.mask(survey.nside, margin)
+    left, true = residual(case, remover, region, way), pipeline.truth(case)
+    if way == "post-masked":
+        inside &= ~diagnostics.flagged_lines(line_errors(cleaned.error(case, remover)))
+    wrong = difference(left, true, mask=inside)
+    angular = angular_power_pair(true, wrong, mask=inside)
+    frequency = frequency_power(true, survey.channel_width, mask=inside)
+    recovered = Moments.of(true, wrong, mask=inside).frequency_power(frequency, survey.channel_width)
+    pair = (
+        PowerSpectra(angular=power, frequency=along)
+        for power, along in zip(angular, (recovered, frequency), strict=True)
+    )
+    return Comparison.of(*pair, l_top=2 * survey.nside)
+
+
+@product
+def by_depth(case, remover, region, way, edges=(0.0, 1.0, 2.0, 4.0, 8.0, 90.0)):
+    """Rms of what is left less the truth, mK, between some distances from the edge, deg, (n - 1,)."""
+    left, depth = residual(case, remover, region, way), region.depth(case.survey.nside)
+    kept = depth > 0
+    wrong = left[:, kept] - pipeline.truth(case)[:, kept]
+    wrong -= wrong.mean(axis=1, keepdims=True)
+    number = np.digitize(depth[kept], edges) - 1
+    squares = np.mean(wrong**2, axis=0)
+    return np.array([np.sqrt(squares[number == n].mean()) for n in range(len(edges) - 1)])

@@ -1,0 +1,123 @@
+"""A mask inside of the separation: exact well inside, blind outside, and clear where it cannot be."""
+
+import healpy as hp
+import numpy as np
+import pytest
+from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
+
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.removal import create
+from himap.removal.beam_subspace import BeamSubspace
+from himap.removal.masked import inner_alm, inner_weights
+from himap.removal.pca import PCA
+
+FREQS = np.linspace(900, 1400, 8)
+LATITUDE = sphere.pixel_latitude(NSIDE)
+CUT = np.abs(LATITUDE) > 15
+GIVEN = {"freqs": FREQS, "beams": BEAMS}
+METHOD = BeamSubspace(n_sources=4)
+
+
+@pytest.fixture
+def problem(rng):
+    return make_problem(rng)[:3]
+
+
+class TestExactness:
+    def test_of_a_noise_free_sky_nothing_is_left_well_inside(self, problem):
+        """Two widths of the widest beam, 24 deg, from the edge; PCA leaves percents there."""
+        maps, mixing, _ = problem
+        inside = np.abs(LATITUDE) > 39
+        cleaned = METHOD.clean(maps, **GIVEN, mask=CUT)
+        blind = PCA(n_sources=4).clean(maps, freqs=FREQS, mask=CUT)
+        assert cleaned.separation.converged
+        assert cleaned.residual[:, inside].std() < 1e-3 * maps[:, inside].std()
+        assert blind.residual[:, inside].std() > 0.02 * maps[:, inside].std()
+        assert largest_angle(cleaned.separation.mixing, mixing) < 2e-2
+
+    def test_against_dense_least_squares(self, problem, rng):
+        """Sources free everywhere, the squares of what is kept at their least, by numpy; A given."""
+        maps, mixing, _ = problem
+        lmax = 12
+        low = np.array([sphere.synthesise(sphere.analyse(row, lmax), NSIDE) for row in noisy(maps, 30, rng)])
+
+
+class TestBlindness:
+    @pytest.mark.parametrize("name", ["beam_subspace", "pca", "fastica", "gmca", "polynomial", "parametric"])
+    def test_what_is_outside_does_not_count(self, name, problem, rng):
+        maps = noisy(problem[0], 30, rng) + 100
+        options = {"n_sources": 2} if name in ("beam_subspace", "pca", "fastica", "gmca") else {}
+        options |= {"order": 3} if name == "polynomial" else {}
+        method = create(name, **options)
+
+        def left(maps):
+            cleaned = method.clean(maps, **GIVEN, mask=CUT, rng=np.random.default_rng(1))
+            assert cleaned.separation.sources.shape[1] == len(CUT)
+            return cleaned.residual
+
+        one, two = left(maps), left(np.where(CUT, maps, np.nan))
+        assert np.array_equal(one, two) and not one[:, ~CUT].any() and np.isfinite(one).all()
+
+    @pytest.mark.parametrize("name", ["pca", "polynomial"])
+    def test_lines_of_sight_are_cleaned_as_if_alone(self, name, problem):
+        maps, method = problem[0] + 100, create(name, **({"order": 3} if name == "polynomial" else {}))
+        alone = method.clean(maps[:, CUT], freqs=FREQS).residual
+        assert np.array_equal(method.clean(maps, freqs=FREQS, mask=CUT).residual[:, CUT], alone)
+
+    def test_separating_on_other_maps(self, problem, rng):
+        maps = noisy(problem[0], 30, rng).astype(np.float32)
+        more = rng.standard_normal(maps.shape).astype(np.float32)
+        one, two = (METHOD.clean(one, **GIVEN, mask=CUT, separate_on=maps) for one in (maps, maps + more))
+        assert (two.residual - one.residual)[:, CUT] == pytest.approx(more[:, CUT], abs=1e-4)
+
+    def test_all_kept_is_no_mask(self, problem, rng):
+        maps = noisy(problem[0], 30, rng)
+        whole, masked = (METHOD.clean(maps, **GIVEN, mask=m) for m in (None, np.ones(len(CUT), bool)))
+        assert largest_angle(whole.separation.mixing, masked.separation.mixing) < 0.02
+        assert (whole.residual - masked.residual).std() < 0.1 * whole.residual.std()
+
+
+def test_a_is_found_from_what_is_farther_inside(problem, rng):
+    """A fifth spectrum in a strip along the edge does not move A."""
+
+
+def test_weights_are_zero_at_the_edge_and_one_well_inside():
+    beam = sphere.gaussian_beam(np.deg2rad(12.0), 32)
+    weights = inner_weights(sphere.synthesise(inner_alm(CUT, 3 * beam, 32), NSIDE))
+    latitude = np.abs(LATITUDE)
+    assert weights[latitude < 14].max() == 0 and weights[latitude > 15 + 24].min() > 0.99
+    assert 0.3 < weights[(latitude > 20) & (latitude < 24)].mean() < 0.9
+
+
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        (CUT[:-1], r"shape \(n_pix,\) = \(3072,\), got \(3071,\)"),
+        (0.5 * CUT, "got values between"),
+        (np.full(len(CUT), np.nan), "got values between"),
+        (~(CUT | ~CUT), "keeps no pixel"),
+        (np.array(["yes"] * len(CUT)), "the mask must be real numbers"),
+        (LATITUDE > 70, r"keeps 3.* there are 0 modes to l = 32, and 8 channels need as many"),
+    ],
+)
+def test_bad_masks(problem, mask, message):
+    with pytest.raises(InputError, match=message):
+        METHOD.clean(problem[0], **GIVEN, mask=mask)
+
+
+def test_a_beam_that_ends_too_early(problem):
+    with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
+        METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
+
+
+def test_whole_numbers_are_a_mask(problem):
+    one, two = (PCA().separate(problem[0], freqs=FREQS, mask=m).sources for m in (CUT, CUT.astype(int)))
+    assert np.array_equal(one, two)
+
+
+def test_bad_pixels_that_are_kept(problem):
+    maps = problem[0].copy()
+    maps[2, np.flatnonzero(CUT)[3]] = hp.UNSEEN
+    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
+        METHOD.clean(maps, **GIVEN, mask=CUT)
