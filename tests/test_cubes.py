@@ -10,7 +10,7 @@ from astropy.io import fits
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap import removal
-from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned
+from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube, save_cleaned
 from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
@@ -18,6 +18,7 @@ from himap.maps import sphere
 from himap.removal.peaks import mask_peaks
 
 METHODS = removal.available()
+KNOWING = ["--method", "beam_subspace", "--beam", "evolving"]
 
 
 @pytest.fixture
@@ -120,6 +121,52 @@ class TestCleaning:
         found = np.array(hp.read_map(tmp_path / "c.fits", field=None, dtype=None))  # RING
         assert 1e3 * found[np.argsort(shuffled)][:, seen] == pytest.approx(expected.residual, abs=1e-3)
         assert (np.delete(found, seen, axis=1) == hp.UNSEEN).all()
+
+    @pytest.mark.parametrize("name", ["pca", "beam_subspace"])
+    def test_with_a_mask_through_the_command(self, name, maps, tmp_path):
+        """A NESTED mask; what is left is that of the library, and UNSEEN outside."""
+        kept = np.abs(sphere.pixel_latitude(NSIDE)) > 15
+        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+        mask = hp.reorder(kept.astype(np.float32), r2n=True)
+        hp.write_map(tmp_path / "m.fits", mask, nest=True, dtype=np.float32)
+        options = [
+            "--method",
+            name,
+            "-p",
+            "n_sources=2",
+            "--beam",
+            "oscillating",
+            "--mask",
+            tmp_path / "m.fits",
+        ]
+        done = himap("clean", path, *options, "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        assert f"{kept.mean():.1%} of the sky is kept by the mask" in done.output
+        found = np.array(hp.read_map(tmp_path / "c.fits", field=None, dtype=None))
+        basis = np.where(kept, maps, 0).astype(np.float32)
+        basis[:, kept] = mask_peaks(maps[:, kept], FREQS).maps
+        seen = beams_of(read_cube(path), "oscillating")
+        expected = removal.create(name, n_sources=2).clean(
+            maps, freqs=FREQS, beams=seen, separate_on=basis, mask=kept
+        )
+        assert found[:, kept] == pytest.approx(expected.residual[:, kept], abs=1e-5)
+        assert (found[:, ~kept] == hp.UNSEEN).all()
+
+    def test_a_cube_with_holes_by_a_method_that_looks_at_the_sky(self, maps, tmp_path):
+        """As the same cube under a mask, and mocks can be put into it."""
+        kept = np.abs(sphere.pixel_latitude(NSIDE)) > 15
+        holes = read_cube(
+            write_hdf5(tmp_path / "a.h5", np.where(kept, maps, np.nan), unit="mK", order="RING")
+        )
+        whole = read_cube(write_hdf5(tmp_path / "b.h5", maps, unit="mK", order="RING"))
+        seen = beams_of(whole, "oscillating")
+        options = {"method": "beam_subspace", "beams": seen, "n_sources": 2}
+        one, two = (clean_cube(cube, **options) for cube in (holes, whole.within(kept)))
+        assert np.array_equal(one.residual, two.residual)
+        assert one.residual.shape == one.maps.shape == (24, kept.sum())
+        mock = 1e-3 * maps[:, kept]
+        found = measure_transfer(one, [mock], beams=seen)
+        assert np.isfinite(found.angular).all() and np.isfinite(found.frequency).all()
 
     def test_what_is_written_adds_up(self, maps, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", maps / 1e3, unit="K", ordering="RING")
@@ -230,7 +277,16 @@ MALFORMED = {
     "an unknown beam": ("good.h5", ["--method", "sdecgmca", "--beam", "square"], "unknown beam"),
     "beams for other channels": ("good.h5", ["--method", "sdecgmca", "--beam", "three.txt"], "got (3,)"),
     "a dish of no size": ("good.h5", ["--beam", "evolving", "--dish", "0"], "diameter in m"),
-    "part of the sky": ("part.h5", ["--method", "gmca"], "cannot work on"),
+    "a mask that keeps too little": (
+        "good.h5",
+        [*KNOWING, "--mask", "spot.fits"],
+        "24 channels need as many",
+    ),
+    "a mask of another nside": ("good.h5", ["--mask", "coarse.fits"], "has nside 8, and the cube 16"),
+    "a mask of weights": ("good.h5", ["--mask", "soft.fits"], "values from 0 to 0.5"),
+    "a mask that keeps nothing": ("good.h5", ["--mask", "none.fits"], "keeps no pixel"),
+    "a mask of what is not seen": ("part.h5", ["--mask", "spot.fits"], "no pixel that the cube sees"),
+    "a mask that is not there": ("good.h5", ["--mask", "away.fits"], "away.fits"),
     "another truth": ("good.h5", ["--truth", "other.h5"], "the truth must have the channels"),
     "an output of no kind": ("good.h5", ["-o", "c.txt"], "the output is a"),
     "an output in no folder": ("good.h5", ["-o", "nowhere/c.h5"], "cannot be written"),
@@ -258,8 +314,11 @@ def pantry(maps, tmp_path, monkeypatch):
     said = {"unit": "mK", "order": "RING"}
     write_hdf5("good.h5", maps, **said)
     holes = maps.copy()
-    holes[:, 5] = np.nan
+    holes[:, :5] = np.nan
     write_hdf5("part.h5", holes, **said)
+    spot = (np.arange(N_PIX) < 5).astype(np.float32)
+    for name, mask in {"spot": spot, "coarse": np.ones(768), "soft": 0.5 * spot, "none": 0 * spot}.items():
+        hp.write_map(f"{name}.fits", mask, dtype=np.float32)
     write_hdf5("other.h5", np.ones((24, 12 * 8**2)), **said)
     with h5py.File(write_hdf5("two.h5", maps, **said), "a") as file:
         file["again"] = maps

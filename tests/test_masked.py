@@ -7,9 +7,12 @@ from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
 
 from himap.errors import InputError
 from himap.maps import sphere
-from himap.removal import create
+from himap.maps.blocked import centred
+from himap.removal import create, harmonic
+from himap.removal.analysis import analysed
+from himap.removal.beam_projection import through_beams
 from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.masked import inner_alm, inner_weights
+from himap.removal.masked import completed, inner_alm, inner_weights
 from himap.removal.pca import PCA
 
 FREQS = np.linspace(900, 1400, 8)
@@ -17,6 +20,11 @@ LATITUDE = sphere.pixel_latitude(NSIDE)
 CUT = np.abs(LATITUDE) > 15
 GIVEN = {"freqs": FREQS, "beams": BEAMS}
 METHOD = BeamSubspace(n_sources=4)
+OPTIONS = {
+    "polynomial": {"order": 3},
+    "parametric": {},
+    "sdecgmca": {"n_sources": 2, "noise": 0.1, "n_warmup": 5, "n_refinement": 2},
+}
 
 
 @pytest.fixture
@@ -26,30 +34,45 @@ def problem(rng):
 
 class TestExactness:
     def test_of_a_noise_free_sky_nothing_is_left_well_inside(self, problem):
-        """Two widths of the widest beam, 24 deg, from the edge; PCA leaves percents there."""
+        """Two widths of the widest beam, 24 deg, from the edge: 0.5 % of the sky, PCA 10 times that."""
         maps, mixing, _ = problem
         inside = np.abs(LATITUDE) > 39
         cleaned = METHOD.clean(maps, **GIVEN, mask=CUT)
         blind = PCA(n_sources=4).clean(maps, freqs=FREQS, mask=CUT)
         assert cleaned.separation.converged
-        assert cleaned.residual[:, inside].std() < 1e-3 * maps[:, inside].std()
-        assert blind.residual[:, inside].std() > 0.02 * maps[:, inside].std()
+        left, worse = (one.residual[:, inside].std() for one in (cleaned, blind))
+        assert left < 5e-3 * maps[:, inside].std()
+        assert left < 0.1 * worse
         assert largest_angle(cleaned.separation.mixing, mixing) < 2e-2
 
     def test_against_dense_least_squares(self, problem, rng):
-        """Sources free everywhere, the squares of what is kept at their least, by numpy; A given."""
+        """Sources free on the whole sky, the squares of what is kept at their least, by numpy; A the same."""
         maps, mixing, _ = problem
-        lmax = 12
-        low = np.array([sphere.synthesise(sphere.analyse(row, lmax), NSIDE) for row in noisy(maps, 30, rng)])
+        lmax, inside = 20, np.abs(LATITUDE)[CUT] > 39
+        low = [sphere.synthesise(sphere.analyse(row, lmax), NSIDE)[CUT] for row in noisy(maps, 40, rng)]
+        low = centred(np.array(low)).astype(float)
+        fields = sphere.synthesise(harmonic.from_modes(np.eye((lmax + 1) ** 2)), NSIDE)[:, CUT]
+        seen = BEAMS[:, harmonic.degrees(lmax)]
+        design = np.concatenate(
+            [np.kron(row, (beam[:, None] * fields).T) for row, beam in zip(mixing, seen, strict=True)]
+        )
+        dense = design @ np.linalg.lstsq(design, low.ravel(), rcond=1e-8)[0]
+        kept = np.zeros_like(maps)
+        kept[:, CUT] = low
+        modes = analysed(kept, CUT)
+        best = BEAMS / BEAMS.max(axis=0)
+        found = through_beams(completed(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
+        apart = (found[:, CUT] - dense.reshape(low.shape))[:, inside]
+        assert apart.std() < 5e-3 * low[:, inside].std()
 
 
 class TestBlindness:
-    @pytest.mark.parametrize("name", ["beam_subspace", "pca", "fastica", "gmca", "polynomial", "parametric"])
+    @pytest.mark.parametrize(
+        "name", ["beam_subspace", "pca", "fastica", "gmca", "sdecgmca", "polynomial", "parametric"]
+    )
     def test_what_is_outside_does_not_count(self, name, problem, rng):
         maps = noisy(problem[0], 30, rng) + 100
-        options = {"n_sources": 2} if name in ("beam_subspace", "pca", "fastica", "gmca") else {}
-        options |= {"order": 3} if name == "polynomial" else {}
-        method = create(name, **options)
+        method = create(name, **OPTIONS.get(name, {"n_sources": 2}))
 
         def left(maps):
             cleaned = method.clean(maps, **GIVEN, mask=CUT, rng=np.random.default_rng(1))
@@ -61,7 +84,7 @@ class TestBlindness:
 
     @pytest.mark.parametrize("name", ["pca", "polynomial"])
     def test_lines_of_sight_are_cleaned_as_if_alone(self, name, problem):
-        maps, method = problem[0] + 100, create(name, **({"order": 3} if name == "polynomial" else {}))
+        maps, method = problem[0] + 100, create(name, **OPTIONS.get(name, {}))
         alone = method.clean(maps[:, CUT], freqs=FREQS).residual
         assert np.array_equal(method.clean(maps, freqs=FREQS, mask=CUT).residual[:, CUT], alone)
 
@@ -78,8 +101,15 @@ class TestBlindness:
         assert (whole.residual - masked.residual).std() < 0.1 * whole.residual.std()
 
 
-def test_a_is_found_from_what_is_farther_inside(problem, rng):
-    """A fifth spectrum in a strip along the edge does not move A."""
+def test_a_is_found_from_what_is_farther_inside(problem, rng, monkeypatch):
+    """A fifth spectrum in a strip along the edge does not move A, as it does where every pixel counts."""
+    maps, mixing, _ = problem
+    strip = (np.abs(LATITUDE) > 15) & (np.abs(LATITUDE) < 19)
+    maps = maps + 3 * rng.random((8, 1)) * strip
+    apart = largest_angle(METHOD.separate(maps, **GIVEN, mask=CUT).mixing, mixing)
+    monkeypatch.setattr("himap.removal.beam_subspace.inner_weights", np.ones_like)
+    everywhere = largest_angle(METHOD.separate(maps, **GIVEN, mask=CUT).mixing, mixing)
+    assert apart < 0.5 * everywhere
 
 
 def test_weights_are_zero_at_the_edge_and_one_well_inside():
@@ -98,7 +128,7 @@ def test_weights_are_zero_at_the_edge_and_one_well_inside():
         (np.full(len(CUT), np.nan), "got values between"),
         (~(CUT | ~CUT), "keeps no pixel"),
         (np.array(["yes"] * len(CUT)), "the mask must be real numbers"),
-        (LATITUDE > 70, r"keeps 3.* there are 0 modes to l = 32, and 8 channels need as many"),
+        (LATITUDE > 78, r"keeps 1.* there are 3 modes to l = 32, and 8 channels need as many"),
     ],
 )
 def test_bad_masks(problem, mask, message):

@@ -11,6 +11,7 @@ from sklearn.decomposition import PCA as SklearnPCA
 
 from himap import removal
 from himap.errors import InputError
+from himap.maps import sphere
 from himap.removal.base import REGISTRY, ForegroundRemover, Separation, SeparationWarning
 from himap.removal.covariance import channel_covariance
 from himap.removal.pca import PCA
@@ -75,6 +76,15 @@ class TestContract:
         if name in INEXACT:
             pytest.skip("is not exact as published; tests/test_sdecgmca.py has it on sources that are sparse")
         assert np.abs(clean(name, toy).residual).max() < 3e-7 * np.abs(toy).max()
+
+    def test_exact_on_the_kept_part_of_a_noise_free_low_rank_sky(self, name, toy):
+        """With a mask, and anything at all where nothing is kept."""
+        if name in INEXACT:
+            pytest.skip("is not exact as published")
+        kept = np.abs(sphere.pixel_latitude(8)) > 20
+        cleaned = clean(name, np.where(kept, toy, np.nan), mask=kept)
+        assert np.abs(cleaned.residual).max() < 3e-7 * np.abs(toy).max()
+        assert not cleaned.residual[:, ~kept].any() and cleaned.separation.sources.shape[1] == N_PIX
 
     def test_pixel_order_is_irrelevant(self, name, sky, rng):
         if name in SPATIAL:

@@ -30,8 +30,8 @@ __all__ = ["clean", "suggest", "transfer"]
 @cube_options
 @debug
 def clean(output, overwrite, **options):
-    """Remove the foregrounds of CUBE: HDF5, FITS (one file, or one for each channel) or .npy. With --mocks
-    spectra are corrected for what is lost, on the page and in a .csv.
+    """Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy. With --mocks spectra are
+    corrected for what is lost, on the page and in a .csv.
 
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
@@ -59,7 +59,7 @@ def clean(output, overwrite, **options):
 @debug
 def transfer(output, overwrite, **options):
     """Measure with mocks of HI, put into CUBE and cleaned with it, what cleaning takes, and correct the
-    spectra. Ten are made and seen through --beam, unless --mocks says otherwise.
+    spectra. Ten are made, unless --mocks says otherwise.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html

@@ -8,9 +8,9 @@ import numpy as np
 from himap.cubes.cube import Cube
 from himap.errors import InputError
 from himap.maps.blocked import centred
-from himap.removal import available, create
+from himap.removal import create
 from himap.removal.analysis import analysed
-from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
+from himap.removal.base import Cleaned, ForegroundRemover
 from himap.removal.masked import lines_of
 from himap.removal.peaks import mask_peaks
 
@@ -129,8 +129,8 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
     Raises
     ------
     InputError
-        An unknown method or parameter, a method that needs the whole sky on a part of it, or what the method
-        itself refuses.
+        An unknown method or parameter, or what the method itself refuses, such as too small a part of the
+        sky.
     """
     remover = method_for(cube, method, **parameters)
     basis = Basis(cube, peaks=peaks) if basis is None else basis
@@ -165,14 +165,4 @@ def method_for(cube, method, **parameters):
     remover = create(method, **parameters) if isinstance(method, str) else method
     remover.check(len(cube.freqs))
     remover.checked_noise(None, len(cube.freqs))
-    if remover.needs_whole_sky and not (cube.whole_sky or remover.takes_mask):
-        able = [name for name in available() if _takes_parts(REGISTRY[name])]
-        raise InputError(
-            f"{remover.name} transforms whole maps and cannot work on {cube.mask.mean():.1%} of the sky. "
-            f"Use a method that can ({', '.join(able)}), or fill the gaps."
-        )
     return remover
-
-
-def _takes_parts(method):
-    return method.takes_mask or not method.needs_whole_sky

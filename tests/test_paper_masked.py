@@ -1,0 +1,88 @@
+"""The ways to treat a bright plane, on the same pixels."""
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.instrument.beams import Oscillating
+from himap.maps import sphere
+from himap.measures.power_spectra import angular_power, frequency_power
+from himap.paper import cleaned, masked, pipeline
+from himap.paper.masked import WAYS, Region, by_depth, compared, residual
+from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.survey import Survey
+
+SURVEY = Survey.preset("ci", nside=16, n_channels=12, box_cells=16)
+CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
+REGION = Region(latitude=12)
+REMOVER = BeamSubspace(n_sources=3)
+
+
+def test_a_region():
+    latitude = sphere.pixel_latitude(16)
+    assert np.array_equal(REGION.mask(16), np.abs(latitude) > 12)
+    assert np.array_equal(REGION.mask(16, margin=4), np.abs(latitude) > 16)
+    cap = Region(latitude=53.13, north=True).mask(64)
+    assert cap.mean() == pytest.approx(0.1, abs=0.002) and not cap[sphere.pixel_latitude(64) < 53].any()
+
+
+@pytest.mark.parametrize("options", [{"latitude": -1}, {"latitude": 90}, {"north": "yes"}])
+def test_bad_regions(options):
+    with pytest.raises(InputError):
+        Region(**options)
+
+
+def test_inside_is_what_the_method_leaves_of_the_region():
+    observed, kept = pipeline.observation(CASE), REGION.mask(16)
+    basis = np.where(kept, pipeline.peak_masked(CASE).maps, np.nan)
+    seen = {"freqs": observed.freqs, "beams": observed.beams}
+    for remover in (REMOVER, PCA(n_sources=3)):
+        expected = remover.clean(observed.maps, **seen, separate_on=basis, mask=kept).residual
+        assert residual(CASE, remover, REGION, "inside") == pytest.approx(expected, abs=1e-3)
+
+
+def test_without_a_mask_it_is_what_is_left_of_the_whole_sky():
+    assert np.array_equal(residual(CASE, REMOVER, REGION, "no mask"), cleaned.residual(CASE, REMOVER))
+    assert not np.array_equal(residual(CASE, REMOVER, REGION, "dimmed"), cleaned.residual(CASE, REMOVER))
+
+
+@pytest.mark.parametrize("way", ["no mask", "inside"])
+def test_spectra_are_those_of_the_cubes_inside(way):
+    mask = REGION.mask(16, margin=4)
+    left, true = residual(CASE, REMOVER, REGION, way), pipeline.truth(CASE)
+    found = compared(CASE, REMOVER, REGION, way)
+    inside = slice(1, None)
+    for cube, angular, along in (
+        (left, found.angular, found.frequency),
+        (true, found.true_angular, found.true_frequency),
+    ):
+        power = angular_power(cube, mask=mask)
+        expected = power.mean[(power.degrees >= 2) & (power.degrees <= 32)]
+        assert angular == pytest.approx(expected, rel=0.02)
+        assert along == pytest.approx(
+            frequency_power(cube, SURVEY.channel_width, mask=mask).power[inside], rel=1e-3
+        )
+
+
+def test_every_way_is_measured():
+    results = {way: compared(CASE, REMOVER, REGION, way) for way in WAYS}
+    degrees = {tuple(one.degrees) for way, one in results.items() if way != "post-masked"}
+    assert len(degrees) == 1
+    assert len({one.frequency.tobytes() for one in results.values()}) == len(WAYS)
+
+
+def test_errors_by_depth_add_up():
+    edges = (0.0, 4.0, 8.0, 90.0)
+    rms = by_depth(CASE, REMOVER, REGION, "inside", edges)
+    kept, depth = REGION.mask(16), REGION.depth(16)
+    wrong = (residual(CASE, REMOVER, REGION, "inside") - pipeline.truth(CASE))[:, kept]
+    wrong -= wrong.mean(axis=1, keepdims=True)
+    numbers = np.histogram(depth[kept], edges)[0]
+    assert numbers @ rms**2 / numbers.sum() == pytest.approx(np.mean(wrong**2), rel=1e-4)
+
+
+def test_what_cannot_be():
+    with pytest.raises(InputError, match="must be no mask, post-masked, dimmed or inside, got 'outside'"):
+        compared(CASE, REMOVER, REGION, "outside")
+    with pytest.raises(InputError, match="sdecgmca leaves ends at some l"):
+        masked.residual(CASE, SDecGMCA(reading="code"), REGION, "inside")
