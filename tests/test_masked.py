@@ -45,6 +45,14 @@ class TestExactness:
         assert left < 0.1 * worse
         assert largest_angle(cleaned.separation.mixing, mixing) < 2e-2
 
+    def test_what_goes_on_outside_is_what_mends_the_edge(self, problem, monkeypatch):
+        """Of a noise-free sky less than half is left between a quarter and a width of the beam from it."""
+        maps, near = problem[0], (np.abs(LATITUDE) > 18) & (np.abs(LATITUDE) < 27)
+        mended = METHOD.clean(maps, **GIVEN, mask=CUT).residual[:, near].std()
+        monkeypatch.setattr("himap.removal.analysis.continued_alm", lambda pixels, *_: sphere.analyse(pixels))
+        cut = METHOD.clean(maps, **GIVEN, mask=CUT).residual[:, near].std()
+        assert mended < 0.5 * cut
+
     def test_against_dense_least_squares(self, problem, rng):
         """Sources free on the whole sky, the squares of what is kept at their least, by numpy; A the same."""
         maps, mixing, _ = problem
