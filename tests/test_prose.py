@@ -156,6 +156,9 @@ DEFINED = {
         "1 %": "a line that is drawn, and what is tolerated",
         "0.1 %": "end of an axis",
     },
+    "notebooks/24_masks.py": {
+        "40 %": "ends of an axis",
+    },
     "notebooks/23_thresholds.py": {
         "10 %": "a grey band",
         "1 %": "the goal, set beforehand",

@@ -25,7 +25,7 @@ from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent
 
-CHAPTERS = {f"{n:02}" for n in range(1, 24)}
+CHAPTERS = {f"{n:02}" for n in range(1, 25)}
 SKIES = CHAPTERS - {"16", "18", "19"}  # those show what is stored
 JUDGING = {"ledger", "readings"}
 RECORDS = {"corrections", "beam_errors", "suggestions"}
@@ -33,7 +33,7 @@ STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY_METHOD = {"11", "17", "20", "21", "22", "23"} | RECORDS  # take any method by its name
+ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24"} | RECORDS  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
 ANY_BEAM = SKIES - {"01", "02", "10", "15"} | RECORDS  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
@@ -112,6 +112,7 @@ OTHERS = {
     ("paper/beam_errors.py", "misjudged_recovery"): {"21", "beam_errors"},
     ("paper/beam_errors.py", "tolerated"): {"21"},
     ("paper/harmless.py", "parts"): {"23"},
+    ("paper/masked.py", "compared"): {"24"},
     ("measures/expected.py", "expected_recovery"): {"23"},
     ("paper/choice.py", "views_of"): {"22", "suggestions"},
     ("paper/suggestions.py", "summary"): {"22"},
