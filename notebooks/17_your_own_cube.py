@@ -221,10 +221,10 @@ show_table(rows)
 # ## What to take away
 #
 # - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
-# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the three views agree, and the table says
+# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the views agree, and the table says
 #   that they are right. One source fewer leaves the ripple of the oscillating beam; each one more costs some signal at large scales.
-# - **A method that knows the beam**, such as BeamSubspace, spends no sources on what the beam adds ({doc}`11_ns_scan` scans it with `-p method=beam_subspace`), but
-#   needs the whole sky. For such a method `suggest` counts eigenvalues at one resolution, where the beam adds none.
+# - **A method that knows the beam**, such as BeamSubspace, spends no sources on what the beam adds ({doc}`11_ns_scan` scans it with `-p method=beam_subspace`); on a part of the
+#   sky it is worse within two widths of the beam from its edge ({doc}`24_masks`). On a whole sky `suggest` counts for it eigenvalues at one resolution, where the beam adds none.
 #
 # Three commands worth trying:
 #
