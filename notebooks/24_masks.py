@@ -218,10 +218,11 @@ quote(
 # | {glue:text}`masks_first` | {glue:text}`masks_none` | {glue:text}`masks_post` | {glue:text}`masks_dimmed` | {glue:text}`masks_inside` | {glue:text}`masks_survey` |
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | | | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
-# - **To know the beam replaces the mask**: for a method whose model holds the plane too, it is one more place to learn the spectra from, and none of the four ways is better than another by much.
-# - **A mask helps** where the model does not hold: PCA, and a method with more sources than the foreground has.
+# - **To know the beam replaces the mask.** For a method whose model holds the plane too, that is one more place to learn the spectra from: without a mask, masked afterwards and dimmed it does alike. Left out of the separation the plane
+#   costs it some foreground from the edge, which shows at small $k_\nu$ and where the beam ripples, most with the fewest sources.
+# - **A mask helps** where the model does not hold: PCA, to which the plane gives components that the rest of the sky does not need.
 # - **The edge costs a margin**, about two widths of the beam: spectra should begin there.
-# - **A part of the sky is enough**: a survey of a tenth is cleaned like the whole of it but for the largest scales.
+# - **A part of the sky can be cleaned by all of them.** Where its edge is long and its interior small, a method without a beam has the least to lose: the table says which is nearer.
 #
 # On a cube of one's own, of the whole sky or a part of it:
 #
