@@ -86,7 +86,7 @@ study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 mocks = first_mocks(n_mocks, [case])
-names = {remover: f"{styles.method_style(remover)['label']} {remover.n_sources}" for remover in removers}
+names = {remover: styles.numbered(remover.name, getattr(remover, "n_sources", 0)) for remover in removers}
 shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 
 # %% [markdown]

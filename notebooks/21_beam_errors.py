@@ -141,7 +141,7 @@ lines = []
 for (rows, _), one in zip(records, made, strict=True):
     known = tolerated(rows)
     for method in dict.fromkeys(key[:2] for key in known):
-        name = f"{styles.METHOD_STYLES[method[0]]['label']} {method[1]}"
+        name = styles.numbered(*method)
         cells = [percent(known[*method, kind]) for kind in kinds if kind != "phase"]
         phase = known[*method, "phase"]
         cells.insert(3, "less" if np.isnan(phase) else f"{phase:.2g} rad")
@@ -186,7 +186,7 @@ for rows, about in lobed:
     for (method, n_sources, kind, error), means in by_error(rows).items():
         if (kind, error) in told:
             kept = min(share for _, share, _ in means.values())
-            name = f"{styles.METHOD_STYLES[method]['label']} {n_sources}"
+            name = styles.numbered(method, n_sources)
             lines.append((galaxy_of, name, told[kind, error], f"{kept:.1%}", f"{most_excess(means):.2%}"))
 Table(["Galaxy", "method", "told", "HI kept at least", "foreground left at most"], lines, align="lllrr")
 

@@ -93,7 +93,11 @@ def in_bands(method, n, part):
 looks = {
     "sdecgmca": {"color": styles.VERMILION, "linestyle": "-", "marker": "o"},
     "beam_subspace": {"color": styles.INDIGO, "linestyle": "--", "marker": "s"},
-    "smooth_spectra": {"color": styles.GREEN, "linestyle": "-.", "marker": "^"},
+    "smooth_spectra": {
+        "color": styles.METHOD_STYLES["smooth_spectra"]["color"],
+        "linestyle": "-.",
+        "marker": "^",
+    },
 }
 panels = []
 for band, title in (

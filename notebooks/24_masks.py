@@ -72,7 +72,7 @@ study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 plane, north = Region(latitude=latitude), Region(latitude=cap, north=True)
-names = {one: f"{styles.method_style(one)['label']} {one.n_sources}" for one in removers}
+names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in removers}
 
 # %% [markdown]
 # ## The plane left out

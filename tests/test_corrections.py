@@ -176,3 +176,13 @@ class TestFile:
     def test_a_missing_file(self, tmp_path):
         with pytest.raises(InputError, match="`himap record corrections` writes it"):
             read_record(Correction, Path(tmp_path, "none.json"))
+
+
+def test_a_method_without_a_number_of_sources(tmp_path):
+    """It is named by itself in tables and legends."""
+    _, (remover,) = cases_and_methods(**TINY, methods=[["gnilc", None]], n_realisations=1)
+    assert remover.name == "gnilc"
+    (line,) = summary([replace(ROW, method="gnilc", n_sources=0)])
+    assert line[0] == "gnilc"
+    figure = record_figure({"one": [replace(ROW, method="gnilc", n_sources=0)]})
+    assert figure.axes[0].get_legend_handles_labels()[1] == ["GNILC"]

@@ -22,6 +22,7 @@ __all__ = [
     "VERMILION",
     "beam_style",
     "method_style",
+    "numbered",
     "paler",
     "sequence",
 ]
@@ -68,8 +69,23 @@ METHOD_STYLES = {
         "linestyle": (0, (10, 1.5, 1, 1.5)),
         "linewidth": 2,
     },
+    "smooth_spectra": {
+        "label": "SmoothSpectra",
+        "color": "#882255",
+        "linestyle": (0, (5, 1)),
+        "linewidth": 2,
+    },
+    "gnilc": {"label": "GNILC", "color": "#999933", "linestyle": (0, (4, 1, 1, 1))},
+    "gaussian_process": {"label": "Gaussian process", "color": "0.45", "linestyle": (0, (2, 2))},
 }
-"""Line style of every method that comes with himap: the paper's six and BeamSubspace."""
+"""Line style of every method that comes with himap: the paper's six, ours and those of others."""
+
+
+def numbered(name, n_sources):
+    """What a method is called in a legend, with its number of sources; 0 or None for one that has none."""
+    label = METHOD_STYLES.get(name, {"label": name})["label"]
+    return f"{label} {n_sources}" if n_sources else label
+
 
 BEAM_STYLES = {
     "degraded": {"label": "degraded", "color": BLUE, "linestyle": "-"},

@@ -267,5 +267,5 @@ def summary(rows):
         ratio, kept, _ = means[furthest]
         by = error if isinstance(error, str) else f"{error:g}"
         numbers = (f"{ratio:.4g}", furthest, f"{kept:.3f}", f"{means[most][2]:.2%}", most)
-        lines.append((f"{method} {n_sources}", kind, by, *numbers))
+        lines.append((f"{method} {n_sources or ''}".strip(), kind, by, *numbers))
     return lines

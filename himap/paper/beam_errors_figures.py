@@ -38,12 +38,12 @@ def _looks(methods):
     looks, n_of = {}, {}
     for name, n_sources in methods:
         n = n_of[name] = n_of.get(name, -1) + 1
-        style = styles.METHOD_STYLES.get(name, {"color": "0.35", "label": name})
+        style = styles.METHOD_STYLES.get(name, {"color": "0.35"})
         looks[name, n_sources] = {
             "color": tuple(styles.paler(style["color"], n)),
             "linestyle": _DASHES[n % len(_DASHES)],
             "marker": _MARKERS[n % len(_MARKERS)],
-            "label": f"{style['label']} {n_sources}",
+            "label": styles.numbered(name, n_sources),
             "linewidth": 1.6,
         }
     return looks

@@ -112,7 +112,7 @@ def cases_and_methods(
     beam, ripple
         Name of the beam, and the reading of the oscillating one.
     methods
-        Pairs (name, number of sources).
+        Pairs (name, number of sources); None for a method that has no number.
     reading
         Of SDecGMCA, if it is among them.
     n_realisations
@@ -140,9 +140,12 @@ def cases_and_methods(
 def _remover(pair, beam, reading):
     if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise InputError(
-            f"each of the methods is [name, number of sources], such as ['pca', 5]; got {pair!r}."
+            "each of the methods is [name, number of sources], such as ['pca', 5], or ['gnilc', null]; got "
+            f"{pair!r}."
         )
     name, n_sources = pair
+    if n_sources is None:  # of a method that has none
+        return create(name)
     if name == "sdecgmca":
         return sdecgmca_for(beam, n_sources=n_sources, reading=reading)
     return create(name, n_sources=n_sources)
@@ -196,7 +199,7 @@ def summary(rows):
         within = sum(abs(row.corrected - 1) < row.sigma for row in found)
         means = (f"{left:.4f}", f"{corrected:.4f}", f"{by_auto:.4f}")
         numbers = (*means, f"{scatter:.4f}", f"{foretold:.4f}")
-        lines.append((f"{method} {n_sources}", band, *numbers, f"{within} of {len(found)}"))
+        lines.append((f"{method} {n_sources or ''}".strip(), band, *numbers, f"{within} of {len(found)}"))
     return lines
 
 

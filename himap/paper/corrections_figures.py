@@ -40,10 +40,10 @@ def _panel(found, bands, kind, title):
     for n, (name, n_sources) in enumerate(methods):
         at = np.arange(len(bands)) + (n - (len(methods) - 1) / 2) * _APART
         several = [found.get((name, n_sources, band), []) for band in bands]
-        style = styles.METHOD_STYLES.get(name, {"color": "0.35", "label": name})
+        style = styles.METHOD_STYLES.get(name, {"color": "0.35"})
         look = {"color": style["color"], "marker": _MARKERS[n % len(_MARKERS)]}
         left, corrected, scatter = np.transpose([_moments(rows) for rows in several])
-        label = f"{style['label']} {n_sources}"
+        label = styles.numbered(name, n_sources)
         points.append((at, left, look | {"fillstyle": "none", "label": "_" + label + ", left"}))
         points.append((at, corrected, look | {"label": label}))
         for x, mean, width in zip(at, corrected, scatter, strict=True):
