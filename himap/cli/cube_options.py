@@ -19,7 +19,8 @@ class _Registered(click.Option):
     def get_help_record(self, context):
         names = [name for name in import_module(self.package).available() if name not in self.less]
         self.help = f"{', '.join(names)}{self.more}."
-        return super().get_help_record(context)
+        option, text = super().get_help_record(context)
+        return option, text.replace("  [required]", "")  # whoever forgets it is told, and a line is one
 
 
 class Methods(_Registered):
