@@ -221,6 +221,46 @@ class TestCorrections:
         assert not list(Path().iterdir())
 
 
+class TestCheck:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(cases, removers, mocks):
+            seen.append(cases)
+            row = {"method": "pca", "n_sources": 5, "band": "C/C0, 2-4", "raw": 0.9, "corrected": 1.0}
+            own = [case.survey.seed for case in cases]
+            return [corrections.Correction(seed=seed, by_auto=1.0, sigma=0.1, **row) for seed in own]
+
+        monkeypatch.setattr(corrections, "evaluate", evaluate)
+        assert himap_command("record", "corrections", "--preset", "ci", "-o", "a.json")[0] == 0
+        return himap_command, seen
+
+    def test_one_sky_again(self, command):
+        himap_command, seen = command
+        code, out, err = himap_command("record", "corrections", "--preset", "ci", "--check", "a.json")
+        assert (code, err) == (0, "") and len(seen[-1]) == 1
+        assert out == "a.json: 1 rows of one sky are the same with today's code.\n"
+        rows, about = read_record(corrections.Correction, "a.json")
+        assert len(rows) == 20 and about["checked"]["code"] == corrections_code()
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--check", "a.json", "-o", "b.json"], "leave -o out"),
+            (["--check", "b.json"], "there is no stored record b.json"),
+            (["--check", "a.json", "-p", "seed=7"], "has 0 rows of the seed 7"),
+        ],
+    )
+    def test_refused(self, command, options, message):
+        himap_command, _ = command
+        before = Path("a.json").read_text()
+        code, _, err = himap_command("record", "corrections", "--preset", "ci", *options)
+        assert code == 2 and message in err
+        assert Path("a.json").read_text() == before
+
+
 class TestBeamErrors:
     @pytest.fixture
     def command(self, himap_command, monkeypatch):

@@ -14,7 +14,7 @@ from himap.paper import corrections, pipeline
 from himap.paper.corrections import Correction, cases_and_methods, evaluate, grouped, summary
 from himap.paper.corrections_figures import record_figure
 from himap.paper.mocks import Mock, own_recovery
-from himap.paper.record_file import read_record, write_record
+from himap.paper.record_file import check_record, read_record, write_record
 from himap.removal import PCA, SDecGMCA
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -186,3 +186,40 @@ def test_a_method_without_a_number_of_sources(tmp_path):
     assert line[0] == "gnilc"
     figure = record_figure({"one": [replace(ROW, method="gnilc", n_sources=0)]})
     assert figure.axes[0].get_legend_handles_labels()[1] == ["GNILC"]
+
+
+class TestCheck:
+    """One sky of a record, measured again."""
+
+    @pytest.fixture
+    def path(self, tmp_path):
+        path = tmp_path / "corrections.json"
+        write_record(
+            [ROW, replace(ROW, band="C/C0, 5-9"), replace(ROW, seed=99)], path, {"preset": "ci", "code": "a"}
+        )
+        return path
+
+    def test_the_same(self, path):
+        close = ROW.raw * (1 + 5e-4)
+        before = read_record(Correction, path)[0]
+        check_record([replace(ROW, raw=close), replace(ROW, band="C/C0, 5-9")], path, "b")
+        rows, about = read_record(Correction, path)
+        assert rows == before and about["code"] == "a" and about["checked"]["code"] == "b"
+        assert set(about["checked"]) == {"code", "commit", "dirty"}
+
+    @pytest.mark.parametrize(
+        ("rows", "message"),
+        [
+            (
+                [replace(ROW, raw=ROW.raw + 0.01), replace(ROW, band="C/C0, 5-9")],
+                "1 of 2 rows of one sky are not",
+            ),
+            ([ROW, replace(ROW, band="C/C0, 2-4 ")], "1 of 2 rows"),
+            ([ROW], f"has 2 rows of the seed {ROW.seed}, 1 were measured: give the parameters"),
+        ],
+    )
+    def test_not_the_same(self, path, rows, message):
+        before = path.read_text()
+        with pytest.raises(InputError, match=message):
+            check_record(rows, path, "b")
+        assert path.read_text() == before

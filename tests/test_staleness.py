@@ -95,3 +95,15 @@ def test_those_in_the_book_can_be_told():
     }
     assert {one.name for one in stored_results()} == names
     assert stale_results().keys() <= names
+
+
+def test_a_result_that_was_checked_is_one_of_the_code_that_checked_it(folders):
+    checked = {"code": ledger_code(), "commit": "def5678", "dirty": False}
+    results, notebooks = folders(about=ABOUT | {"code": "other", "checked": checked})
+    assert stale_results(results, notebooks) == {}
+    ledger, *others = stored_results(results)
+    assert ledger.checked == "def5678" and not any(one.checked for one in others)
+    results, notebooks = folders(
+        about=ABOUT | {"code": ledger_code(), "checked": checked | {"code": "older"}}
+    )
+    assert stale_results(results, notebooks) == {"claims_a": "the code behind claims changed"}

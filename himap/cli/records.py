@@ -10,6 +10,7 @@ from himap.checks import whole_number
 from himap.cli.shared import debug, judging_parameters, provenance_parameters, workers
 from himap.companion.notebook_files import check_output, copy_name
 from himap.companion.parameters import Parameter
+from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
@@ -37,6 +38,7 @@ def _record_options(chapter, name):
         click.option(
             "-o", "--output", help=f"Where to write the JSON; default results/{name}_PRESET_PARAMETERS.json."
         ),
+        click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
     ]
 
     def with_options(command):
@@ -48,10 +50,16 @@ def _record_options(chapter, name):
     return with_options
 
 
-def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, own, measure, n_skies=20):
-    """Measure a record, write it, and print its table; `measure` gives skies, rows and their parameters."""
-    from himap.paper.record_file import write_record
+def _record(
+    row, code_of, measured, align, *, pairs, preset, output, check, chapter, own, measure, n_skies=20
+):
+    """Measure a record of `row`, write it, and print its table.
 
+    `measure` gives skies, rows and their parameters. With `check` one sky is measured again.
+    """
+    from himap.paper.record_file import check_record, read_record, write_record
+
+    name = row.command.replace("-", "_")
     chosen, given = judging_parameters(
         pairs,
         preset,
@@ -60,6 +68,14 @@ def _record(name, code_of, measured, align, *, pairs, preset, output, chapter, o
         more=[Parameter("n_realisations", "int", n_skies, _SKIES)],
         notebook=chapter,
     )
+    if check is not None:
+        if output is not None:
+            raise InputError("--check writes into the record that it checks; leave -o out.")
+        read_record(row, check)  # fails now
+        _, rows, _ = measure(chosen | {"n_realisations": 1})
+        check_record(rows, check, code_of(CodeTree(loaded=True)))
+        click.echo(f"{check}: {len(rows)} rows of one sky are the same with today's code.")
+        return
     file = copy_name(name, chosen["preset"], given, suffix=".json")
     path = check_output(Path(output) if output else Path("results") / file, suffix=".json")
     started, preset = time.monotonic(), chosen["preset"]
@@ -89,12 +105,11 @@ def record():
 
 @record.command()
 @_record_options("20_transfer_function", "corrections")
-def corrections(preset, pairs, output):
+def corrections(preset, pairs, output, check):
     """Measure how well transfer functions correct what methods lose.
 
     Mocks are put into the observation of every sky and cleaned with it; the power of what comes back of them
-    corrects the power of what is left, which is held against the truth. On 20 skies with 10 mocks unless told
-    otherwise. What was interrupted goes on where it stopped.
+    corrects the power of what is left, which is held against the truth. On 20 skies, with 10 mocks.
 
     The table tells of each band of C_l and P(k) the mean over skies of the ratio to the truth, as it is left,
     corrected, and corrected by the other definition; the scatter of what is corrected, that which the mocks
@@ -116,13 +131,14 @@ def corrections(preset, pairs, output):
 
     methods = [["beam_subspace", 3], ["pca", 5], ["pca", 8], ["gmca", 5], ["sdecgmca", 5]]
     _record(
-        "corrections",
+        measured.Correction,
         corrections_code,
         measured,
         "llr" + "r" * len(measured.HEADER),
         pairs=pairs,
         preset=preset,
         output=output,
+        check=check,
         chapter="20_transfer_function",
         own={"n_mocks": 10, "methods": methods},
         measure=measure,
@@ -131,7 +147,7 @@ def corrections(preset, pairs, output):
 
 @record.command("beam-errors")
 @_record_options("21_beam_errors", "beam_errors")
-def beam_errors(preset, pairs, output):
+def beam_errors(preset, pairs, output, check):
     """Measure what it costs methods to be told a wrong beam.
 
     Each method cleans every sky with a beam whose width, or ripple, is wrong by so much, or with another
@@ -157,13 +173,14 @@ def beam_errors(preset, pairs, output):
         return cases, measured.evaluate(cases, removers, errors), {}
 
     _record(
-        "beam_errors",
+        measured.BeamError,
         beam_errors_code,
         measured,
         "lllrlrrl",
         pairs=pairs,
         preset=preset,
         output=output,
+        check=check,
         chapter="21_beam_errors",
         own={"errors": _ERRORS, "methods": methods},
         measure=measure,
@@ -172,11 +189,11 @@ def beam_errors(preset, pairs, output):
 
 @record.command()
 @_record_options("22_how_many", "suggestions")
-def suggestions(preset, pairs, output):
+def suggestions(preset, pairs, output, check):
     """Measure how often criteria find the right number of sources without the truth.
 
     Each method cleans every sky, through every beam and with every noise, with each number of sources. On 5
-    skies unless told otherwise. What was interrupted goes on where it stopped.
+    skies. What was interrupted goes on.
 
     The table tells of each method and criterion how often it was right, or for so many more or less, and the
     median of what is wrong in the worst band of C_l at 10 <= l < 100 and of P(k) at k > 0.03, with the number
@@ -205,13 +222,14 @@ def suggestions(preset, pairs, output):
         return cases, rows, {"n_realisations": skies, "n_mocks": n_mocks}
 
     _record(
-        "suggestions",
+        measured.Suggested,
         suggestions_code,
         measured,
         "llrrrrrrrr",
         pairs=pairs,
         preset=preset,
         output=output,
+        check=check,
         chapter="22_how_many",
         own={},
         measure=measure,

@@ -6,7 +6,7 @@ made again.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from himap.companion.notebooks import notebooks
@@ -54,6 +54,9 @@ class StoredResult:
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
         "claims", of readings, corrections, beam errors and suggestions these words, of a folder of figures
         their names, of timings nothing.
+    checked
+        Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
+        fingerprint is of that code then.
     """
 
     path: Path
@@ -62,6 +65,7 @@ class StoredResult:
     commits: set[tuple[str, bool]]
     seconds: float
     codes: dict[str, str | None]
+    checked: str = ""
 
     @property
     def name(self):
@@ -142,8 +146,11 @@ def _state(result, today):
 def _read(path):
     content = json.loads(path.read_text(encoding="utf-8"))
     if "figures" not in content:
-        codes = {name: content["about"].get("code") for name in _CODES if name in content}
-        return _result(path, content["about"], [content["about"]], codes)
+        about = content["about"]
+        checked = about.get("checked", {})
+        code = checked.get("code", about.get("code"))
+        codes = {name: code for name in _CODES if name in content}
+        return replace(_result(path, about, [about], codes), checked=checked.get("commit", ""))
     rows = content["figures"]
     made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
     runs = {json.dumps(row["execution"]): row["execution"] for row in rows}  # figures of a notebook share one

@@ -1,16 +1,18 @@
 """The file of what was measured on many skies, rows of one kind: written whole, and read strictly."""
 
 import json
-from dataclasses import fields
+from dataclasses import astuple, fields
 from pathlib import Path
 
 from himap.errors import InputError
 from himap.outputs import whole_file
+from himap.products.provenance import environment
 
-__all__ = ["read_record", "write_record"]
+__all__ = ["check_record", "read_record", "write_record"]
 
 _FORMAT = 2
 _DIGITS = 4  # of a number: more than two machines agree on
+_SAME = 1e-3  # relative, and absolute below 1
 
 
 def write_record(rows, path, about):
@@ -60,3 +62,45 @@ def read_record(kind, path):
             f"{path} is not a file that `himap record {kind.command}` wrote ({error})."
         ) from None
     return rows, about
+
+
+def check_record(rows, path, code):
+    """Mark a record as what today's code gives, if the rows of one of its skies say so.
+
+    Parameters
+    ----------
+    rows
+        Of one sky of it, measured again.
+    path
+        Of the record; it gets "checked" beside what made it.
+    code
+        Fingerprint of the code that measured the rows.
+
+    Raises
+    ------
+    InputError
+        The record has other rows of that sky, or other numbers; it stays as it is.
+    """
+    stored, about = read_record(type(rows[0]), path)
+    own = [row for row in stored if row.seed == rows[0].seed]
+    if len(own) != len(rows):
+        raise InputError(
+            f"{path} has {len(own)} rows of the seed {rows[0].seed}, {len(rows)} were measured: give the "
+            "parameters that it was made with."
+        )
+    other = [pair for pair in zip(own, rows, strict=True) if not _same(*map(astuple, pair))]
+    if other:
+        raise InputError(
+            f"{len(other)} of {len(rows)} rows of one sky are not those of {path} any more, such as "
+            f"{other[0][1]} in the place of {other[0][0]}; measure all of it again."
+        )
+    made = environment()
+    checked = {"code": code, "commit": made["commit"], "dirty": made["dirty"]}
+    write_record(stored, path, about | {"checked": checked})
+
+
+def _same(one, other):
+    return all(
+        abs(a - b) <= _SAME * max(1, abs(a)) if isinstance(a, float) and isinstance(b, float) else a == b
+        for a, b in zip(one, other, strict=True)
+    )
