@@ -137,16 +137,12 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# The methods that take every line of sight as it comes do not mind the gap. GMCA and the two methods that know the beam, SDecGMCA and BeamSubspace, transform whole maps; on a part of the sky they say so before any work.
+# The methods that take every line of sight as it comes do not mind the gap. Those that transform whole maps, GMCA and the ones that know the beam among them, go on with the maps smoothly where nothing is seen ({doc}`24_masks` says at what
+# cost). A smaller part of the sky than the cube has is asked for with `--mask`.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
 cleaned = clean_cube(cube, "pca", n_sources=n_sources)
-windows = beams_of(cube, selected)
-try:
-    clean_cube(cube, "beam_subspace", beams=windows, n_sources=3)
-except InputError as error:
-    print(error)
 
 # %% mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
