@@ -127,6 +127,7 @@ for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
     panels[3]["curves"] += [(views.counts, views.error, look), (views.counts, views.corrected_error, faint)]
 for limit in (STABLE, SETTLED):
     panels[2]["curves"].append(((1, n_sources_max), (limit, limit), {"color": "0.7", "linewidth": 0.8}))
+panels[2]["legend"] = {"loc": "lower left"}
 for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
