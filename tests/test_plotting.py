@@ -8,9 +8,8 @@ matplotlib.use("agg")
 
 from himap.figures import plotting, styles
 from himap.instrument import beams
-from himap.instrument.beams import Degraded
 from himap.maps import sphere
-from himap.paper.methods import methods_for
+from himap import removal
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():
@@ -129,9 +128,7 @@ def test_figures_are_left_to_the_caller():
 
 def test_every_method_and_beam_has_a_style():
     """Of those that come with himap; a method that somebody adds gets its name and a grey of its own."""
-    assert {method.name for method in methods_for(Degraded())} | {"beam_subspace"} == set(
-        styles.METHOD_STYLES
-    )
+    assert set(removal.available()) == set(styles.METHOD_STYLES)
     assert set(beams.available()) == {*styles.BEAM_STYLES, "file"}
     for of in (styles.METHOD_STYLES, styles.BEAM_STYLES):
         looks = [(style["color"], style["linestyle"]) for style in of.values()]

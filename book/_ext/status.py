@@ -73,7 +73,7 @@ def _stored(results, old):
     for one in results:
         state = f"stale: {old[one.name]}" if one.name in old else "fresh" if one.codes else "timing"
         if one.checked and one.name not in old:
-            state = f"fresh: one sky again at `{one.checked}`, the same numbers"
+            state = f"fresh (one sky again at `{one.checked}`: the same numbers)"
         commits = ", ".join(_commit(*commit) for commit in sorted(one.commits))
         rows.append([one.name, state, f"{one.preset}, {one.galaxy} Galaxy", duration(one.seconds), commits])
     return Table(["Stored result", "State", "Made with", "Time", "Commit"], rows).markdown()

@@ -92,6 +92,9 @@ BEAM_STYLES = {
     "evolving": {"label": "evolving", "color": ORANGE, "linestyle": "--"},
     "oscillating": {"label": "oscillating", "color": GREEN, "linestyle": "-."},
     "meerkat": {"label": "MeerKAT", "color": PURPLE, "linestyle": (0, (1, 1.2))},
+    "meerkat_lobes": {"label": "MeerKAT, side lobes", "color": VERMILION, "linestyle": (0, (6, 1.5))},
+    "rippled": {"label": "rippled", "color": SKY_BLUE, "linestyle": (0, (8, 3))},
+    "misjudged": {"label": "misjudged", "color": "0.45", "linestyle": (0, (3, 1, 1, 1))},
 }
 """Line style of every beam that comes with himap."""
 
