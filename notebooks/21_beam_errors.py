@@ -42,15 +42,9 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
-beam: str = (
-    "oscillating"  # of the data: degraded, evolving, oscillating, rippled, meerkat, meerkat_lobes or a file
-)
+beam: str = "oscillating"  # degraded, evolving, oscillating, rippled, meerkat, meerkat_lobes or a file
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
-methods: list = [
-    ["beam_subspace", 3],
-    ["beam_subspace", 4],
-    ["pca", 6],
-]  # pairs of a name and a number of sources
+methods: list = [["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6]]  # pairs of name and number
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 errors: dict = {"width": [0.0003, 0.003, 0.03], "ripple": [3e-6, 3e-5, 3e-4]}  # of each kind; "beam": names
 results: list | None = None  # what `himap record beam-errors` wrote; null: that of the book

@@ -6,10 +6,10 @@ import pytest
 
 matplotlib.use("agg")
 
+from himap import removal
 from himap.figures import plotting, styles
 from himap.instrument import beams
 from himap.maps import sphere
-from himap import removal
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():
@@ -136,15 +136,16 @@ def test_every_method_and_beam_has_a_style():
         assert len({line for _, line in looks}) == len(looks)
 
 
-def test_the_seventh_method_is_darker_than_the_others():
-    """So it stands apart in grey too, between these and the black of the truth."""
+def test_methods_of_our_own_are_darker_than_the_others():
+    """So they stand apart in grey too, between these and the black of the truth."""
     weights = 0.299, 0.587, 0.114
     grey = {
         name: np.dot(matplotlib.colors.to_rgb(style["color"]), weights)
         for name, style in styles.METHOD_STYLES.items()
     }
-    own = grey.pop("beam_subspace")
-    assert 0.1 < own < min(grey.values()) - 0.1
+    subspace, smooth = grey.pop("beam_subspace"), grey.pop("smooth_spectra")
+    assert 0.1 < subspace < min(grey.values()) - 0.1
+    assert subspace + 0.05 < smooth < min(grey.values()) - 0.05
 
 
 def test_a_sequence_gets_lighter_and_neighbours_differ_in_their_dashes():
