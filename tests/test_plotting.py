@@ -6,10 +6,11 @@ import pytest
 
 matplotlib.use("agg")
 
-from himap import removal
 from himap.figures import plotting, styles
 from himap.instrument import beams
+from himap.instrument.beams import Degraded
 from himap.maps import sphere
+from himap.paper.methods import methods_for
 
 
 def test_mollweide_puts_the_sky_where_it_belongs():
@@ -128,7 +129,8 @@ def test_figures_are_left_to_the_caller():
 
 def test_every_method_and_beam_has_a_style():
     """Of those that come with himap; a method that somebody adds gets its name and a grey of its own."""
-    assert set(removal.available()) == set(styles.METHOD_STYLES)
+    others = {"beam_subspace", "smooth_spectra", "gnilc", "gaussian_process"}
+    assert {method.name for method in methods_for(Degraded())} | others == set(styles.METHOD_STYLES)
     assert set(beams.available()) == {*styles.BEAM_STYLES, "file"}
     for of in (styles.METHOD_STYLES, styles.BEAM_STYLES):
         looks = [(style["color"], style["linestyle"]) for style in of.values()]
