@@ -22,8 +22,8 @@
 # %% [markdown]
 # # How well must the beam be known?
 #
-# A method that knows the beam trusts what it is told. The paper tells it the truth. On a telescope a beam is measured, and is wrong by something: of MeerKAT's, holography knows the width to a percent or so, and its ripple with frequency
-# less well. This chapter tells methods a beam that is wrong by a known amount, and asks at which error one does better without any beam, and what one source more buys back.
+# A method that knows the beam trusts what it is told. The paper tells it the truth. On a telescope a beam is measured, and wrong by something. This chapter tells methods a beam that is wrong by a known amount, and asks at which error one
+# does better without any beam, and what one source more buys back.
 #
 # The FWHM that a method is told is that of the data times $1 + e$, with an error of one of these kinds:
 #
@@ -152,7 +152,7 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 # (beam-errors-lobes)=
 # ## A beam with side lobes
 #
-# Widths are not all. The beams of MeerKAT as holography knows them ({cite:t}`asad2021`, package katbeam) are no Gaussians: they have side lobes of a percent, and no $b_\ell$ at all beyond $2\pi D/\lambda$. Here the data are seen through
+# Widths are not all. The beams of MeerKAT as holography knows them ({cite:t}`asad2021`, package katbeam) are no Gaussians: they have side lobes, and no $b_\ell$ at all beyond $2\pi D/\lambda$. Here the data are seen through
 # these, `beam=meerkat_lobes`, and methods are told a Gaussian of the same FWHM in every channel, `meerkat`.
 
 # %% tags=["hide-input"]
