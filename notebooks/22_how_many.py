@@ -26,7 +26,7 @@
 # | criterion | is for |
 # |---|---|
 # | BIC | the least mean over channels of $\ln \sigma^2_\nu$ of what is left, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
-# | AIC | the same with $2 / N$, as in GNILC ({cite:t}`olivari2016`) |
+# | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
 # | eigenvalues | how many of the channel covariance stand above the line of HI and noise by a factor of 3; for a method that knows the beam, of maps at one resolution |
 # | stability | the first number with which no spectrum moves by 10 % or more when one source is added |
 # | mocks | the same, 3 %, of bands of the spectra over the transfer function ({doc}`20_transfer_function`): what is lost is corrected, so that only foreground moves them |
@@ -212,8 +212,8 @@ quote(
 # - **Stability** is right for {glue:text}`many_stability`. But HI is lost with every source, so that spectra never stop moving, and how much is too much depends on the survey: `himap suggest` shows it, and uses it to tell where *no*
 #   number is good.
 # - **Mocks** are right for {glue:text}`many_mocks`. They are for the number with which the *corrected* spectra have settled, which is often one more: correction buys back what that one takes.
-# - **AIC and evidence** ({glue:text}`many_aic` and {glue:text}`many_minka`) take HI for components: its channels are correlated, as those of foregrounds are, and both criteria know only white noise. GNILC gives AIC maps that are whitened by
-#   the covariance of HI, which has to be known beforehand.
+# - **AIC and evidence** ({glue:text}`many_aic` and {glue:text}`many_minka`) take HI for components: its channels are correlated, as those of foregrounds are, and both criteria know only white noise. GNILC ({cite:t}`olivari2016`) gives AIC maps that are
+#   whitened by the covariance of HI, which has to be known beforehand.
 # - The number belongs to the method and to its beam: what is right for PCA costs a method that knows the beam a share of the HI, and the other way round leaves foreground.
 #
 # On a cube of one's own:
