@@ -69,6 +69,27 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
 
 
 @pytest.mark.parametrize(
+    ("method", "options"), [("beam_subspace", {}), ("sdecgmca", {"noise": 0.05})], ids=str
+)
+def test_a_part_of_the_sky(path, method, options):
+    """As the cubes that are cleaned with either beam, on the seen pixels."""
+    cube = read_cube(path).within(np.abs(sphere.pixel_latitude(NSIDE)) > 20)
+    cleaned, wrong = (
+        clean_cube(cube, method, n_sources=2, beams=beams_of(cube, beam), peaks=False, **options)
+        for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
+    )
+    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[], peaks=False)
+    before, after = (
+        cylindrical_power(masked_alms(cube.on_sphere(one.residual), mask=cube.mask), cube.channel_width)
+        for one in (cleaned, wrong)
+    )
+    ratio = np.mean(after.angular[10:20] / before.angular[10:20])
+    assert found.ratios["C/C0, 10-19"] == pytest.approx(ratio, rel=0.02) and ratio != pytest.approx(
+        1, abs=0.1
+    )
+
+
+@pytest.mark.parametrize(
     ("method", "options", "message"),
     [
         ("pca", {}, "pca does not use the beam"),

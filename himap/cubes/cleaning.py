@@ -101,6 +101,18 @@ class Basis:
             return self._cube.on_sphere(maps), options | {"mask": self._cube.mask}
         return maps, options
 
+    def separation(self, method, *, beams=None, seed=2025):
+        """The `Separation` of the seen pixels by a method; parameters as of `clean_cube`."""
+        maps, options = self.given_to(method, self.maps)
+        found = method.separate(
+            maps,
+            freqs=self._cube.freqs,
+            beams=beams if method.needs_beams else None,
+            rng=np.random.default_rng(seed),
+            **options,
+        )
+        return lines_of(found, self._cube.mask) if "mask" in options else found
+
 
 def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, **parameters):
     """Remove the foregrounds of a cube.

@@ -7,7 +7,7 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.transfer import bands
 
-__all__ = ["HEADER", "corrected_figure", "corrected_part", "corrected_rows", "write_spectra"]
+__all__ = ["HEADER", "corrected_figure", "corrected_part", "corrected_rows", "plain_band", "write_spectra"]
 
 HEADER = ("band", "comes back", "error bar", "left / truth", "corrected / truth")
 """Columns of `corrected_rows`; the last two where there is a truth."""
@@ -31,7 +31,7 @@ def corrected_rows(found, truth=None):
         one = found[kind]
         (sigma,) = one.sigma([inside / inside.sum()])
         spread = f"{sigma:.2%}" if np.isfinite(sigma) else "needs two mocks"
-        row = [_plain(name), f"{one.share[inside].mean():.4f}", spread]
+        row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread]
         if truth is not None:
             ratios = (np.mean(power[inside] / true[kind][inside]) for power in (one.left, one.corrected))
             row += [f"{ratio:.4f}" for ratio in ratios]
@@ -39,7 +39,7 @@ def corrected_rows(found, truth=None):
     return rows
 
 
-def _plain(name):
+def plain_band(name):
     """The name of a band of ratios as that of a band of the spectrum."""
     ratio, _, where = name.partition(", ")
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"

@@ -7,6 +7,7 @@ import numpy as np
 from himap.cubes import page
 from himap.cubes.beams import beams_of
 from himap.cubes.cleaning import Basis, method_for
+from himap.cubes.corrected_report import plain_band
 from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
@@ -27,6 +28,7 @@ __all__ = [
     "WIDTHS",
     "Sensitivity",
     "beam_sensitivity",
+    "misjudged_beams",
     "sensitivity_figure",
     "sensitivity_rows",
     "write_sensitivity",
@@ -37,6 +39,8 @@ HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
 """What is tried unless told otherwise: errors of the FWHM, of all channels and oscillating, relative."""
+
+_FAR = np.log(2)  # a ratio that is shown on a logarithmic axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +75,16 @@ class Sensitivity:
 
 
 def beam_sensitivity(
-    cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20.0, dish=None, peaks=True, seed=2025
+    cleaned,
+    beam,
+    *,
+    widths=WIDTHS,
+    ripples=RIPPLES,
+    period=20.0,
+    dish=None,
+    peaks=True,
+    basis=None,
+    seed=2025,
 ):
     """What becomes of a cleaned cube if its beam is not the one that is believed, a list of `Sensitivity`.
 
@@ -88,7 +101,7 @@ def beam_sensitivity(
         Relative errors of the FWHM of all channels.
     ripples, period
         Relative amplitudes of an error that oscillates with frequency, and its period in MHz.
-    peaks, seed
+    peaks, basis, seed
         As the cube was cleaned (`clean_cube`).
 
     Raises
@@ -99,23 +112,17 @@ def beam_sensitivity(
     cube, method = cleaned.cube, cleaned.method
     if not method.needs_beams:
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
-    told = _misjudged(beam, widths, ripples, period)
+    told = misjudged_beams(beam, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in told]  # fails now
     method_for(cube, method)
-    basis = Basis(cube, peaks=peaks)
+    basis = Basis(cube, peaks=peaks) if basis is None else basis
     alms = masked_alms(cube.on_sphere(cleaned.residual), mask=None if cube.whole_sky else cube.mask)
     if cleaned.separation.lmax is not None:
         alms = sphere.alms_upto(alms, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
     found = []
     for one, beams in progress(known, "beams"):
-        other = method.separate(
-            basis.maps,
-            freqs=cube.freqs,
-            beams=beams,
-            rng=np.random.default_rng(seed),
-            modes=basis.modes if method.needs_modes else None,
-        )
+        other = basis.separation(method, beams=beams, seed=seed)
         more = (cleaned.separation.foreground + -other.foreground).condensed(faint)
         if not len(more.maps):  # nothing moves
             more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
@@ -124,7 +131,8 @@ def beam_sensitivity(
     return found
 
 
-def _misjudged(beam, widths, ripples, period):
+def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
+    """A list of `Misjudged`; parameters and errors as of `beam_sensitivity`."""
     beam = beam if isinstance(beam, Beam) else named(beam)
     told = [Misjudged(beam=str(beam), width=width) for width in widths]
     told += [Misjudged(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
@@ -151,7 +159,7 @@ def sensitivity_rows(found):
     for one in found:
         band, ratio = one.furthest
         wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.told.period:g} MHz"
-        rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", band))
+        rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", plain_band(band)))
     return rows
 
 
@@ -163,16 +171,17 @@ def sensitivity_figure(found):
         if not several:
             continue
         at = range(len(several))
-        looks = styles.sequence(list(several[0].ratios))
+        bands_of, looks = list(several[0].ratios), styles.sequence(list(map(plain_band, several[0].ratios)))
         curves = [((-0.5, len(several) - 0.5), (level, level), {"color": "0.75"}) for level in (0.99, 1.01)]
         curves += [
-            (at, [one.ratios[look["label"]] for one in several], look | {"marker": "o", "markersize": 3})
-            for look in looks
+            (at, [one.ratios[band] for one in several], look | {"marker": "o", "markersize": 3})
+            for band, look in zip(bands_of, looks, strict=True)
         ]
+        furthest = max(abs(np.log(ratio)) for one in several for ratio in one.ratios.values())
         panels.append(
             {
                 "curves": curves,
-                "yscale": "log",
+                "yscale": "log" if furthest > _FAR else "linear",
                 "xticks": at,
                 "xticklabels": [f"{100 * one.error:+.3g}" for one in several],
                 "xlabel": title,

@@ -11,7 +11,6 @@ from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import TransferFunction, recovery
-from himap.removal.masked import lines_of
 
 __all__ = ["Corrected", "correct", "measure_transfer"]
 
@@ -79,16 +78,7 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
                 f"{mock.shape}."
             )
         both = Basis(replace(cube, maps=cube.maps + mock), peaks=peaks)
-        maps, options = both.given_to(method, both.maps)
-        found = method.separate(
-            maps,
-            freqs=cube.freqs,
-            beams=beams if method.needs_beams else None,
-            rng=np.random.default_rng(seed),
-            **options,
-        )
-        if "mask" in options:
-            found = lines_of(found, cube.mask)
+        found = both.separation(method, beams=beams, seed=seed)
         variance = float(mock.var(axis=1, dtype=np.float64).sum())
         wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
         alms = masked_alms(cube.on_sphere(mock), mask=mask)
