@@ -187,6 +187,46 @@ def beam_errors(preset, pairs, output, check):
     )
 
 
+@record.command("side-by-side")
+@_record_options("25_side_by_side", "side_by_side")
+def side_by_side(preset, pairs, output, check):
+    """Measure what all methods leave, side by side, through each beam.
+
+    Power along l and k over that of the truth, as each method leaves it, and of some divided by the transfer
+    function of mocks. On 20 skies unless told otherwise. What was interrupted goes on where it stopped.
+
+    The table tells of each beam, method and band of C_l and P(k) the mean over skies, and their scatter.
+
+    \b
+    himap record side-by-side --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
+    """
+    from himap.companion.staleness import side_by_side_code
+    from himap.paper import side_by_side as measured
+    from himap.paper.mocks import first_mocks
+
+    def measure(chosen):
+        n_mocks = whole_number("n_mocks", chosen.pop("n_mocks"), 1, 1000)
+        corrected = chosen.pop("corrected")
+        skies = measured.skies_and_methods(**chosen)
+        cases = [case for sky in skies for case in sky]
+        rows = measured.evaluate(skies, first_mocks(n_mocks, cases), corrected)
+        return cases, rows, {"n_realisations": len(skies), "n_mocks": n_mocks}
+
+    _record(
+        measured.Curve,
+        side_by_side_code,
+        measured,
+        "llllrr",
+        pairs=pairs,
+        preset=preset,
+        output=output,
+        check=check,
+        chapter="25_side_by_side",
+        own={},
+        measure=measure,
+    )
+
+
 @record.command()
 @_record_options("22_how_many", "suggestions")
 def suggestions(preset, pairs, output, check):

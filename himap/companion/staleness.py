@@ -19,6 +19,7 @@ __all__ = [
     "corrections_code",
     "ledger_code",
     "readings_code",
+    "side_by_side_code",
     "stale_results",
     "stored_results",
     "suggestions_code",
@@ -33,6 +34,7 @@ _SUGGESTIONS = (
     "from himap.paper.corrections import cases_and_methods\n"
     "from himap.paper.suggestions import cases_over, evaluate"
 )
+_SIDE_BY_SIDE = "from himap.paper.side_by_side import evaluate, skies_and_methods"
 _READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
 
 
@@ -52,7 +54,7 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of readings, corrections, beam errors and suggestions these words, of a folder of figures
+        "claims", of readings, corrections, beam errors, suggestions and methods side by side these words, of a folder of figures
         their names, of timings nothing.
     checked
         Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
@@ -123,11 +125,17 @@ def suggestions_code(tree=None):
     return (tree or CodeTree()).source_fingerprint(_SUGGESTIONS)
 
 
+def side_by_side_code(tree=None):
+    """SHA-256 (hex) of the code that measures methods side by side, as `ledger_code`."""
+    return (tree or CodeTree()).source_fingerprint(_SIDE_BY_SIDE)
+
+
 _CODES = {
     "beam_errors": beam_errors_code,
     "claims": ledger_code,
     "corrections": corrections_code,
     "readings": readings_code,
+    "side_by_side": side_by_side_code,
     "suggestions": suggestions_code,
 }
 

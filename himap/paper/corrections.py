@@ -26,6 +26,7 @@ __all__ = [
     "corrections",
     "evaluate",
     "grouped",
+    "recoveries",
     "summary",
 ]
 
@@ -168,20 +169,44 @@ def evaluate(cases, removers, mocks):
     """
     if len(mocks) < 2:
         raise InputError(f"error bars need two mocks or more, got {len(mocks)}.")
+    names = [remover.name for remover in removers]
     rows = []
     for case in cases:
-        own = [(case, remover) for remover in removers]
-        with plan.passing_observations([] if _are_cached(case, removers, mocks) else [case]):
-            found = transfer_functions(case, removers, mocks)
-            make_all(own_recovery, own, "truths")
-        for call in own:
-            rows += corrections(case.survey.seed, call[1], own_recovery(*call), found[call[1]])
+        for _, remover, own, transfer in recoveries({case: removers}, mocks, names):
+            rows += corrections(case.survey.seed, remover, own, transfer)
     return rows
 
 
-def _are_cached(case, removers, mocks):
+def recoveries(sky, mocks, corrected):
+    """What methods keep of the truth of one sky, and of mocks.
+
+    Parameters
+    ----------
+    sky
+        {case: [method]}, `pipeline.Case` of one sky through several beams; what is as large as a cube does
+        not stay.
+    mocks
+        As in `transfer_functions`.
+    corrected
+        Names of the methods that have a transfer function.
+
+    Returns
+    -------
+    list
+        (case, method, `Recovery` of the truth, `TransferFunction` or None).
+    """
+    wanted = {case: [one for one in removers if one.name in corrected] for case, removers in sky.items()}
+    missing = [case for case in sky if not _are_cached(case, sky[case], wanted[case], mocks)]
+    calls = [(case, remover) for case, removers in sky.items() for remover in removers]
+    with plan.passing_observations(missing):
+        found = {case: transfer_functions(case, own, mocks) if own else {} for case, own in wanted.items()}
+        make_all(own_recovery, calls, "truths")
+    return [(*call, own_recovery(*call), found[call[0]].get(call[1])) for call in calls]
+
+
+def _are_cached(case, removers, corrected, mocks):
     """Whether nothing of a case needs its observation any more."""
-    known = [recovered.is_cached(case, tuple(removers), mock) for mock in mocks]
+    known = [recovered.is_cached(case, tuple(corrected), mock) for mock in mocks if corrected]
     return all(known) and all(own_recovery.is_cached(case, remover) for remover in removers)
 
 

@@ -30,6 +30,8 @@ def write_record(rows, path, about):
 
 
 def _rounded(value):
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
 
 
@@ -100,7 +102,8 @@ def check_record(rows, path, code):
 
 
 def _same(one, other):
-    return all(
-        abs(a - b) <= _SAME * max(1, abs(a)) if isinstance(a, float) and isinstance(b, float) else a == b
-        for a, b in zip(one, other, strict=True)
-    )
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return abs(one - other) <= _SAME * max(1, abs(one))
+    return one == other
