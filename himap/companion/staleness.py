@@ -54,7 +54,7 @@ class StoredResult:
         What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of readings, corrections, beam errors, suggestions and methods side by side these words, of a folder of figures
+        "claims", of what `himap record` and `himap readings` write the name of it, of a folder of figures
         their names, of timings nothing.
     checked
         Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
