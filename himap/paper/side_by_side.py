@@ -90,11 +90,13 @@ def curves(case, remover, own, transfer=None):
     rows = []
     known_at = {"angular": own.put_in.degrees, "frequency": own.put_in.k}
     for kind, x in known_at.items():
-        ratio = diagnostics.ratio(getattr(own.came_back, kind), getattr(own.put_in, kind))
+        edges = _edges([inside for its, inside in bands(**known_at).values() if its == kind])
+        shown = slice(edges[0], edges[-1])
+        powers = [getattr(power, kind)[shown] for power in (own.came_back, own.put_in)]
+        ratio = diagnostics.ratio(*powers)
         if transfer is not None:
-            ratio = diagnostics.ratio(ratio, getattr(transfer, kind))
-        edges = _edges(x, [inside for own_kind, inside in bands(**known_at).values() if own_kind == kind])
-        sums = np.add.reduceat(ratio[: edges[-1]], edges[:-1])
+            ratio = diagnostics.ratio(ratio, getattr(transfer, kind)[shown])
+        sums = np.add.reduceat(ratio, edges[:-1] - edges[0])
         rows.append(
             Curve(
                 seed=case.survey.seed,
@@ -111,8 +113,8 @@ def curves(case, remover, own, transfer=None):
     return rows
 
 
-def _edges(x, parts):
-    """Edges of bins of even width in log x that do not cross the ends of some neighbouring parts of x."""
+def _edges(parts):
+    """Edges of bins of even logarithmic width that do not cross the ends of neighbouring parts of an axis."""
     edges = set()
     for inside in parts:
         (found,) = np.nonzero(inside)
