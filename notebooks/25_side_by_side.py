@@ -32,12 +32,11 @@ methods: list = [
     ["sdecgmca", [3, 4, 5]],
     ["pca", [3, 4, 5]],
     ["pca", [3, 5, 6]],
-    ["gmca", [3, 4, 5]],
     ["beam_subspace", 3],
     ["smooth_spectra", 4],
     ["gnilc", None],
 ]  # pairs of a name and a number of sources, or one for each beam
-corrected: list = ["sdecgmca", "pca", "gmca", "beam_subspace", "smooth_spectra"]  # by mocks, in the record
-n_mocks: int = 6  # mocks, each with a seed of its own, of `himap record side-by-side`
+corrected: list = ["pca", "beam_subspace", "smooth_spectra"]  # by mocks, in the record
+n_mocks: int = 3  # mocks, each with a seed of its own, of `himap record side-by-side`
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 results: list | None = None  # what `himap record side-by-side` wrote; null: that of the book
