@@ -19,6 +19,11 @@
 
 # %% [markdown]
 # # What should I use on my data?
+#
+# The paper's method, principal components, and what this book has added, side by side through the three beams, over many skies, and the answer that follows for data of one's own.
+#
+# SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs, which it
+# does not mind ({doc}`23_thresholds`), and GNILC finds its own at each scale ({cite:t}`olivari2016`).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -40,3 +45,190 @@ corrected: list = ["pca", "beam_subspace", "smooth_spectra"]  # by mocks, in the
 n_mocks: int = 3  # mocks, each with a seed of its own, of `himap record side-by-side`
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 results: list | None = None  # what `himap record side-by-side` wrote; null: that of the book
+
+# %%
+import warnings
+
+from himap.companion.stored import RESULTS
+from himap.figures import plotting
+from himap.figures.numbers import quote
+from himap.figures.tables import Table
+from himap.paper.beam_errors import BeamError, by_error, tolerated
+from himap.paper.record_file import read_record
+from himap.paper.side_by_side import Curve, evaluate, skies_and_methods
+from himap.paper.side_by_side_figures import side_by_side_figure
+from himap.paper.side_by_side_table import distance, overview, signed
+from himap.paper.study import Study
+from himap.products.provenance import Provenance
+from himap.removal.base import SeparationWarning
+
+warnings.simplefilter("ignore", SeparationWarning)
+skies = skies_and_methods(
+    preset=preset,
+    survey=survey,
+    galaxy=galaxy,
+    template_dir=template_dir,
+    small_scales=small_scales,
+    ripple=ripple,
+    beams=beams,
+    methods=methods,
+    reading=reading,
+    n_realisations=1,
+)
+study = Study(
+    preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
+)
+
+# %% [markdown]
+# ## One sky
+#
+# The first sky, as every method leaves it. The axis of ratios is even near 1, so that a deviation of 5 % can be seen, and logarithmic far from it; the grey band is 10 %.
+
+# %% tags=["hide-input"]
+first = evaluate(skies, mocks=[])
+
+# %% mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of what each method leaves of the first sky, over that of the truth, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
+study.stamped(side_by_side_figure({"": first}, "angular"))
+
+# %% mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+study.stamped(side_by_side_figure({"": first}, "frequency"))
+
+# %% [markdown]
+# (side-record)=
+# ## Over many skies
+#
+# One sky is an anecdote: at the lowest $\ell$ there are few modes, and what resembles the foreground by chance goes with it. What follows was measured before, on {glue:text}`side_skies` skies with each Galaxy, and stored with the book:
+#
+# ```sh
+# himap record side-by-side --preset quick --jobs 2
+# ```
+#
+# and the same once more with `-p galaxy=templates -p template_dir=FOLDER`. A line is the mean over skies; within the shade are two skies in three. These are Figs. 1 and 2 of the paper once more, with what the paper does not have: their
+# spread, and the methods that came after it.
+
+# %% tags=["hide-input"]
+GALAXIES = ("synthetic", "templates")
+paths = results or [RESULTS / f"side_by_side_quick_{name}.json" for name in GALAXIES]
+found = [read_record(Curve, path) for path in paths]
+records, made = [rows for rows, _ in found], [Provenance.of_stored(about) for _, about in found]
+
+
+def stamped(figure, sources=made):
+    """The figure with where its records come from."""
+    return plotting.stamp(figure, "\n".join(one.footer() for one in sources))
+
+
+def titled(stored, sources):
+    """{title: rows} of some records, with the names of their Galaxies."""
+    return {one.galaxy.partition(" ")[0]: rows for rows, one in zip(stored, sources, strict=True)}
+
+
+# %% mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of what each method leaves, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
+stamped(side_by_side_figure(titled(records, made), "angular"))
+
+# %% mystnb={"figure": {"name": "fig-side-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+stamped(side_by_side_figure(titled(records, made), "frequency"))
+
+# %% [markdown]
+# What is below 1 is HI that went with the foreground: every method takes some at the lowest $k_\nu$, where HI is as smooth as the foreground. That loss is the same from sky to sky, so that mocks can tell it
+# ({doc}`20_transfer_function`). The same spectra over the transfer function of {glue:text}`side_mocks` mocks:
+
+# %% mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+stamped(side_by_side_figure(titled(records, made), "angular", corrected=True))
+
+# %% mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+stamped(side_by_side_figure(titled(records, made), "frequency", corrected=True))
+
+# %% [markdown]
+# ## In numbers
+#
+# How far the mean over skies is from the truth in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, with the Galaxy where that is more: below 0 power is missing, above it foreground was left.
+
+# %%
+header, lines = overview(records)
+Table(header, lines, align="l" + "r" * (len(header) - 1))
+
+# %% tags=["hide-input"]
+knowing = [read_record(BeamError, RESULTS / f"beam_errors_quick_{name}.json")[0] for name in GALAXIES]
+
+
+def at(beam, method, n_sources, corrected=False):
+    """How far a method is from the truth, as in the table, without its sign."""
+    value = distance(records, beam, method, n_sources, corrected=corrected)
+    return signed(abs(value)).removeprefix("+")
+
+
+def percent(share):
+    """A share, such as of power, as a text."""
+    return f"{100 * share:.2g}\N{NO-BREAK SPACE}%"
+
+
+def with_width_wrong(n_sources, error=0.01):
+    """Foreground that BeamSubspace leaves in the worst band if the width is wrong by so much."""
+    means = [by_error(rows)["beam_subspace", n_sources, "width", error] for rows in knowing]
+    return percent(max(excess for one in means for _, _, excess in one.values()))
+
+
+limits = [tolerated(rows) for rows in knowing]
+many = sorted({row.n_sources for row in knowing[0] if row.method == "beam_subspace"})[-1]
+quote(
+    side_skies=len({row.seed for row in records[0]}),
+    side_mocks=dict(found[0][1]["overrides"])["n_mocks"],
+    side_same=at("degraded", "pca", 3),
+    side_same_corrected=at("degraded", "pca", 3, True),
+    side_known=at("oscillating", "beam_subspace", 3),
+    side_known_corrected=at("oscillating", "beam_subspace", 3, True),
+    side_paper=at("oscillating", "sdecgmca", 5),
+    side_paper_evolving=at("evolving", "sdecgmca", 4),
+    side_unknown_smooth=at("evolving", "pca", 5),
+    side_unknown_smooth_corrected=at("evolving", "pca", 5, True),
+    side_unknown=at("oscillating", "pca", 6),
+    side_unknown_corrected=at("oscillating", "pca", 6, True),
+    side_few=at("oscillating", "pca", 5),
+    side_harmless=at("oscillating", "smooth_spectra", 4),
+    side_harmless_corrected=at("oscillating", "smooth_spectra", 4, True),
+    side_gnilc=at("oscillating", "gnilc", 0),
+    side_width=percent(min(one["beam_subspace", 3, "width"] for one in limits)),
+    side_wrong_few=with_width_wrong(3),
+    side_wrong_many=with_width_wrong(many),
+    side_many=many,
+)
+
+# %% [markdown]
+# ## What should I use?
+#
+# From the table above, and from the chapters named; all at `quick`, in the worst band and with the Galaxy where it is more. The number of sources is the one that `himap suggest` names for the method ({doc}`22_how_many`).
+#
+# | what you have | what to use | as it is left | corrected by mocks |
+# |---|---|---|---|
+# | maps of one resolution in all channels | PCA: nothing that knows the beam is better | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
+# | a beam that is known, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
+# | a beam that changes smoothly and is not known | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
+# | a beam that oscillates with frequency and is not known | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
+# | a known beam, and no wish to hang on the number of sources | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
+# | no number of sources at all | GNILC | {glue:text}`side_gnilc` | |
+# | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | | |
+#
+# Where the beam is not said, it is the oscillating one. For comparison: SDecGMCA as in the paper is off by {glue:text}`side_paper` through the oscillating beam and by {glue:text}`side_paper_evolving` through the evolving one, and PCA with the
+# paper's five components by {glue:text}`side_few` through the oscillating one.
+#
+# - **How well is your beam known?** If its width is wrong by 1 %, three sources of BeamSubspace leave {glue:text}`side_wrong_few` of foreground, {glue:text}`side_many` of them {glue:text}`side_wrong_many`
+#   ({doc}`21_beam_errors`). `himap sensitivity` tells it for a cube of your own, without the truth.
+# - **Always correct what is lost**, by mocks: no method keeps all of the HI. But a transfer function is for HI that was lost and not for foreground that was left, so that the number of sources comes first.
+# - **A method that knows the beam is not better because it knows it**: through the degraded beam all are alike.
+#
+# As commands, on a cube of one's own:
+#
+# ```sh
+# himap suggest cube.h5 --method beam_subspace --beam oscillating
+# himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 -o cleaned.h5
+# himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
+# ```
+#
+# Three commands worth trying:
+#
+# ```sh
+# himap run 25_side_by_side -p galaxy=templates -p template_dir=maps
+# himap run 25_side_by_side -p 'beams=["meerkat"]' -p 'methods=[["pca", 5], ["beam_subspace", 4]]'
+# himap run 25_side_by_side -p 'methods=[["pca", 5], ["gmca", 5], ["gaussian_process", null]]'
+# ```

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import himap
+from himap.cli.main import main
 
 SHARED_SKY = Path(__file__).resolve().parents[2] / "shared" / "sky"
 
@@ -48,3 +50,15 @@ def lab(tmp_path, monkeypatch, request):
     module.start = lambda code: subprocess.Popen([sys.executable, "-c", f"import {name} as lab\n{code}"])
     yield module
     del sys.modules[name]
+
+
+@pytest.fixture
+def himap_command(tmp_path, monkeypatch):
+    """Call the command in an empty folder; gives exit code, stdout and stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        result = CliRunner().invoke(main, arguments)
+        return result.exit_code, result.stdout, result.stderr
+
+    return call

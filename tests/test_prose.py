@@ -163,6 +163,11 @@ DEFINED = {
         "10 %": "a grey band",
         "1 %": "the goal, set beforehand",
     },
+    "notebooks/25_side_by_side.py": {
+        "5 %": "what the axis of ratios shows",
+        "10 %": "a grey band",
+        "1 %": "the error of the beam that is looked up",
+    },
     "notebooks/22_how_many.py": {
         "10 %": "what counts as stable",
         "3 %": "what counts as settled",

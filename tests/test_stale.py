@@ -2,7 +2,7 @@
 
 Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
 stale stands in the tables below: chapters by their number, "ledger" for what `himap claims` stores,
-"readings", "corrections", "beam_errors" and "suggestions" for what these commands do.
+"readings", "corrections", "beam_errors", "side_by_side" and "suggestions" for what these commands do.
 Stored figures are stale with their chapter (test_stored.py).
 """
 
@@ -19,21 +19,22 @@ from himap.companion.staleness import (
     corrections_code,
     ledger_code,
     readings_code,
+    side_by_side_code,
     suggestions_code,
 )
 from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent
 
-CHAPTERS = {f"{n:02}" for n in range(1, 25)}
+CHAPTERS = {f"{n:02}" for n in range(1, 26)}
 SKIES = CHAPTERS - {"16", "18", "19"}  # those show what is stored
 JUDGING = {"ledger", "readings"}
-RECORDS = {"corrections", "beam_errors", "suggestions"}
+RECORDS = {"corrections", "beam_errors", "side_by_side", "suggestions"}
 STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24"} | RECORDS  # take any method by its name
+ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24", "25"} | RECORDS  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
 ANY_BEAM = SKIES - {"01", "02", "10", "15"} | RECORDS  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
@@ -106,11 +107,14 @@ OTHERS = {
     ("cli/templates.py", None): set(),
     ("cli/readings.py", None): set(),
     ("cli/records.py", None): set(),
-    ("paper/mocks.py", "recovered"): {"20", "22", "corrections", "suggestions"},
-    ("measures/transfer.py", "recovery"): {"20", "21", "22"} | RECORDS,
-    ("measures/transfer.py", "TransferFunction.errors"): {"20", "22", "23", "corrections", "suggestions"},
+    ("paper/mocks.py", "recovered"): {"20", "22", "25", "corrections", "side_by_side", "suggestions"},
+    ("measures/transfer.py", "recovery"): {"20", "21", "22", "25"} | RECORDS,
+    ("measures/transfer.py", "TransferFunction.errors"): {
+        *("20", "22", "23", "25"),
+        *("corrections", "side_by_side", "suggestions"),
+    },
     ("paper/beam_errors.py", "misjudged_recovery"): {"21", "beam_errors"},
-    ("paper/beam_errors.py", "tolerated"): {"21"},
+    ("paper/beam_errors.py", "tolerated"): {"21", "25"},
     ("paper/harmless.py", "parts"): {"23"},
     ("paper/masked.py", "compared"): {"24"},
     ("measures/expected.py", "expected_recovery"): {"23"},
@@ -118,7 +122,9 @@ OTHERS = {
     ("paper/suggestions.py", "summary"): {"22"},
     ("measures/how_many.py", "information"): {"17", "22", "suggestions"},
     ("paper/corrections.py", "evaluate"): {"corrections"},
-    ("paper/record_file.py", "read_record"): {"20", "21", "22"},
+    ("paper/record_file.py", "read_record"): {"20", "21", "22", "25"},
+    ("paper/side_by_side.py", "evaluate"): {"25", "side_by_side"},
+    ("paper/side_by_side_table.py", "overview"): {"25"},
     ("figures/marks.py", None): {"16"},
     ("products/store.py", None): set(),
     ("progress.py", None): set(),
@@ -147,6 +153,7 @@ def fingerprints(library):
             "corrections": corrections_code(tree),
             "ledger": ledger_code(tree),
             "readings": readings_code(tree),
+            "side_by_side": side_by_side_code(tree),
             "suggestions": suggestions_code(tree),
         }
 

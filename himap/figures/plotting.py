@@ -9,14 +9,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullLocator
 
+from himap.figures import ratio_scale
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.maps import sphere
 
 __all__ = [
     "image",
     "lines",
+    "ratios",
     "save",
     "sky_map",
     "sky_maps",
@@ -229,6 +231,56 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
         for x, y, style in [*panel["curves"], *panel.get("points", []), *_percentiles(panel)]
     ]
     return with_curves(_finished(figure), points)
+
+
+def ratios(panels, *, columns=3, size=(3.1, 2.9)):
+    """A figure of ratios to the truth with the range over skies, on the axis of `himap.figures.ratio_scale`.
+
+    Parameters
+    ----------
+    panels
+        A list of dicts: "curves", a list of (x, mean, low, high, style), arrays (n,); and anything
+        `Axes.set` takes. Curves of one label are the same in all panels; one legend stands above.
+    columns, size
+        Of panels, which share the axis of ratios.
+    """
+    rows = -(-len(panels) // columns)
+    drawn = [one for panel in panels for _, *curves, _ in panel["curves"] for one in curves]
+    limits = ratio_scale.limits_of(drawn)
+    handles = {}
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(
+            rows, columns, figsize=(size[0] * columns, 0.5 + size[1] * rows), sharey=True, squeeze=False
+        )
+        for axes in grid.flat[len(panels) :]:
+            axes.set_visible(False)
+        for axes, panel in zip(grid.flat, panels, strict=False):
+            axes.axhspan(0.9, 1.1, color="0.93", zorder=0)
+            axes.axhline(1, color="black", linewidth=0.8)
+            for x, mean, low, high, style in panel["curves"]:
+                axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
+                (handle,) = axes.plot(x, mean, **style)
+                handles.setdefault(style["label"], handle)
+            axes.set(xscale="log", **{key: value for key, value in panel.items() if key != "curves"})
+            _plain_ticks(axes.xaxis, axes.get_xlim())
+            _ratio_axis(axes, limits)
+        figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=4)
+    points = [
+        (panel.get("title", ""), f"{style['label']}, {name}", x, y)
+        for panel in panels
+        for x, mean, low, high, style in panel["curves"]
+        for name, y in (("mean", mean), ("low", low), ("high", high))
+    ]
+    return with_curves(_finished(figure), points)
+
+
+def _ratio_axis(axes, limits):
+    """Make the y axis one of ratios."""
+    axes.set_yscale("function", functions=(ratio_scale.forward, ratio_scale.backward))
+    axes.set_ylim(limits)
+    axes.yaxis.set_ticks(ratio_scale.ticks(*limits), minor=False)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def _draw_bundle(axes, x, ys, style):

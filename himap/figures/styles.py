@@ -23,6 +23,7 @@ __all__ = [
     "beam_style",
     "method_style",
     "numbered",
+    "of_methods",
     "paler",
     "sequence",
 ]
@@ -110,6 +111,24 @@ def method_style(method):
 def beam_style(beam):
     """Style of the curves of a `Beam`, its label included."""
     return BEAM_STYLES.get(beam.name, _OTHER | {"label": str(beam)})
+
+
+def of_methods(methods):
+    """{(name, number): style} of methods of which some are there more than once, in their order.
+
+    More of the same are paler and have other dashes. A number is that of sources, or a text with it.
+    """
+    looks, n_of = {}, {}
+    for name, number in methods:
+        n = n_of[name] = n_of.get(name, -1) + 1
+        style = METHOD_STYLES.get(name, _OTHER)
+        looks[name, number] = {
+            "color": tuple(paler(style["color"], n)),
+            "linestyle": style["linestyle"] if n == 0 else _DASHES[n % len(_DASHES)],
+            "label": numbered(name, number),
+            "linewidth": 1.6,
+        }
+    return looks
 
 
 def paler(color, steps):

@@ -7,7 +7,6 @@ from himap.paper.beam_errors import KINDS, by_error, most_excess
 
 __all__ = ["errors_figure"]
 
-_DASHES = ("-", "--", "-.", ":", (0, (6, 1.5)))
 _MARKERS = "os^Dv"
 _LIMITS = (1e-3, 1e2)
 _FEW = 0.01
@@ -34,19 +33,11 @@ def errors_figure(rows, *, kinds=None, columns=2):
 
 
 def _looks(methods):
-    """{method: style}: a colour for each method, paler and with other dashes for more sources."""
-    looks, n_of = {}, {}
-    for name, n_sources in methods:
-        n = n_of[name] = n_of.get(name, -1) + 1
-        style = styles.METHOD_STYLES.get(name, {"color": "0.35"})
-        looks[name, n_sources] = {
-            "color": tuple(styles.paler(style["color"], n)),
-            "linestyle": _DASHES[n % len(_DASHES)],
-            "marker": _MARKERS[n % len(_MARKERS)],
-            "label": styles.numbered(name, n_sources),
-            "linewidth": 1.6,
-        }
-    return looks
+    """{method: style}, with a marker each."""
+    looks = styles.of_methods(methods)
+    return {
+        key: look | {"marker": _MARKERS[n % len(_MARKERS)]} for n, (key, look) in enumerate(looks.items())
+    }
 
 
 def _panel(found, looks, kind):

@@ -146,7 +146,10 @@ def skies_and_methods(*, beams, methods, n_realisations=20, **options):
         raise InputError(f"beams must be a list of names, each once, got {beams!r}.")
     skies = [{} for _ in range(n_realisations)] if isinstance(n_realisations, int) else []
     for place, beam in enumerate(beams):
-        own = list(dict.fromkeys(_of_beam(pair, place, len(beams)) for pair in methods))
+        own = []
+        for pair in methods:
+            one = _of_beam(pair, place, len(beams))
+            own += [one] if one not in own else []
         cases, removers = cases_and_methods(beam=beam, methods=own, n_realisations=n_realisations, **options)
         for sky, case in zip(skies, cases, strict=True):
             sky[case] = removers
@@ -184,9 +187,8 @@ def evaluate(skies, mocks, corrected=()):
     """
     there = {remover.name for sky in skies for removers in sky.values() for remover in removers}
     if unknown := set(corrected) - there:
-        raise InputError(
-            f"to be corrected: {', '.join(sorted(unknown))}, but methods are {', '.join(there)}."
-        )
+        absent, present = (", ".join(sorted(names)) for names in (unknown, there))
+        raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
     rows = []
     for sky in skies:
         for case, remover, own, transfer in recoveries(sky, mocks, corrected):
