@@ -160,3 +160,13 @@ class TestResult:
 def test_what_does_not_fit(options, n_channels, message):
     with pytest.raises(InputError, match=message):
         SmoothSpectra(**options).check(n_channels)
+
+
+def test_a_band_too_narrow_for_so_many_functions(rng):
+    """HI that is as smooth over the band as the functions themselves: an error that says what to do."""
+    freqs = np.linspace(1000, 1060, 20)
+    covariance = np.exp(-np.square(freqs[:, None] - freqs) / 2 / 60**2) + 1e-14 * np.eye(20)
+    hi = np.linalg.cholesky(covariance) @ rng.standard_normal((20, 12 * 8**2))
+    maps = (hi + 1e3 * (freqs[:, None] / 1000) ** -2.7 * rng.standard_normal(hi.shape[1])).astype(np.float32)
+    with pytest.raises(InputError, match="over 60 MHz in 20 channels, .* take fewer, such as n_smooth=4"):
+        SmoothSpectra(n_sources=3).clean(maps, freqs=freqs, beams=np.ones((20, 24)))

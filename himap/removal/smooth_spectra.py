@@ -82,7 +82,7 @@ class SmoothSpectra(ForegroundRemover):
             _Band(modes, windows, first, last, basis, freqs, rounding)
             for first, last in multipole_bands(lmax)
         ]
-        found = [band.settled(self.n_sources) for band in progress(bands, self.name)]
+        found = [self._settled(band, freqs) for band in progress(bands, self.name)]
         mixing, sources = self._sources(basis, np.hstack([one.amplitudes for one in found]))
         filter_ = SpectralFilter(
             spectra=np.concatenate([one.spectra for one in found]),
@@ -98,6 +98,16 @@ class SmoothSpectra(ForegroundRemover):
             n_iterations=max(one.n_turns for one in found),
             filter=filter_,
         )
+
+    def _settled(self, band, freqs):
+        try:
+            return band.settled(self.n_sources)
+        except np.linalg.LinAlgError:
+            raise InputError(
+                f"HI and {self.n_smooth} smooth functions cannot be told apart over {freqs[-1] - freqs[0]:.4g} "
+                f"MHz in {len(freqs)} channels, at l from {band.first}; take fewer, such as "
+                f"n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or another method."
+            ) from None
 
     def _sources(self, basis, amplitudes):
         """Principal axes of the foreground before the beam, and their modes."""
