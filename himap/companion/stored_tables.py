@@ -15,6 +15,7 @@ __all__ = [
     "growth_table",
     "ledgers_table",
     "of_chapter",
+    "picture",
     "pictures",
     "short",
     "steps_table",
@@ -187,6 +188,14 @@ def pictures(folders, results=None):
             path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
             parts += [f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"]
     return "\n\n".join(parts)
+
+
+def picture(folder, name, results=None):
+    """One stored figure as Markdown: its picture by the relative path, and what made it; as `pictures`."""
+    place = os.path.relpath(results or RESULTS, notebooks_folder())
+    (row,) = [row for row in read_stored(f"{folder}/figures", results)["figures"] if row["name"] == name]
+    path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
+    return f"[![Fig. {row['paper']}, {made}]({path})]({path})\n\n*Fig. {row['paper']}: {made}*"
 
 
 def _made(parameters, execution):

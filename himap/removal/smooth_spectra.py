@@ -103,9 +103,10 @@ class SmoothSpectra(ForegroundRemover):
         try:
             return band.settled(self.n_sources)
         except np.linalg.LinAlgError:
+            width = freqs[-1] - freqs[0]
             raise InputError(
-                f"HI and {self.n_smooth} smooth functions cannot be told apart over {freqs[-1] - freqs[0]:.4g} "
-                f"MHz in {len(freqs)} channels, at l from {band.first}; take fewer, such as "
+                f"HI and {self.n_smooth} smooth functions cannot be told apart over {width:.4g} MHz in "
+                f"{len(freqs)} channels, at l from {band.first}; take fewer, such as "
                 f"n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or another method."
             ) from None
 

@@ -1,0 +1,80 @@
+"""The five conclusions of the paper (its Sect. 6), and the claims of the ledger that each rests on."""
+
+from dataclasses import dataclass
+
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+
+__all__ = ["CONCLUSIONS", "Conclusion", "verdict"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conclusion:
+    """One conclusion of the paper.
+
+    Attributes
+    ----------
+    name
+        A few words.
+    says
+        What the paper concludes, in our words.
+    claims
+        Ids of the claims that hold its numbers.
+    """
+
+    name: str
+    says: str
+    claims: tuple
+
+
+CONCLUSIONS = (
+    Conclusion(
+        name="The degraded beam",
+        says="With all channels at one resolution every method recovers both spectra to better than 10 %.",
+        claims=("D1", "D2"),
+    ),
+    Conclusion(
+        name="The evolving beam",
+        says="With a beam that shrinks smoothly with frequency the methods part: the parametric fit fails, "
+        "GMCA degrades from intermediate scales on, and PCA, FastICA and SDecGMCA stay accurate.",
+        claims=("E1", "E2", "E3", "E4"),
+    ),
+    Conclusion(
+        name="The oscillating beam",
+        says="Both fits fail; of the others SDecGMCA is the most accurate: it suppresses the spurious peak "
+        "near k = 0.3 and recovers the angular spectrum at intermediate multipoles. Beyond l of about 200 "
+        "the inversion of the beam makes it unstable.",
+        claims=("O1", "O3", "O4", "O6", "S1"),
+    ),
+    Conclusion(
+        name="The number of sources",
+        says="It is critical, and 5 to 7 is the best balance.",
+        claims=("N1", "N2", "N4"),
+    ),
+    Conclusion(
+        name="Masks",
+        says="To leave out the contaminated lines of sight afterwards lowers what SDecGMCA leaves, and to "
+        "dim the Galactic plane before improves PCA, FastICA and most of all SDecGMCA.",
+        claims=("M2", "M4", "M5", "G1", "G3", "G4"),
+    ),
+)
+"""In the order of the paper."""
+
+
+def verdict(entries):
+    """The verdict on a conclusion, from those on its claims.
+
+    It is "reproduced" if all of them are, "not reproduced" if all are that, and "in part" otherwise. Claims
+    that do not apply do not count.
+
+    Parameters
+    ----------
+    entries
+        `himap.paper.ledger.Entry` of each of its claims.
+    """
+    verdicts = [entry.verdict for entry in entries if entry.verdict != INAPPLICABLE]
+    if not verdicts:
+        return INAPPLICABLE
+    for same in (REPRODUCED, FAILED):
+        if all(one == same for one in verdicts):
+            return same
+    return IN_PART
