@@ -39,7 +39,7 @@ from IPython.display import Markdown
 from himap.companion.stored import RESULTS
 from himap.companion.stored_curves import angular_ratios, stored_curves
 from himap.companion.stored_tables import ledgers_table, picture
-from himap.figures import plotting
+from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.paper.conclusions import CONCLUSIONS, verdict
@@ -87,10 +87,9 @@ angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
 # %% mystnb={"figure": {"name": "fig-answer-angular", "caption": "C/C0 of six methods through the three beams of the paper, at its size, with the real Galaxy (templates, nside 64): the numbers of Fig. 1, as ratios. PCA and FastICA coincide."}}
-plotting.stamp(
-    plotting.ratios([angular_ratios(curves, title=title) for title, curves in angular.items()]),
-    f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}",
-)
+panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
+panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
+plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
 # And along the line of sight:

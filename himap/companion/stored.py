@@ -17,6 +17,7 @@ __all__ = [
     "RESULTS",
     "extrapolated",
     "read_stored",
+    "stored_figure",
     "times_of_all",
 ]
 
@@ -54,6 +55,27 @@ def read_stored(name, folder=None):
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is not a stored result ({error}).") from None
+
+
+def stored_figure(folder, name, results=None):
+    """What is stored of one figure, a dict: where it is in the paper, what made it, and its curves.
+
+    Parameters
+    ----------
+    folder, name
+        Folder of figures among the results, such as "paper_templates", and name of the figure.
+    results
+        As the folder of `read_stored`.
+
+    Raises
+    ------
+    InputError
+        No such folder or figure.
+    """
+    rows = {row["name"]: row for row in read_stored(f"{folder}/figures", results)["figures"]}
+    if name not in rows:
+        raise InputError(f"there is no stored figure {name} in {folder}; there are {', '.join(rows)}.")
+    return rows[name]
 
 
 def extrapolated(smaller, larger, scaling, *, n_realisations, **size):

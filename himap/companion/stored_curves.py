@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from himap.companion.stored import read_stored
-from himap.errors import InputError
+from himap.companion.stored import stored_figure
 from himap.figures import styles
 
 __all__ = ["angular_ratios", "stored_curves"]
@@ -29,14 +28,12 @@ def stored_curves(folder, figure, results=None):
     InputError
         No such folder or figure.
     """
-    rows = {row["name"]: row for row in read_stored(f"{folder}/figures", results)["figures"]}
-    if figure not in rows:
-        raise InputError(f"there is no stored figure {figure} in {folder}; there are {', '.join(rows)}.")
+    row = stored_figure(folder, figure, results)
     return {
         panel: {
             label: (np.array(group["x"]), np.array(y)) for group in groups for label, y in group["y"].items()
         }
-        for panel, groups in rows[figure]["panels"].items()
+        for panel, groups in row["panels"].items()
     }
 
 

@@ -4,7 +4,7 @@ import os
 
 from himap.companion.captions import figure_order, plain_caption
 from himap.companion.notebooks import notebooks, notebooks_folder
-from himap.companion.stored import RESULTS, read_stored
+from himap.companion.stored import RESULTS, read_stored, stored_figure
 from himap.figures.tables import Table
 from himap.paper.ledger_table import BADGES, measured, summary
 from himap.products.provenance import Provenance, duration
@@ -193,7 +193,7 @@ def pictures(folders, results=None):
 def picture(folder, name, results=None):
     """One stored figure as Markdown: its picture by the relative path, and what made it; as `pictures`."""
     place = os.path.relpath(results or RESULTS, notebooks_folder())
-    (row,) = [row for row in read_stored(f"{folder}/figures", results)["figures"] if row["name"] == name]
+    row = stored_figure(folder, name, results)
     path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
     return f"[![Fig. {row['paper']}, {made}]({path})]({path})\n\n*Fig. {row['paper']}: {made}*"
 
