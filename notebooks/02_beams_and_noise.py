@@ -200,7 +200,7 @@ stamped(plotting.lines(panels))
 # of 20 MHz, which makes the spectrum jump by {glue:text}`beams_jump` rms from one channel to the next where HI plus noise has {glue:text}`beams_signal`, and a
 # slower wave of {glue:text}`beams_wave`.
 
-# %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams, after division by a smooth spectrum (third order in log-log). The dashed lines are the rms of HI plus noise on the same scale: what goes beyond them must be removed. Below 2 ppm the axis is linear, beyond it is logarithmic."}}
+# %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams: what its foreground deviates from a smooth spectrum (third order in log-log), and the HI plus noise of the same line of sight, mean removed. What a method takes for smooth is gone; what it has to tell from HI is the coloured line. Each panel has its own axis."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
@@ -221,18 +221,26 @@ foreground = {
 deviation = {name: unsmoothness(spectrum) for name, spectrum in foreground.items()}
 rms = np.mean([channel.std(dtype=float) for channel in observations["evolving"].truth])
 signal = 1e6 * rms / foreground["evolving"].mean()
-edge = np.full_like(freqs, signal)
-grey = {"color": "0.6", "linestyle": "--", "linewidth": 1}
-curves = [(freqs, 1e6 * deviation[name], styles.BEAM_STYLES[name]) for name in observations]
-curves += [(freqs, edge, grey | {"label": "rms of HI + noise"}), (freqs, -edge, grey)]
-panel = {
-    "curves": curves,
-    "xlabel": styles.CHANNELS,
-    "ylabel": "deviation from a smooth spectrum [ppm]",
-    "yscale": "symlog",
-    "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, 1.12), "ncols": 4},
-}
-stamped(plotting.lines([panel], columns=1, size=(7.4, 4)), ripple=ripple)
+panels = []
+for name, observation in observations.items():
+    beside = observation.truth[:, pixel] - observation.truth[:, pixel].mean(dtype=float)
+    smooth = foreground[name] / (1 + deviation[name])
+    panels.append(
+        {
+            "curves": [
+                (
+                    freqs,
+                    deviation[name] * smooth,
+                    styles.BEAM_STYLES[name] | {"label": "foreground", "linestyle": "-"},
+                ),
+                (freqs, beside, {"color": "black", "linewidth": 0.8, "label": "HI + noise"}),
+            ],
+            "title": name,
+            "xlabel": styles.CHANNELS,
+            "ylabel": "T [mK]" if not panels else "",
+        }
+    )
+stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 
 # %% mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
 channel = sky.n_channels // 2

@@ -166,13 +166,13 @@ study.channel_figure(selected, remover)
 #
 # Cosmology uses the statistics of the signal, so they are what counts: the angular power spectrum $C_\ell$,
 # averaged over channels, and the power spectrum along the line of sight $P(k_\nu)$, averaged over
-# pixels. Below each is the ratio of the cleaned to the true spectrum; the grey band is 10 %, and what leaves
-# the panel at the top is more than twice too bright.
+# pixels. Below each is the ratio of the cleaned to the true spectrum; the grey band is 10 %. The axis of
+# ratios is even near 1, so that 5 % can be seen, and logarithmic far from it, so that nothing is cut off.
 
-# %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (PCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (PCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
 # %% [markdown]

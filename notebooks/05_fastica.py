@@ -254,11 +254,11 @@ study.channel_figure(selected, remover)
 #
 # Both spectra of the cleaned maps with those of PCA, which they cover.
 
-# %% mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %; curves above 2 are cut off. (FastICA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %; curves above 2 are cut off. (FastICA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
 # %%

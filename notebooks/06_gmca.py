@@ -244,11 +244,11 @@ study.channel_figure(selected, remover)
 # oscillating beam its power at higher $\ell$ is {glue:text}`gmca_oscillating_fine` of that of PCA. The space of PCA leaves the least *total* variance, and that
 # is dominated by few bright structures.
 
-# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 1.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; curves above 2 are cut off. (GMCA's share of the paper's Fig. 2.)"}}
+# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
 # %%

@@ -191,10 +191,10 @@ study.channel_figure(selected, remover)
 # ## The power spectra
 
 # %% mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers, ratio_limits=(0.02, 1e5))
+study.angular_figure(removers)
 
 # %% mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers, ratio_limits=(0.02, 1e5))
+study.frequency_figure(removers)
 
 # %%
 show(study.band_numbers(removers))

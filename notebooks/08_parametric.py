@@ -225,10 +225,10 @@ study.channel_figure(selected, remover)
 # are logarithmic here.
 
 # %% mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers, ratio_limits=(0.2, 5e5))
+study.angular_figure(removers)
 
 # %% mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers, ratio_limits=(0.2, 5e5))
+study.frequency_figure(removers)
 
 # %%
 show(study.band_numbers(removers))

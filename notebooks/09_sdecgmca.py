@@ -314,7 +314,7 @@ quote(
 # moves much: compare the means, not only their spread. And a run that is right at one noise level says nothing of a method that fails at the next: a result of SDecGMCA is
 # worth reporting with its spread, as {doc}`15_claims` and {doc}`16_readings` do.
 #
-# ## Beside it: BeamSubspace
+# ## Another method for the same model: BeamSubspace
 #
 # SDecGMCA fits $\mathbf{A}$ to the data with sources of which the thresholds have taken something. The largest sources are many times brighter than HI, and cancel each other to that precision in every channel; what
 # is cut from one of them stays in the data, blurred differently by each beam, and $\mathbf{A}$ bends to describe it. BeamSubspace, which is ours and not the paper's,

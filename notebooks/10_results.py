@@ -68,19 +68,19 @@ quote(results_reading=captions.of_sdecgmca(removers[beams["oscillating"]][3], st
 # %% [markdown]
 # ## Across the sky
 
-# %% mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; curves above 2 are cut off. {glue:text}`results_reading`. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
 study.angular_figure(removers, titles=titles)
 
 # %% [markdown]
 # ## Along the line of sight
 
-# %% mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %; curves above 2 are cut off. {glue:text}`results_reading`. PCA and FastICA coincide."}}
+# %% mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA coincide."}}
 study.frequency_figure(removers, titles=titles)
 
 # %% [markdown]
 # ## In numbers
 #
-# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (in MHz$^{-1}$), and the highest P/P0 near $k_\nu = 2\pi/20$ MHz, where the ripple
+# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (in MHz$^{-1}$), and the highest P/P0 near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, where the ripple
 # of the oscillating beam shows.
 
 # %%
@@ -169,7 +169,7 @@ quote(
 #   above: PCA {glue:text}`results_evolving_pca_fine`,
 #   GMCA {glue:text}`results_evolving_gmca_fine`,
 #   SDecGMCA {glue:text}`results_evolving_sd_fine`.
-# - **Oscillating beam.** The paper: both fits fail; the others have an excess at low $\ell$ and at low $k_\nu$, and a peak at $k_\nu = 2\pi/20$ MHz that is lowest for SDecGMCA, which is also the nearest at
+# - **Oscillating beam.** The paper: both fits fail; the others have an excess at low $\ell$ and at low $k_\nu$, and a peak at $k_\nu = 2\pi/(20\,\mathrm{MHz})$ that is lowest for SDecGMCA, which is also the nearest at
 #   intermediate $\ell$. Here, mean $C/C_0$ at $\ell < 10$: PCA {glue:text}`results_oscillating_pca_low`,
 #   GMCA {glue:text}`results_oscillating_gmca_low`,
 #   SDecGMCA {glue:text}`results_oscillating_sd_low`;

@@ -128,7 +128,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 
-# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %; curves above 2 are cut off. {glue:text}`dimmed_reading`. The curves of PCA and FastICA coincide."}}
+# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading`. The curves of PCA and FastICA coincide."}}
 curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 dimmed.both_figure(selected, curves, **look)

@@ -54,7 +54,7 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 #
 # Each step runs in a process of its own and starts from what the cache holds of the steps before it. *Memory* is the peak of the process and its
 # children, mapped files included. The *floor* is what the transforms, the bytes and the operations that the step cannot do without would take on this
-# machine, as it was measured before the first step, if nothing were lost and nothing overlapped. *Beside it* is the usual tool on the same data in the same run; above 1 it
+# machine, as it was measured before the first step, if nothing were lost and nothing overlapped. *Alternative* is the usual tool on the same data in the same run; above 1 it
 # takes longer, and where it is too slow to run whole, a part of it is timed and scaled up. The *goals* are what himap was designed to reach on a machine
 # that has nothing else to do; what misses its goal is in bold.
 

@@ -152,7 +152,7 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
     curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
 # %% mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
-study.both_figure(case.beam, curves, ratio_limits=(0.7, 1.3), n_mocks=n_mocks)
+study.both_figure(case.beam, curves, n_mocks=n_mocks)
 
 # %%
 columns = {"left": "raw", "over T cross": "corrected", "over T auto": "by_auto"}

@@ -184,7 +184,7 @@ bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
 # %% mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of what SDecGMCA leaves with the paper's number of sources, and the two others with four unless told otherwise; of SmoothSpectra divided by what it knows that it keeps; and their ratios to the truth. The grey band is 10 %."}}
-study.both_figure(case.beam, curves, ratio_limits=(0.7, 1.3))
+study.both_figure(case.beam, curves)
 
 # %% [markdown]
 # ## The goal, and what became of it

@@ -43,7 +43,7 @@ def steps_table(found):
         What ``python -m benchmarks`` wrote. The goals are shown at the preset ``paper``, for which they were
         set; what misses its goal is bold.
     """
-    head = ["Step", "Time", "Goal", "Memory", "Goal", "Floor", "Over it", "Beside it"]
+    head = ["Step", "Time", "Goal", "Memory", "Goal", "Floor", "Over it", "Alternative"]
     goals = found["about"]["preset"] == "paper"
     rows = [_step(row, goals) for row in found["steps"]]
     head = head if goals else [word for word in head if word != "Goal"]

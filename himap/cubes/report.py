@@ -170,7 +170,7 @@ def spectra_figure(spectra):
     style = {"label": "cleaned", "color": styles.BLUE}
     if isinstance(spectra, Comparison):
         panels = [comparisons.panel(kind, [(style, spectra)]) for kind in ("angular", "frequency")]
-        return plotting.spectrum(panels, ratio_limits=(0, 1.5))
+        return plotting.spectrum(panels)
     values = {
         "angular": (spectra.angular.degrees, spectra.angular.mean),
         "frequency": (spectra.frequency.k, spectra.frequency.power),

@@ -27,9 +27,10 @@ __all__ = [
 ]
 
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
+_WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as large as text
 _PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
 _RC = {
-    "figure.dpi": 110,
+    "figure.dpi": 150,
     "font.size": 10,
     "axes.grid": True,
     "grid.alpha": 0.25,
@@ -51,19 +52,24 @@ def _mollweide(n_columns=720):
     return np.rad2deg(lon), np.rad2deg(lat)
 
 
-def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None):
+def sky_map(axes, pixels, *, title, unit, log=False, limits=None, span=None, diverging=False):
     """Draw one map (n_pix,) in Mollweide projection on `axes`; returns the image.
 
     Colours go from one percentile of the map to another, `limits`, (1, 99) unless given, or over `span`, in
-    the unit of the map; `log` for logarithmic colours.
+    the unit of the map; `log` for logarithmic colours, `diverging` for those of errors: even about 0, which
+    is white.
     """
     lon, lat = _mollweide()
     inside = np.isfinite(lon)
     image = np.full(lon.shape, np.nan)
     image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
     low, high = np.percentile(pixels, limits or (1, 99)) if span is None else span
+    if diverging:
+        high = max(abs(low), abs(high))
+        low = -high
     norm = LogNorm(low, high) if log else Normalize(low, high)
-    shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap="cividis")
+    colours = "RdBu_r" if diverging else "cividis"
+    shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap=colours)
     angle = np.linspace(0, 2 * np.pi, 400)
     axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
     axes.set_axis_off()
@@ -86,13 +92,12 @@ def _locator(low, high):
     return LogLocator(subs=many, numticks=6)
 
 
-def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None):
+def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None, diverging=False):
     """A figure of several maps, {title: (n_pix,)}; each has its own colour bar.
 
-    In two columns, or three where that leaves fewer gaps, unless `columns` says otherwise. `unit`, `log`,
-    `limits` and `span` as in `sky_map`, or dicts by title.
+    `unit`, `log`, `limits`, `span` and `diverging` as in `sky_map`, or dicts by title.
     """
-    columns = columns or (3 if len(maps) in (3, 5, 6) else min(2, len(maps)))
+    columns = min(columns, len(maps))
     rows = -(-len(maps) // columns)
     with plt.rc_context(_RC):
         figure, panels = plt.subplots(
@@ -101,15 +106,17 @@ def sky_maps(maps, *, columns=None, unit="mK", log=False, limits=None, span=None
         for axes in panels.flat[len(maps) :]:
             axes.set_visible(False)
         for axes, (title, pixels) in zip(panels.flat, maps.items(), strict=False):
-            options = {"unit": unit, "log": log, "limits": limits, "span": span}
+            options = {"unit": unit, "log": log, "limits": limits, "span": span, "diverging": diverging}
             chosen = {key: v.get(title) if isinstance(v, dict) else v for key, v in options.items()}
             sky_map(axes, pixels, title=title, **chosen)
     units = [unit.get(title) if isinstance(unit, dict) else unit for title in maps]
     return with_maps(_finished(figure), maps, [text or "" for text in units])
 
 
-def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
-    """Spectra on logarithmic axes with a ratio panel below each, as in the paper's Figs. 1 and 2.
+def spectrum(panels, *, band=0.1):
+    """Spectra on logarithmic axes with their ratios below each, as in the paper's Figs. 1 and 2.
+
+    Ratios are on the axis of `himap.figures.ratio_scale`, the same in all panels, and none is cut off.
 
     Parameters
     ----------
@@ -118,26 +125,25 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
         list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,); optional
         "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
         above.
-    ratio_limits
-        Range of the ratio panels, logarithmic over more than a factor of 100, else linear; curves that leave
-        it are cut off at its edge.
     band
         Half width of the grey band around 1.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many_curves = max(len(panel["curves"]) for panel in panels) > 2
+    limits = ratio_scale.limits_of(
+        [ratio for panel in panels for *_, ratio in _ratios(panel)], least=2 * band
+    )
     with plt.rc_context(_RC):
         figure, grid = plt.subplots(
             2,
             len(panels),
-            figsize=(1.2 + (3.3 if one_scale else 4.3) * len(panels), 4.8),
+            figsize=(_WIDTH, 6.2),
             sharex="col",
             sharey="row" if one_scale else "none",
             squeeze=False,
-            height_ratios=(2.2, 1),
         )
         for (top, bottom), panel in zip(grid.T, panels, strict=True):
-            _spectrum_panel(top, bottom, panel, ratio_limits, band)
+            _spectrum_panel(top, bottom, panel, limits, band)
             if not many_curves:
                 top.legend()
             if panel is panels[0] or not one_scale:
@@ -145,20 +151,29 @@ def spectrum(panels, *, ratio_limits=(0.5, 1.5), band=0.1):
                 bottom.set_ylabel(panel["ratio_label"])
         if many_curves:  # many curves leave no room inside the panels
             handles = grid[0, -1].get_legend_handles_labels()[0]
-            rows = -(-len(handles) // 7)
+            rows = -(-len(handles) // 4)
             figure.legend(handles=handles, loc="outside upper center", ncols=-(-len(handles) // rows))
-    points = [
-        (panel["title"], label, *curve)
-        for panel in panels
-        for label, curve in [
-            (_TRUTH["label"], panel["true"]),
-            *((style["label"], (at, recovered)) for style, at, recovered, _ in panel["curves"]),
-        ]
-    ]
+    points = []
+    for panel in panels:
+        points.append((panel["title"], _TRUTH["label"], *panel["true"]))
+        for style, at, recovered, true in panel["curves"]:
+            points.append((panel["title"], style["label"], at, recovered))
+            if len(true) != len(panel["true"][1]) or not np.array_equal(true, panel["true"][1]):
+                points.append((panel["title"], f"{_TRUTH['label']} of {style['label']}", at, true))
     return with_curves(_finished(figure), points)
 
 
-def _spectrum_panel(top, bottom, panel, ratio_limits, band):
+def _ratios(panel):
+    """[(style, x, ratio)] of the curves of a panel of `spectrum`, where they are shown."""
+    low, high = panel.get("x_limits", (0, np.inf))
+    found = []
+    for style, x, recovered, true in panel["curves"]:
+        shown = (x > 0) & (x >= low) & (x <= high)
+        found.append((style, x[shown], (recovered / true)[shown]))
+    return found
+
+
+def _spectrum_panel(top, bottom, panel, limits, band):
     """One spectrum and its ratio."""
     low, high = panel.get("x_limits", (0, np.inf))
 
@@ -167,15 +182,16 @@ def _spectrum_panel(top, bottom, panel, ratio_limits, band):
 
     x, y = panel["true"]
     top.loglog(x[shown(x)], y[shown(x)], **_TRUTH)
-    bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
-    bottom.axhline(1, color="black", linewidth=0.8)
-    for style, at, recovered, true in panel["curves"]:
+    for style, at, recovered, _ in panel["curves"]:
         inside = shown(at)
         top.plot(at[inside], recovered[inside], **style)
-        bottom.plot(at[inside], (recovered / true)[inside], **style)
     top.set_title(panel["title"])
-    scale = "log" if ratio_limits[1] > 100 * ratio_limits[0] > 0 else "linear"
-    bottom.set(ylim=ratio_limits, xlabel=panel["xlabel"], xscale="log", yscale=scale)
+    bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
+    bottom.axhline(1, color="black", linewidth=0.8)
+    for style, at, ratio in _ratios(panel):
+        bottom.plot(at, ratio, **style)
+    bottom.set(xlabel=panel["xlabel"], xscale="log")
+    _ratio_axis(bottom, limits)
     _plain_ticks(bottom.xaxis, x[shown(x)])
 
 

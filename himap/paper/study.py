@@ -150,15 +150,15 @@ class Study:
         comparison = Comparison.of(truth, truth, l_top=self.l_top)
         return comparisons.panel(kind, curves, title=title, true=comparison)
 
-    def angular_figure(self, removers, *, ratio_limits=(0, 2), titles=None, **options):
+    def angular_figure(self, removers, *, titles=None, **options):
         """C_l of what methods leave, {beam: [method, ...]}: a panel for each beam, ratios below."""
-        return self._by_beam("angular", removers, ratio_limits, titles or {}, options)
+        return self._by_beam("angular", removers, titles or {}, options)
 
-    def frequency_figure(self, removers, *, ratio_limits=(0, 2), titles=None, **options):
+    def frequency_figure(self, removers, *, titles=None, **options):
         """P(k) of what methods leave, as `angular_figure`."""
-        return self._by_beam("frequency", removers, ratio_limits, titles or {}, options)
+        return self._by_beam("frequency", removers, titles or {}, options)
 
-    def _by_beam(self, kind, removers, ratio_limits, titles, options):
+    def _by_beam(self, kind, removers, titles, options):
         panels = [
             self.panel(
                 kind,
@@ -169,9 +169,9 @@ class Study:
             for beam, methods in removers.items()
         ]
         every = [method for methods in removers.values() for method in methods]
-        return self.stamped(plotting.spectrum(panels, ratio_limits=ratio_limits), **_reading(*every))
+        return self.stamped(plotting.spectrum(panels), **_reading(*every))
 
-    def both_figure(self, beam, curves, *, ratio_limits=(0, 2), **parameters):
+    def both_figure(self, beam, curves, **parameters):
         """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
 
         `curves` are [(style, Comparison)]; `parameters` go into the line under the figure.
@@ -180,8 +180,7 @@ class Study:
             self.panel("frequency", beam, curves, "along the line of sight"),
             self.panel("angular", beam, curves, "across the sky"),
         ]
-        figure = plotting.spectrum(panels, ratio_limits=ratio_limits)
-        return self.stamped(figure, beam=beam, **parameters)
+        return self.stamped(plotting.spectrum(panels), beam=beam, **parameters)
 
     def ratios(self, beam, remover, **options):
         """(l, C/C0, k, P/P0) of one method, from l = 2 to 2 nside and from the first k above 0."""
@@ -218,7 +217,8 @@ class Study:
         }
         common = tuple(np.percentile([left, truth], (1, 99)))  # to be compared with each other
         spans = {"cleaned": common, "truth": common}
-        return self._of_method(plotting.sky_maps(maps, span=spans), beam, remover)
+        wrong = {"cleaned minus truth": True}
+        return self._of_method(plotting.sky_maps(maps, span=spans, diverging=wrong), beam, remover)
 
     def mixing_figure(self, beam, remover, *, ylabel="mixing coefficient", names=None, **options):
         """The spectra that a method removes: columns of its mixing matrix against frequency."""
