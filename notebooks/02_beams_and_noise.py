@@ -193,7 +193,7 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## What the beam does to a foreground
 #
-# Here is the whole problem in one figure. Take a line of sight close to the Galactic plane, and divide its spectrum by a
+# Here is the whole problem in one figure. Take a line of sight close to the Galactic plane, and from its spectrum a
 # smooth one, a polynomial of third order in log-log. What is left is what the beam has put there. Through the
 # degraded beam a foreground stays as smooth as the sky made it. Through the evolving beam the sharper beam of a higher
 # frequency sees less of the bright plane next to it: a slow trend, {glue:text}`beams_trend` rms. Through the oscillating beam there is a ripple

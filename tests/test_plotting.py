@@ -167,12 +167,33 @@ def test_short_logarithmic_axes_have_plain_ticks():
     assert [label for label in labels if label] == ["2", "5", "10", "20", "50", "100"]
 
 
-def test_ratio_panels_are_linear_from_zero_and_logarithmic_over_a_wide_range():
+def test_ratios_of_spectra_are_all_there():
+    """On one axis in all panels, however far from 1, and 20 % about it in any case."""
     k = np.arange(1.0, 4.0)
-    panel = PANEL | {"true": (k, k), "curves": [({"label": "PCA"}, k, 2 * k, k)]}
-    for limits, scale in (((0, 2), "linear"), ((0.5, 2), "linear"), ((0.02, 1e5), "log")):
-        _, bottom = plotting.spectrum([panel], ratio_limits=limits).axes
-        assert bottom.get_yscale() == scale and bottom.get_ylim() == limits
+    near = PANEL | {"true": (k, k), "curves": [({"label": "PCA"}, k, 1.01 * k, k)]}
+    far = PANEL | {"true": (k, k), "curves": [({"label": "PCA"}, k, 1e6 * k, k)]}
+    for panels, top in (([near], 1.2), ([near, far], 1e6)):
+        axes = plotting.spectrum(panels).axes[len(panels) :]
+        assert {one.get_yscale() for one in axes} == {"function"}
+        assert {one.get_ylim()[0] for one in axes} == {0.8}
+        assert all(top <= one.get_ylim()[1] < 10 * top for one in axes)
+
+
+def test_a_truth_of_its_own_is_kept_with_a_curve():
+    """A method that ends at some l is compared with a truth that ends there."""
+    k = np.arange(1.0, 4.0)
+    curves = [({"label": "PCA"}, k, 2 * k, k), ({"label": "SD"}, k, 2 * k, 3 * k)]
+    figure = plotting.spectrum([PANEL | {"true": (k, k), "curves": curves}])
+    rows = figure._repr_mimebundle_()["text/csv"].splitlines()
+    assert [row for row in rows if "of" in row] == [f"a,HI + noise of SD,{x},{3 * x}" for x in (1, 2, 3)]
+
+
+def test_errors_are_even_about_zero():
+    pixels = np.linspace(-1, 3, 768)
+    figure = plotting.sky_maps({"error": pixels, "map": pixels}, diverging={"error": True})
+    error, other = (axes.images[0] for axes in figure.axes[:2])
+    assert error.norm.vmin == -error.norm.vmax and error.get_cmap().name == "RdBu_r"
+    assert other.norm.vmin != -other.norm.vmax and other.get_cmap().name == "cividis"
 
 
 def test_figures_of_curves_carry_their_numbers():

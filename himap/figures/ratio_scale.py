@@ -29,10 +29,10 @@ def backward(place):
 
 def limits_of(ratios, least=0.2):
     """(low, high) of an axis that shows all `ratios`, and 1 by this much on either side."""
-    values = np.concatenate([np.ravel(one) for one in ratios])
+    values = np.concatenate([[1.0], *map(np.ravel, ratios)])
     values = values[np.isfinite(values)]
-    low, high = (forward(function(values, initial=1)) for function in (np.min, np.max))
-    room = 0.03 * (high - low)
+    low, high = (forward(function(values)) for function in (np.min, np.max))
+    room = 0.02 * (high - low)
     return (
         min(1 - least, float(backward(low - room))),
         max(1 + least, float(backward(high + room))),
