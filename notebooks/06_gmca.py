@@ -230,7 +230,7 @@ study.sources_figure(selected, remover)
 # Cleaned and true map are alike to the eye. The difference has structure near the centre of the Galaxy, where foreground was left or too
 # much was taken.
 
-# %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
+# %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 study.channel_figure(selected, remover)
 
 # %% [markdown]

@@ -160,7 +160,7 @@ study.sources_figure(selected, remover)
 #
 # The truth, HI plus noise, is cut where the curve of SDecGMCA ends, in maps and spectra alike.
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth."}}
+# %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 study.channel_figure(selected, remover)
 
 # %% mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
