@@ -8,6 +8,7 @@ from himap.paper.side_by_side import grouped
 
 __all__ = ["labels_of", "side_by_side_figure"]
 
+_WIDTH = 9.3  # inches, of all columns
 _INSIDE = (16, 84)  # percentiles over skies: what is shaded
 
 
@@ -53,9 +54,10 @@ def side_by_side_figure(records, kind, *, corrected=False, methods=None, columns
         raise InputError(
             "the records have no such curves: nothing was corrected, or by none of these methods."
         )
+    columns = min(columns, len(panels))
     for first in panels[::columns]:
         first["ylabel"] = axes["ratio_label"]
-    return plotting.ratios(panels, columns=min(columns, len(panels)))
+    return plotting.ratios(panels, columns=columns, size=(_WIDTH / columns, 2.9))
 
 
 def labels_of(rows):
