@@ -185,7 +185,7 @@ def test_a_truth_of_its_own_is_kept_with_a_curve():
     curves = [({"label": "PCA"}, k, 2 * k, k), ({"label": "SD"}, k, 2 * k, 3 * k)]
     figure = plotting.spectrum([PANEL | {"true": (k, k), "curves": curves}])
     rows = figure._repr_mimebundle_()["text/csv"].splitlines()
-    assert [row for row in rows if "of" in row] == [f"a,HI + noise of SD,{x},{3 * x}" for x in (1, 2, 3)]
+    assert [row for row in rows if "truth" in row] == [f"a,SD: truth,{x},{3 * x}" for x in (1, 2, 3)]
 
 
 def test_errors_are_even_about_zero():

@@ -159,7 +159,7 @@ def spectrum(panels, *, band=0.1):
         for style, at, recovered, true in panel["curves"]:
             points.append((panel["title"], style["label"], at, recovered))
             if len(true) != len(panel["true"][1]) or not np.array_equal(true, panel["true"][1]):
-                points.append((panel["title"], f"{_TRUTH['label']} of {style['label']}", at, true))
+                points.append((panel["title"], f"{style['label']}: truth", at, true))
     return with_curves(_finished(figure), points)
 
 
