@@ -119,6 +119,7 @@ def test_run_passes_parameters_of_any_type(himap_command, runs):
     code, out, _ = himap_command("run", "01_toy", "--preset", "ci", *pairs, "-o", "out.ipynb")
     values = {"n_sources": 4, "survey": {"nside": 16}, "seed": 7}
     options = {"preset": "ci", "parameters": values, "output": "out.ipynb", "again": True}
+    options |= {"overwrite": False}
     assert runs == [("01_toy", options)]
     assert code == 0 and out.startswith("results/01_toy.ipynb")
 
@@ -127,7 +128,7 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     other = TOY.replace("n_sources", "order")
     (tmp_path / "notebooks" / "02_other.py").write_text(other)
     code, out, _ = himap_command("run", "--all", "--preset", "ci", "-p", "n_sources=4", "-p", "seed=7")
-    common = {"preset": "ci", "output": None, "again": False}
+    common = {"preset": "ci", "output": None, "again": False, "overwrite": False}
     assert runs == [
         ("01_toy", common | {"parameters": {"n_sources": 4, "seed": 7}}),
         ("02_other", common | {"parameters": {"seed": 7}}),

@@ -2,11 +2,13 @@
 
 import functools
 from dataclasses import replace
+from pathlib import Path
 
 import click
 
 from himap.companion import reproduce
 from himap.companion.kernels import changed_environment
+from himap.companion.notebook_files import check_output
 from himap.companion.notebooks import find
 from himap.companion.parameters import check_parameters, parse_texts
 from himap.errors import InputError
@@ -17,8 +19,10 @@ __all__ = [
     "SETTINGS",
     "Commands",
     "debug",
+    "json_output",
     "judging_parameters",
     "named_values",
+    "overwrite_option",
     "provenance_parameters",
     "size_text",
     "workers",
@@ -71,7 +75,7 @@ _WORKERS = {
         "--jobs",
         JOBS_VARIABLE.lower(),
         type=click.IntRange(min=1),
-        help="Processes that work at once on what is independent; default 1.",
+        help="Processes that work at once; default 1.",
     ),
     DASK_VARIABLE: click.option(
         "--dask",
@@ -104,6 +108,15 @@ def workers(command):
     for option in reversed(_WORKERS.values()):
         wrapped = option(wrapped)
     return wrapped
+
+
+overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
+
+
+def json_output(output, name, *, overwrite):
+    """The path of a JSON file to write: `output`, or `name` in results/; see `check_output`."""
+    path = Path("results") / name if output is None else Path(output)
+    return check_output(path, suffix=".json", overwrite=overwrite)
 
 
 def named_values(pairs):
