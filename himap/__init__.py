@@ -1,5 +1,9 @@
 """himap: foreground removal in HI intensity mapping, a companion of Gkogkou et al. (2025)."""
 
+from himap.compiled import keep_compiled
+
 __all__ = ["__version__"]
 
 __version__ = "0.1.0"
+
+keep_compiled()
