@@ -6,48 +6,17 @@ folder is for its owner alone, every file has a checksum, and what cannot be rea
 """
 
 import hashlib
-import importlib.util
 import json
 import os
-import sys
 import warnings
 from contextlib import suppress
-from importlib.abc import MetaPathFinder
 from pathlib import Path
 
-__all__ = ["keep_compiled"]
-
-_HOME = "numba.core.dispatcher"  # the module whose FunctionCache keeps what is compiled
+__all__ = ["keep_ours"]
 
 
-def keep_compiled():
-    """Keep what numba compiles of himap in our way, from when numba is imported: it takes a second."""
-    if _HOME in sys.modules:
-        _replace(sys.modules[_HOME])
-    else:
-        sys.meta_path.insert(0, _WhenImported())
-
-
-class _WhenImported(MetaPathFinder):
-    """Finds nothing, but sees when numba is imported."""
-
-    def find_spec(self, name, path=None, target=None):
-        if name != _HOME:
-            return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(name)
-        execute = spec.loader.exec_module
-
-        def executed(module):
-            execute(module)
-            _replace(module)
-
-        spec.loader.exec_module = executed
-        return spec
-
-
-def _replace(module):
-    """Put our cache in the place of numba's, for functions of himap."""
+def keep_ours(module):
+    """Put our cache in the place of numba's in ``numba.core.dispatcher``, for functions of himap."""
     numbas = getattr(module, "FunctionCache", None)
     if numbas is None:  # a numba that keeps things in another way does so
         return

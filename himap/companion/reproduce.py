@@ -30,7 +30,7 @@ from himap.products.provenance import environment
 
 __all__ = ["NotebookError", "refresh", "run", "stale"]
 
-_KERNEL_OPTIONS = ("--log-level=CRITICAL",)
+_KERNEL_OPTIONS = ("--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True")
 
 
 class NotebookError(RuntimeError):
@@ -180,6 +180,7 @@ def _state(notebook):
 
 def _execute(notebook, parameters, folder):
     """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+    import ipykernel  # noqa: F401 - of the kernel, and to be missed here and not there
     import papermill  # slow, and most commands do without
     from nbclient.exceptions import DeadKernelError
 

@@ -65,8 +65,8 @@ def make_all(product, calls, description):
     Raises
     ------
     InputError
-        A process that was killed; a Dask scheduler that does not answer, or workers that write to another
-        cache folder.
+        A process that was killed; a Dask scheduler that does not answer, or no longer, workers that die again
+        and again, or that write to another cache folder.
     """
     missing = [call for call in calls if not product.is_cached(*call)]
     if not missing:
@@ -111,9 +111,9 @@ def _in_processes(product, missing):
 def _on_cluster(product, missing):
     """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker, as_completed
     except ImportError:
-        raise InputError("--dask needs the package `distributed`: pip install distributed.") from None
+        raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
     try:
         client = Client(address, timeout=_CONNECT)
@@ -128,8 +128,20 @@ def _on_cluster(product, missing):
         futures = [
             client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
         ]
-        for _, caught in as_completed(futures, with_results=True):
-            yield caught
+        for future in as_completed(futures):
+            if future.cancelled():
+                raise InputError(
+                    f"the Dask scheduler at {address} is gone. What was done is kept: start one, and run the "
+                    "same again."
+                )
+            try:
+                yield future.result()
+            except KilledWorker as error:
+                raise InputError(
+                    f"{error.allowed_failures + 1} workers of {address} died one after the other as they made "
+                    f"{product.name}, most likely for want of memory. What was done is kept: run the same "
+                    "again with more memory for each worker."
+                ) from None
     if not all(product.is_cached(*call) for call in missing):
         raise InputError(
             f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
