@@ -183,7 +183,7 @@ def test_a_run_that_fails_leaves_nothing(folder, mode, error, message):
 def test_bad_outputs_are_refused_at_once(folder, tmp_path):
     (tmp_path / "work" / "file").touch()
     (tmp_path / "work" / "folder.ipynb").mkdir()
-    for output in ["out", "folder.ipynb", "file/out.ipynb"]:
+    for output in ["", "out", "folder.ipynb", "file/out.ipynb", "x" * 300 + ".ipynb"]:
         with pytest.raises(InputError, match="the output"):
             reproduce.run("01", output=output, folder=folder)
 

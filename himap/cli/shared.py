@@ -38,7 +38,16 @@ class _BadInput(click.ClickException):
 
 
 _LONGEST_MESSAGE = 4000  # characters; one that lists all parameters of a notebook has 3000
-_NOTEBOOK_PACKAGES = {"ipykernel", "jupyter_client", "jupytext", "nbclient", "nbformat", "papermill", "PIL"}
+_NOTEBOOK_PACKAGES = {
+    "IPython",
+    "ipykernel",
+    "jupyter_client",
+    "jupytext",
+    "nbclient",
+    "nbformat",
+    "papermill",
+    "PIL",
+}
 _FOR_CHILDREN = {"PYTHONSAFEPATH": "1"}
 """Processes that a command starts take no modules from the current folder."""
 
@@ -62,7 +71,8 @@ class Commands(click.Group):
             if context.meta.get("debug") or name not in _NOTEBOOK_PACKAGES:
                 raise
             raise _BadInput(
-                f"this needs the packages for notebooks, and {name} is not there: pip install 'himap[notebooks]'."
+                f"this needs the packages for notebooks, and {name} is not there: "
+                "pip install 'himap[notebooks]'."
             ) from None
 
 

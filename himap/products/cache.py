@@ -228,6 +228,7 @@ def _entry(path):
         seconds = float(note.get("seconds", 0))
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         product, arguments, seconds = _UNFINISHED, "", 0.0
+    product = _UNFINISHED if path.name.startswith(_UNFINISHED) else product
     files = [file.lstat() for file in path.iterdir()]
     last = max((status.st_mtime for status in files), default=path.stat().st_mtime)
     return CacheEntry(

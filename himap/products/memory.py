@@ -61,8 +61,8 @@ def parse_size(text):
     if not 1 <= size <= _LARGEST:
         shown = text if len(text) < 40 else f"{text[:40]}..."
         raise InputError(
-            f"a size of memory is a number with kB, MB, GB or TB, such as 16GB, and at most {_LARGEST / 1e12:g} "
-            f"TB; got {shown!r}."
+            "a size of memory is a number with kB, MB, GB or TB, such as 16GB, and at most "
+            f"{_LARGEST / 1e12:g} TB; got {shown!r}."
         )
     return int(size)
 

@@ -1,5 +1,7 @@
 """Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
 
+import contextlib
+import logging
 import os
 import warnings
 
@@ -124,7 +126,7 @@ def _on_cluster(product, missing):
         ) from None
     settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
-    with client:
+    with client, _told_here("distributed.client"):
         futures = [
             client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
         ]
@@ -138,7 +140,7 @@ def _on_cluster(product, missing):
                 yield future.result()
             except KilledWorker as error:
                 raise InputError(
-                    f"{error.allowed_failures + 1} workers of {address} died one after the other as they made "
+                    f"{error.allowed_failures + 1} workers of {address} died one after the other making "
                     f"{product.name}, most likely for want of memory. What was done is kept: run the same "
                     "again with more memory for each worker."
                 ) from None
@@ -147,6 +149,17 @@ def _on_cluster(product, missing):
             f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
             "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
         )
+
+
+@contextlib.contextmanager
+def _told_here(logger):
+    """Without what a package logs of errors that become ours."""
+    log = logging.getLogger(logger)
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
 
 
 def _settings():
