@@ -4,16 +4,33 @@ Work that is not finished lies under a name that tells the machine and the proce
 can tell whether its owner is still there.
 """
 
+import atexit
+import contextlib
 import os
+import shutil
 import socket
 import stat
+import tempfile
 import uuid
+from functools import cache
 from pathlib import Path
 
 from himap.errors import InputError
 
-__all__ = ["cache_folder", "check_ours", "is_abandoned", "make_private", "own_name", "user_cache"]
+__all__ = [
+    "cache_folder",
+    "check_ours",
+    "is_abandoned",
+    "make_private",
+    "note_worker",
+    "own_name",
+    "run_folder",
+    "user_cache",
+]
 
+_RUN = "himap"
+_LONGEST = 60  # bytes of the name of a folder that leaves room for those of sockets
+_SEMAPHORES = Path("/dev/shm")  # where Linux has them
 _CLOCK = 60  # s that the clocks of a disk and of the machine may differ
 
 
@@ -92,3 +109,47 @@ def is_abandoned(path):
         return True
     except (OSError, psutil.Error):
         return False
+
+
+@cache
+def run_folder():
+    """A folder for what the processes of a run share, until this one ends; what killed ones left goes.
+
+    Raises
+    ------
+    InputError
+        No folder for temporary files can be written to.
+    """
+    for home in _temporary_folders():
+        with contextlib.suppress(OSError):
+            for left in filter(is_abandoned, home.glob(f"{_RUN}-*")):
+                _remove_left(left)
+            folder = home / own_name(_RUN)
+            folder.mkdir(mode=0o700)
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            return folder
+    raise InputError("no folder for temporary files can be written to; name one with the variable TMPDIR.")
+
+
+def _temporary_folders():
+    """The system's, after a shorter one where its name leaves no room for those of sockets."""
+    with contextlib.suppress(FileNotFoundError):
+        chosen = Path(tempfile.gettempdir())
+        return [chosen] if len(os.fsencode(chosen)) < _LONGEST else [Path("/tmp"), chosen]
+    return []
+
+
+def note_worker(folder):
+    """Note in a `run_folder`, if it is on this machine, that this process works for it."""
+    with contextlib.suppress(OSError):
+        (folder / f"{os.getpid()}.worker").touch()
+
+
+def _remove_left(folder):
+    """Remove the run folder of a process that was killed, and the semaphores of joblib that were its own."""
+    pids = [folder.name.split("-")[-2], *(file.stem for file in folder.glob("*.worker"))]
+    for pid in pids:
+        for file in _SEMAPHORES.glob(f"sem.loky-{pid}-*"):
+            with contextlib.suppress(OSError):
+                file.unlink()
+    shutil.rmtree(folder, ignore_errors=True)

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from jupyter_client import AsyncKernelManager, KernelManager
 
-from himap.companion.kernels import run_folder
+from himap.folders import run_folder
 
 __all__ = ["AsyncLocalKernelManager", "LocalKernelManager"]
 

@@ -1,24 +1,17 @@
 """What the kernel of a notebook finds around it."""
 
-import atexit
 import contextlib
 import logging
 import os
-import shutil
 import sys
-import tempfile
-from functools import cache
 from pathlib import Path
 
-from himap.errors import InputError
-from himap.folders import is_abandoned, own_name
+from himap.folders import run_folder
 from himap.progress import TERMINAL_VARIABLE
 
-__all__ = ["changed_environment", "kernel_environment", "run_folder", "terminal"]
+__all__ = ["changed_environment", "kernel_environment", "terminal"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-_PREFIX = "himap"
-_LONGEST = 60  # bytes of a folder that leaves room for the names of sockets
 
 
 def terminal():
@@ -26,34 +19,6 @@ def terminal():
     with contextlib.suppress(OSError, AttributeError):
         return os.ttyname(sys.stderr.fileno())
     return None
-
-
-@cache
-def run_folder():
-    """A folder for what kernels need, until this process ends; what killed ones left of theirs goes.
-
-    Raises
-    ------
-    InputError
-        No folder for temporary files can be written to.
-    """
-    for home in _temporary_folders():
-        with contextlib.suppress(OSError):
-            for left in filter(is_abandoned, home.glob(f"{_PREFIX}-*")):
-                shutil.rmtree(left, ignore_errors=True)
-            folder = home / own_name(_PREFIX)
-            folder.mkdir(mode=0o700)
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
-            return folder
-    raise InputError("no folder for temporary files can be written to; name one with the variable TMPDIR.")
-
-
-def _temporary_folders():
-    """The system's, after a shorter one where its name leaves no room for those of sockets."""
-    with contextlib.suppress(FileNotFoundError):
-        chosen = Path(tempfile.gettempdir())
-        return [chosen] if len(os.fsencode(chosen)) < _LONGEST else [Path("/tmp"), chosen]
-    return []
 
 
 @contextlib.contextmanager

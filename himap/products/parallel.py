@@ -9,6 +9,7 @@ import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.errors import InputError
+from himap.folders import note_worker, run_folder
 from himap.products import cache
 from himap.progress import progress
 
@@ -98,8 +99,10 @@ def _in_processes(product, missing):
     os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
     try:
         # The processes live on for the next call, so each piece of work brings the settings of this one.
-        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
-        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+        folder = run_folder()
+        work = (joblib.delayed(_make)(product, call, _settings(), folder) for call in missing)
+        options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
+        yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError:
         raise InputError(
             f"one of {jobs} processes was killed as it made {product.name}, most likely for want of memory. "
@@ -167,8 +170,10 @@ def _settings():
     return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
 
 
-def _make(product, call, settings):
-    """Compute and keep; the warnings, for the process that asked and its filters."""
+def _make(product, call, settings, folder=None):
+    """Compute and keep; the warnings, for the process that asked, whose `run_folder` may be given."""
+    if folder is not None:
+        note_worker(folder)
     for name in _settings().keys() - settings.keys():
         del os.environ[name]
     os.environ.update(settings)
