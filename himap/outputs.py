@@ -58,9 +58,8 @@ def whole_files(*paths):
             at_work = next((path for path in reversed(paths) if (folder / path.name).exists()), at_work)
             shutil.rmtree(folder, ignore_errors=True)
     except OSError as error:
-        raise InputError(
-            f"{at_work} cannot be written ({error.strerror or error}); give another place."
-        ) from None
+        why = error.strerror or f"{error}: is the disk full?"
+        raise InputError(f"{at_work} cannot be written ({why}); give another place.") from None
 
 
 def _write_list(folder, files):
