@@ -100,5 +100,5 @@ def _digest(path):
     if path.suffix in (".ipynb", ".json"):
         tree = json.loads(content)
         shown = [[cell["source"], cell.get("outputs")] for cell in tree["cells"]] if "cells" in tree else None
-        content = re.sub(VOLATILE, "", json.dumps(shown or tree["claims"])).encode()
+        content = re.sub(VOLATILE, "", json.dumps(shown or tree["claims"], ensure_ascii=False)).encode()
     return hashlib.sha256(content).hexdigest()
