@@ -165,9 +165,10 @@ def _write_cube(path):
 @click.command()
 @click.option("--kills", default=100, show_default=True, help="SIGKILLs, a third of them for each command.")
 @click.option("-p", "pairs", multiple=True, metavar="NAME=VALUE", help="A field of the survey.")
+@click.option("--only", multiple=True, metavar="NAME", help="Of the counts, such as clean_killed.")
 @click.option("--seed", default=1, show_default=True, help="Of the random points.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
-def main(kills, pairs, seed, output):
+def main(kills, pairs, only, seed, output):
     """Kill, share and fill, and count what is lost."""
     chance, started, fields = random.Random(seed), monotonic(), [w for pair in pairs for w in ("-p", pair)]
     run = ["run", "04_pca", *_SKY, *fields]
@@ -186,6 +187,8 @@ def main(kills, pairs, seed, output):
     found = {}
     with tempfile.TemporaryDirectory(prefix="e") as home:
         for name, words, disturb in trials:
+            if only and name not in only:
+                continue
             trial = Trial(name, words, Path(home))
             disturb(trial)
             found[name] = {"undisturbed_seconds": trial.seconds, **dict(trial.counts)}
