@@ -92,7 +92,10 @@ class Place:
 
 
 def _shared_memory():
-    return {path.name for path in _SHARED_MEMORY.iterdir()} if _SHARED_MEMORY.is_dir() else set()
+    """What joblib has there of processes that are no more: it names them."""
+    names = [path.name for path in _SHARED_MEMORY.iterdir()] if _SHARED_MEMORY.is_dir() else []
+    owners = {name: re.search(r"(?:loky-|folder_)(\d+)", name) for name in names}
+    return {name for name, pid in owners.items() if pid and not psutil.pid_exists(int(pid[1]))}
 
 
 def _digest(path):
