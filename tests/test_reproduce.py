@@ -369,3 +369,17 @@ def test_an_output_of_ones_choice_that_is_there_stays(folder):
     with pytest.raises(InputError, match="mine.ipynb exists"):
         reproduce.run("01", output="mine.ipynb", folder=folder)
     assert path.read_bytes() == before
+
+
+def test_a_home_that_cannot_be_written_is_not_told_in_a_notebook(folder, monkeypatch):
+    """Nor does what a user lets IPython do at each start come into it."""
+    edit(folder / "01_toy.py", "print(made", "import matplotlib.pyplot, sys\nprint(made")
+    edit(folder / "01_toy.py", "os.getcwd()))", "os.getcwd()), 'mine' in globals())")
+    monkeypatch.setenv("HOME", "/dev/null")
+    startup = folder.parent / "ipython" / "profile_default" / "startup"
+    startup.mkdir(parents=True)
+    (startup / "own.py").write_text("mine = 1")
+    monkeypatch.setenv("IPYTHONDIR", str(folder.parent / "ipython"))
+    monkeypatch.delenv("MPLCONFIGDIR", raising=False)
+    path, _ = reproduce.run("01", folder=folder)
+    assert outputs(path) == "64 1.0 work False\n"

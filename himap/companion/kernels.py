@@ -35,7 +35,8 @@ def kernel_environment(terminal):
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         "JUPYTER_PLATFORM_DIRS": "1",
     }
-    if not os.access(Path.home() / ".", os.W_OK):  # matplotlib would say so in the notebook
+    home = Path.home()
+    if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
         changes["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
     if terminal:
         changes[TERMINAL_VARIABLE] = terminal
