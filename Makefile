@@ -22,7 +22,7 @@ setup: .venv/.installed
 	@echo "Setting up .venv (a few minutes, once)"
 	@$(PYTHON) -m venv .venv >/dev/null || { $(PYTHON) -m venv --clear --without-pip .venv \
 	&& $(PYTHON) -m pip --python $(BIN)/python install -q pip; }
-	@$(BIN)/python -m pip install -q --disable-pip-version-check -r requirements.txt -e .
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -r requirements.txt
 	@touch $@
 
 # The notebooks are looked at again after the stale ones ran, hence the second make.

@@ -1,6 +1,27 @@
-"""`python -m himap` is the `himap` command."""
+"""`python -m himap` is the `himap` command, and this is where both begin.
 
-from himap.cli.main import main
+The imports take a while too, in which somebody may change their mind.
+"""
+
+import os
+import sys
+
+__all__ = ["start"]
+
+
+def start():
+    """Run the command; an interruption ends it in one word, whenever it comes."""
+    try:
+        from himap.cli.main import main
+
+        main(prog_name="himap")
+    except KeyboardInterrupt:
+        print("\nAborted!", file=sys.stderr)
+        sys.exit(1)
+
 
 if __name__ == "__main__":
-    main(prog_name="himap")
+    here = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    if sys.path[0] == os.getcwd() != here:  # `-m` puts the current folder before all packages
+        del sys.path[0]
+    start()

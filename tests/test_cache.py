@@ -1,11 +1,15 @@
 """The folder of results: each whole or not at all, listed and cleared."""
 
+import json
 import os
+import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -174,3 +178,152 @@ def test_what_himap_did_not_make_is_not_cleared(lab):
     assert len(cache.cache_info()) == 1
     cache.clear_cache()
     assert all(path.exists() for path in others) and not cache.cache_info()
+
+
+def _entry_folder():
+    return _value_file().parent
+
+
+def _without_note(folder):
+    (folder / "note.json").unlink()
+
+
+def _empty(folder):
+    shutil.rmtree(folder)
+    folder.mkdir()
+
+
+def _a_file(folder):
+    shutil.rmtree(folder)
+    folder.touch()
+
+
+@pytest.mark.parametrize("harm", [_without_note, _empty, _a_file])
+def test_what_is_left_of_a_result_is_replaced(lab, harm):
+    """A deletion that was killed, say; nothing to tell, for there is no result."""
+    lab.base(SURVEY)
+    folder = _entry_folder()
+    harm(folder)
+    np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
+    lab.base(SURVEY)
+    assert lab.computed() == ["base", "base"] and sorted(os.listdir(folder)) == _FILES
+    assert not _unfinished()
+
+
+_FILES = ["0.npy", "note.json", "value.json"]
+
+
+def test_a_result_that_is_deleted_at_once_is_returned(lab, monkeypatch):
+    real = cache.save
+
+    def save(product, key, value, **options):
+        real(product, key, value, **options)
+        cache.remove(product, key)
+
+    monkeypatch.setattr(cache, "save", save)
+    np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
+
+
+def test_a_deletion_that_is_killed_leaves_no_half_result(lab):
+    lab.base(SURVEY)
+    kill = "import os, shutil, signal; shutil.rmtree = lambda *a, **b: os.kill(os.getpid(), signal.SIGKILL)"
+    process = lab.start(f"{kill}\nfrom himap.products import cache\ncache.clear_cache()")
+    assert process.wait() == -signal.SIGKILL
+    assert [entry.product for entry in cache.cache_info()] == ["unfinished"]
+    lab.base(SURVEY)
+    assert not _unfinished()
+
+
+def test_the_folder_is_for_its_owner_alone(lab):
+    before = os.umask(0)
+    try:
+        lab.base(SURVEY)
+    finally:
+        os.umask(before)
+    folder = _entry_folder()
+    assert {stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.parents[:2])} == {0o700}
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
+@pytest.mark.parametrize(
+    "use", [lambda lab: lab.base(SURVEY), lambda lab: cache.cache_info(), lambda lab: cache.clear_cache()]
+)
+def test_a_folder_that_others_can_write_to_is_refused(lab, mode, use):
+    lab.base(SURVEY)
+    cache.cache_folder().chmod(mode)
+    with pytest.raises(InputError, match="other users can write .* `chmod go-w .*HIMAP_CACHE"):
+        use(lab)
+    cache.cache_folder().chmod(0o755)
+    use(lab)
+
+
+def test_the_folder_of_another_is_refused(lab, monkeypatch):
+    lab.base(SURVEY)
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    for use in (lambda: lab.base(SURVEY), cache.cache_info, cache.clear_cache):
+        with pytest.raises(InputError, match="belongs to another user .number .*HIMAP_CACHE"):
+            use()
+    monkeypatch.undo()
+
+
+def test_arrays_come_from_the_folder_of_the_result(lab, tmp_path):
+    lab.base(SURVEY)
+    np.save(tmp_path / "secret.npy", np.ones(3))
+    tree = _entry_folder() / "value.json"
+    tree.write_text(json.dumps({"array": str(tmp_path / "secret.npy")}))
+    note = json.loads((tree.parent / "note.json").read_text())
+    note["files"]["value.json"] = [tree.stat().st_size, zlib.crc32(tree.read_bytes())]
+    (tree.parent / "note.json").write_text(json.dumps(note))
+    with pytest.warns(UserWarning, match="is damaged .*no array of this folder"):
+        assert lab.base(SURVEY).size == 100
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{", '{"seconds": "x", "product": null}', "\0"])
+def test_a_note_of_any_text_is_listed(lab, text):
+    lab.base(SURVEY)
+    (_entry_folder() / "note.json").write_text(text)
+    assert len(cache.cache_info()) == 1
+    cache.clear_cache()
+    assert not cache.cache_info()
+
+
+def test_links_are_not_followed(lab, tmp_path):
+    """Neither one in the place of a product nor one in that of a result."""
+    lab.base(SURVEY)
+    product = _entry_folder().parent
+    shutil.copytree(product, tmp_path / "elsewhere")
+    (cache.cache_folder() / "link").symlink_to(tmp_path / "elsewhere")
+    (product / ("0" * 32)).symlink_to(next((tmp_path / "elsewhere").iterdir()))
+    assert len(cache.cache_info()) == 1
+    cache.clear_cache()
+    assert sorted(path.name for path in (tmp_path / "elsewhere").glob("*/*")) == _FILES
+
+
+def test_a_time_in_the_future_is_now(lab):
+    lab.base(SURVEY)
+    for file in _entry_folder().iterdir():
+        os.utime(file, (10**11, 10**11))
+    (entry,) = cache.cache_info()
+    assert abs(entry.created.timestamp() - time.time()) < 60
+
+
+def test_what_cannot_be_deleted_is_told_and_not_counted(lab, monkeypatch):
+    lab.base(SURVEY)
+
+    def refuse(*arguments, **options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(InputError, match="1 of 1 results could not be deleted"):
+        cache.clear_cache()
+
+
+def test_what_may_not_be_read_is_one_clear_error(lab, monkeypatch):
+    lab.base(SURVEY)
+
+    def refuse(*arguments, **options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("numpy.load", refuse)
+    with pytest.raises(InputError, match="base cannot be read .*Permission denied"):
+        lab.base(SURVEY)

@@ -119,6 +119,7 @@ def test_run_passes_parameters_of_any_type(himap_command, runs):
     code, out, _ = himap_command("run", "01_toy", "--preset", "ci", *pairs, "-o", "out.ipynb")
     values = {"n_sources": 4, "survey": {"nside": 16}, "seed": 7}
     options = {"preset": "ci", "parameters": values, "output": "out.ipynb", "again": True}
+    options |= {"overwrite": False}
     assert runs == [("01_toy", options)]
     assert code == 0 and out.startswith("results/01_toy.ipynb")
 
@@ -127,7 +128,7 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     other = TOY.replace("n_sources", "order")
     (tmp_path / "notebooks" / "02_other.py").write_text(other)
     code, out, _ = himap_command("run", "--all", "--preset", "ci", "-p", "n_sources=4", "-p", "seed=7")
-    common = {"preset": "ci", "output": None, "again": False}
+    common = {"preset": "ci", "output": None, "again": False, "overwrite": False}
     assert runs == [
         ("01_toy", common | {"parameters": {"n_sources": 4, "seed": 7}}),
         ("02_other", common | {"parameters": {"seed": 7}}),
@@ -181,6 +182,10 @@ def test_who_does_the_work(himap_command, monkeypatch):
         (["--all", "--stale"], "--stale runs notebooks as they are committed"),
         (["--all", "-p", "n_sorces=3"], "no notebook has the parameter n_sorces"),
         (["--all", "-o", "out.ipynb"], "-o names the output of one notebook"),
+        (["01_toy", "--max-memory", "9" * 5000], "such as 16GB, and at most 1000 TB; got '9999"),
+        (["01_toy", "-p", f"n_sources={'x' * 100_000}"], "characters more ...]"),
+        (["--stale", "-o", ""], "--stale runs notebooks as they are committed"),
+        (["--stale", "--overwrite"], "--stale runs notebooks as they are committed"),
         (["01_toy", "--max-memory", "much"], "a size of memory is a number with kB, MB, GB or TB"),
         ([], "name the notebooks to run"),
     ],
@@ -189,6 +194,7 @@ def test_bad_input_ends_in_one_paragraph_and_code_2(himap_command, runs, argumen
     code, out, err = himap_command("run", *arguments)
     assert code == 2 and out == ""
     assert err.startswith("Error: ") and message in err and "Traceback" not in err and "\n\n" not in err
+    assert len(err) < 5000
     assert runs == [] and os.listdir() == []
 
 
@@ -271,7 +277,12 @@ def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
     assert [made.of_survey.is_cached(survey) for survey in surveys] == [True, True, True, False]
     assert himap_command("cache", "clear", "--preset", "ci")[0] == 0
     assert [made.of_survey.is_cached(survey) for survey in surveys] == [False, True, True, False]
-    assert himap_command("cache", "clear", "--older-than", "-1")[0] == 2
+    for days in ("-1", "nan", "inf", "1e400"):
+        assert himap_command("cache", "clear", "--older-than", days)[0] == 2
+    assert made.of_survey.is_cached(surveys[1])
+    for file in cache.cache_folder().rglob("*.npy"):
+        os.utime(file, (time.time() + 3 * 86_400,) * 2)  # by a clock that goes wrong
+    assert himap_command("cache", "clear", "--older-than", "0", "--yes")[0] == 0 and not cache.cache_info()
 
 
 def test_from_the_shell(himap_command, tmp_path):
@@ -285,6 +296,86 @@ def test_from_the_shell(himap_command, tmp_path):
     assert _python("-c", script, "run", "01_toy", "-p", "n_sources=11", "-o", "bad.ipynb") == (2, "", error)
     assert os.listdir() == ["good.ipynb"]
     assert _python("-m", "himap", "--version") == (0, f"himap {himap.__version__}\n", "")
+
+
+@pytest.fixture
+def trapped(tmp_path):
+    """A folder with modules of the names of packages, each of which leaves a mark when it runs."""
+    folder = tmp_path / "trapped"
+    folder.mkdir()
+    for name in ("numpy", "healpy", "json", "joblib", "papermill", "ipykernel_launcher"):
+        (folder / f"{name}.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")
+    return folder
+
+
+JOBS = """
+import sys
+from himap.cli import shared, main
+from himap.products import parallel, store
+import os
+
+@main.main.command()
+@shared.workers
+def work():
+    from trapped_work import one
+    print(parallel.make_all(one, [(1,), (2,)], "work"))
+
+main.main(["work", "--jobs", "2"])
+"""
+
+
+def test_modules_in_the_current_folder_do_not_run(himap_command, trapped, tmp_path, monkeypatch):
+    """Neither in the command, nor in a kernel, nor in a process that shares the work."""
+    monkeypatch.chdir(trapped)
+    script = (
+        "import pathlib; from himap.cli import main; from himap.companion import notebooks; "
+        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
+    )
+    toy = tmp_path / "notebooks" / "01_toy.py"
+    toy.write_text(toy.read_text().replace("if n_sources", "import json, healpy, numpy\nif n_sources"))
+    assert _python("-Pc", script, "run", "01_toy", "-o", "out.ipynb") == (0, "out", "")
+    assert _python("-m", "himap", "list")[0] in (0, 2) and not (tmp_path / "mark").exists()
+    (tmp_path / "modules").mkdir()
+    (tmp_path / "modules" / "trapped_work.py").write_text(
+        "import numpy as np\nfrom himap.products.store import product\n"
+        "@product\ndef one(n):\n    return np.ones(n)\n"
+    )
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    more = f"import sys; sys.path.append({str(tmp_path / 'modules')!r})\n"
+    assert _python("-Pc", more + JOBS)[:2] == (0, "2\n")
+    assert not (tmp_path / "mark").exists()
+
+
+@pytest.mark.parametrize("module", ["himap.cli.main", "numpy", "himap.cli.cubes"])
+def test_an_interruption_while_it_starts_is_one_word(module):
+    code = f"""
+import sys
+
+class Interrupted:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupted())
+from himap.__main__ import start
+start()
+"""
+    assert _python("-c", code, "list") == (1, "", "\nAborted!\n")
+
+
+def test_notebooks_without_their_packages(himap_command, tmp_path):
+    """The library is installed without what only notebooks need; the rest of the command works."""
+    script = (
+        "import sys; sys.modules |= dict.fromkeys({missing!r}); import pathlib; from himap.cli import main; "
+        "from himap.companion import notebooks; "
+        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
+    )
+    everything = ["papermill", "jupytext", "nbclient", "jupyter_client", "nbformat", "ipykernel", "IPython"]
+    for missing in (everything, ["ipykernel"]):
+        code, _, error = _python("-c", script.format(missing=missing), "run", "01_toy")
+        assert code == 2 and "pip install 'himap[notebooks]'" in error and "Traceback" not in error
+    for arguments in (["--help"], ["--version"], ["cache", "info"], ["clean", "--help"]):
+        assert _python("-c", script.format(missing=everything), *arguments)[0] == 0
 
 
 def _python(*arguments):

@@ -19,6 +19,23 @@ from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.readings_file import read_readings
 
 
+@pytest.mark.parametrize(
+    "command", ["claims", "readings", "record corrections", "record beam-errors", "record suggestions"]
+)
+def test_what_is_there_is_not_lost(himap_command, command):
+    """Neither a file of one's own nor results of hours, which have the name of their parameters."""
+    words = [*command.split(), "--preset", "ci"]
+    name = words[-3].replace("-", "_")
+    for file, option in (("mine.json", ["-o", "mine.json"]), (f"results/{name}_ci.json", [])):
+        Path(file).parent.mkdir(exist_ok=True)
+        Path(file).write_text("hours of work")
+        code, _, err = himap_command(*words, *option)
+        assert code == 2 and f"{file} exists; choose another output, or give --overwrite" in err
+        assert Path(file).read_text() == "hours of work"
+    code, _, err = himap_command(*words, "-o", "")
+    assert code == 2 and "something.json; got" in err
+
+
 class TestClaims:
     @pytest.fixture
     def command(self, himap_command, monkeypatch):
@@ -51,6 +68,8 @@ class TestClaims:
         assert himap_command("claims", "--preset", "ci", "-o", "claims.json")[0] == 0
         assert len(seen[0][0]) == 5 and seen[0][1] == ledger.NUDGES
         assert Path("claims.json").exists()
+        assert himap_command("claims", "--preset", "ci", "-o", "claims.json", "--overwrite")[0] == 0
+        assert len(seen) == 2
 
     def test_without_nudges(self, command):
         himap_command, seen = command

@@ -1,5 +1,7 @@
 """Products made by the workers of a Dask cluster."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -116,3 +118,21 @@ def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
     monkeypatch.setattr(cleaned.assessment, "is_cached", lambda *call: False)
     with pytest.raises(InputError, match=f"do not share the cache folder {tmp_path}"):
         make_all(cleaned.assessment, CALLS[:1], "test")
+
+
+def test_workers_that_die_again_and_again(lab, monkeypatch):
+    with distributed.LocalCluster(**TWO) as two:
+        monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+        with pytest.raises(InputError, match=r"4 workers of tcp.* died one after the other making lab_"):
+            make_all(lab.dying, [(1,)], "test")
+
+
+def test_a_scheduler_that_goes_away(lab, monkeypatch, tmp_path, capfd):
+    """One error, without what the package tells of its connection."""
+    two = distributed.LocalCluster(**TWO)
+    monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+    gate = str(tmp_path / "gate")  # that nobody opens
+    threading.Timer(3, two.close).start()
+    with pytest.raises(InputError, match="the Dask scheduler at tcp.* is gone. What was done is kept"):
+        make_all(lab.slow, [(n, gate) for n in (1, 2)], "test")
+    assert "distributed.client" not in capfd.readouterr().err

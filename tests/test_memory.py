@@ -26,7 +26,9 @@ def test_sizes(text, n_bytes):
     assert parse_size(text) == n_bytes
 
 
-@pytest.mark.parametrize("text", ["", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan"])
+@pytest.mark.parametrize(
+    "text", ["", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan", "2000TB", "9" * 400, "0.1B", "\u0663GB"]
+)
 def test_sizes_that_are_none(text):
     with pytest.raises(InputError, match="such as 16GB"):
         parse_size(text)

@@ -178,18 +178,46 @@ def test_bibliography_is_complete():
     assert cited and cited <= set(entries)
 
 
-def test_every_import_is_required():
-    required = re.findall(r"^([\w-]+)[<>=]", (ROOT / "requirements.txt").read_text(), flags=re.M)
-    required = {name.lower().replace("_", "-") for name in required}
+def requirements(*extras):
+    """What an installation with `extras` asks for, as pyproject.toml has it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = list(project["dependencies"])
+    for extra in extras:
+        for line in project["optional-dependencies"][extra]:
+            own = re.fullmatch(r"himap\[([\w,]+)\]", line)
+            lines += requirements(*own[1].split(",")) if own else [line]
+    return lines
+
+
+ROOMS = {
+    "himap": (),
+    "himap/companion": ("notebooks",),
+    "notebooks": ("test",),
+    "tests": ("test",),
+    "benchmarks": ("test",),
+    "book/_ext": ("book",),
+}
+LAZY = {"himap/figures/numbers.py": {"ipython"}, "himap/products/parallel.py": {"distributed"}}
+
+
+@pytest.mark.parametrize("folder", ROOMS)
+def test_every_import_is_required(folder):
+    """The library and the command ask for nothing that only notebooks, the book or tests need."""
+    required = {re.match(r"[\w-]+", line)[0].lower() for line in requirements(*ROOMS[folder])}
     # Jupyter Book brings Sphinx and its bibliography, in the versions that it works with.
-    required |= {"sphinx", "sphinxcontrib-bibtex", "docutils"}
+    required |= (
+        {"sphinx", "sphinxcontrib-bibtex", "docutils"} if "book" in folder or folder == "tests" else set()
+    )
     owners = packages_distributions()
-    for folder in ("himap", "tests", "notebooks", "benchmarks", "book/_ext"):
-        for path in (ROOT / folder).rglob("*.py"):
-            for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
-                # What is not installed is a module that a test writes, or the import itself fails.
-                names = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
-                assert not names or names & required, f"{path.name} imports {name}: {names} is not required"
+    for path in (ROOT / folder).rglob("*.py"):
+        place = path.relative_to(ROOT).as_posix()
+        if folder == "himap" and place.startswith("himap/companion/"):
+            continue
+        for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
+            # What is not installed is a module that a test writes, or the import itself fails.
+            names = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
+            allowed = required | LAZY.get(place, set())
+            assert not names or names & allowed, f"{place} imports {name}: {names} is not required"
 
 
 def _top_imports(path):
@@ -203,8 +231,15 @@ def _top_imports(path):
 
 
 def test_requirements_have_both_bounds():
-    for line in (ROOT / "requirements.txt").read_text().splitlines():
-        assert not line or line.startswith("#") or re.fullmatch(r"[\w-]+>=[\d.]+,<[\d.]+", line), line
+    for line in requirements("test"):
+        assert re.fullmatch(r"[\w-]+>=[\d.]+,<[\d.]+", line), line
+
+
+def test_requirements_of_a_checkout_are_all():
+    lines = (ROOT / "requirements.txt").read_text().splitlines()
+    assert [line for line in lines if not line.startswith("#")] == ["-e .[test]"]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(requirements("test")) == set(requirements(*extras))
 
 
 def test_readme_example_runs(tmp_path, monkeypatch, rng):
@@ -300,7 +335,7 @@ def test_workflow_tests_every_python_that_the_readme_promises():
 
 def test_hooks_are_commands_that_the_set_up_installs():
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
-    packages = {line.split(">=")[0] for line in (ROOT / "requirements.txt").read_text().splitlines()}
+    packages = {line.split(">=")[0] for line in requirements("test")}
     for hook in hooks:
         assert re.match(r"\.venv/bin/(\w+)", hook["entry"])[1] in packages
 

@@ -147,7 +147,7 @@ def test_a_run_with_other_parameters(folder):
     shutil.copy(path, book)
     assert reproduce.stale(folder) == {"01_toy": "it was executed with other parameters"}
     book.unlink()
-    other = passed | {"parameters": {"scale": 3, "nside": 16}, "output": path}
+    other = passed | {"parameters": {"scale": 3, "nside": 16}, "output": path, "overwrite": True}
     assert reproduce.run("01", **other, again=False)[1]  # those of the file, not of its name
     assert reproduce.run("01", **passed)[1]
     text = path.read_text()
@@ -163,7 +163,7 @@ def test_a_run_with_other_parameters(folder):
     )
     assert reproduce.run("01", **passed, again=False)[1]
     path.write_text("{")
-    assert reproduce.run("01", **passed, again=False)[1]
+    assert reproduce.run("01", **passed, again=False, overwrite=True)[1]
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_a_run_that_fails_leaves_nothing(folder, mode, error, message):
 def test_bad_outputs_are_refused_at_once(folder, tmp_path):
     (tmp_path / "work" / "file").touch()
     (tmp_path / "work" / "folder.ipynb").mkdir()
-    for output in ["out", "folder.ipynb", "file/out.ipynb"]:
+    for output in ["", "out", "folder.ipynb", "file/out.ipynb", "x" * 300 + ".ipynb"]:
         with pytest.raises(InputError, match="the output"):
             reproduce.run("01", output=output, folder=folder)
 
@@ -342,3 +342,44 @@ def test_clouds_of_points_are_not_kept():
         node.cells[0].outputs.append(nbformat.v4.new_output("display_data", data=data))
     outputs = notebook_files.stamped(node, source, fingerprint="", parameters={}).cells[0].outputs
     assert ["text/csv" in output.data for output in outputs] == [True, False]
+
+
+@pytest.mark.parametrize("harm", ["a cell", "another file"])
+def test_what_somebody_wrote_is_not_lost(folder, harm):
+    """A copy that was edited, or a file of another kind, stays unless it is said otherwise."""
+    passed = {"preset": "ci", "folder": folder}
+    path, _ = reproduce.run("01", **passed)
+    assert reproduce.run("01", **passed) == (path, True)
+    if harm == "a cell":
+        node = nbformat.read(path, as_version=4)
+        node.cells.append(nbformat.v4.new_code_cell("mine = 1", id="mine"))
+        nbformat.write(node, path)
+    else:
+        path.write_text("a thesis")
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="01_toy_ci.ipynb exists; .* give --overwrite"):
+        reproduce.run("01", **passed)
+    assert path.read_bytes() == before
+    assert reproduce.run("01", **passed, overwrite=True)[1] and path.read_bytes() != before
+
+
+def test_an_output_of_ones_choice_that_is_there_stays(folder):
+    path, _ = reproduce.run("01", output="mine.ipynb", folder=folder)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="mine.ipynb exists"):
+        reproduce.run("01", output="mine.ipynb", folder=folder)
+    assert path.read_bytes() == before
+
+
+def test_a_home_that_cannot_be_written_is_not_told_in_a_notebook(folder, monkeypatch):
+    """Nor does what a user lets IPython do at each start come into it."""
+    edit(folder / "01_toy.py", "print(made", "import matplotlib.pyplot, sys\nprint(made")
+    edit(folder / "01_toy.py", "os.getcwd()))", "os.getcwd()), 'mine' in globals())")
+    monkeypatch.setenv("HOME", "/dev/null")
+    startup = folder.parent / "ipython" / "profile_default" / "startup"
+    startup.mkdir(parents=True)
+    (startup / "own.py").write_text("mine = 1")
+    monkeypatch.setenv("IPYTHONDIR", str(folder.parent / "ipython"))
+    monkeypatch.delenv("MPLCONFIGDIR", raising=False)
+    path, _ = reproduce.run("01", folder=folder)
+    assert outputs(path) == "64 1.0 work False\n"

@@ -1,11 +1,13 @@
 """`himap cache`: what is kept of computed products, and how to be rid of it."""
 
+import math
 from collections import defaultdict
 from datetime import datetime
 
 import click
 
 from himap.cli.shared import size_text
+from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products import cache
 from himap.survey import PRESETS
@@ -45,10 +47,22 @@ def info(every):
         click.echo(Table(["product", "preset", "results", "size"], rows))
 
 
+def _finite(context, parameter, days):
+    if days is not None and not math.isfinite(days):
+        raise InputError(f"an age is a number of days, got --older-than {days}.")
+    return days
+
+
 @cache_commands.command()
 @click.argument("products", nargs=-1)
 @click.option("--preset", type=click.Choice([*PRESETS, _OTHER]), help="Only what was made at this preset.")
-@click.option("--older-than", "days", type=click.FloatRange(min=0), help="Only what is older, in days.")
+@click.option(
+    "--older-than",
+    "days",
+    type=click.FloatRange(min=0),
+    callback=_finite,
+    help="Only what is older, in days.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def clear(products, preset, days, yes):
     """Delete the results of PRODUCTS, or all.
@@ -59,7 +73,7 @@ def clear(products, preset, days, yes):
 
     def wanted(entry):
         age = (datetime.now() - entry.created).total_seconds() / 86_400
-        return preset in (None, _preset_of(entry)) and age >= (days or 0)
+        return preset in (None, _preset_of(entry)) and (days is None or age >= days)
 
     if not (products or yes or preset or days is not None):
         click.confirm(f"Delete everything in {cache.cache_folder()}?", abort=True)

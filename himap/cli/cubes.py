@@ -5,7 +5,6 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 
 import time
 import warnings
-from contextlib import ExitStack
 from pathlib import Path
 
 import click
@@ -14,7 +13,7 @@ from himap.cli.cube_options import Methods, cube_and_beams, cube_options, method
 from himap.cli.shared import debug
 from himap.errors import InputError
 from himap.figures.tables import Table
-from himap.outputs import whole_file
+from himap.outputs import whole_file, whole_files
 
 __all__ = ["clean", "suggest", "transfer"]
 
@@ -36,17 +35,18 @@ def clean(output, overwrite, **options):
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
-    from himap.cubes.writing import check_cube_output, save_cleaned
+    from himap.cubes.writing import check_cube_output, files_of, write_cleaned
 
     started = time.monotonic()
     endings = (".html", ".csv") if options["mocks"] else (".html",)
     output = check_cube_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
     cleaned, write = _cleaned(**options)
-    with ExitStack() as stack:  # all of them or none
-        files = [output.with_suffix(ending) for ending in endings]
-        write(*(stack.enter_context(whole_file(file)) for file in files))
-        outputs = save_cleaned(cleaned, output, overwrite=overwrite)
-    _tell(cleaned, [*outputs, *files], started)
+    outputs = files_of(output)
+    files = [*outputs, *map(output.with_suffix, endings)]
+    with whole_files(*files) as temporary:  # all of them or none
+        write_cleaned(cleaned, temporary[: len(outputs)])
+        write(*temporary[len(outputs) :])
+    _tell(cleaned, files, started)
 
 
 @click.command(short_help="Measure what cleaning takes of CUBE, and correct its spectra.")
@@ -71,8 +71,8 @@ def transfer(output, overwrite, **options):
     page = check_page(output, overwrite=overwrite, inputs=_inputs(options), endings=(".csv",))
     cleaned, write = _cleaned(**options)
     files = [page, page.with_suffix(".csv")]
-    with ExitStack() as stack:
-        write(*(stack.enter_context(whole_file(file)) for file in files))
+    with whole_files(*files) as temporary:
+        write(*temporary)
     _tell(cleaned, files, started)
 
 

@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 
@@ -16,14 +15,16 @@ from himap.cli.shared import (
     SETTINGS,
     Commands,
     debug,
+    json_output,
     judging_parameters,
     named_values,
+    overwrite_option,
     provenance_parameters,
     workers,
 )
 from himap.cli.templates import templates
 from himap.companion import reproduce
-from himap.companion.notebook_files import check_output, copy_name
+from himap.companion.notebook_files import copy_name
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.errors import InputError
@@ -86,9 +87,10 @@ def list_(name):
 @click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
 @click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
 @click.option("--all", "every", is_flag=True, help="All notebooks, but for those that are done already.")
+@overwrite_option
 @workers
 @debug
-def run(names, preset, pairs, output, stale, every):
+def run(names, preset, pairs, output, stale, every, overwrite):
     """Execute notebooks, with other parameters if you like.
 
     `himap list NAME` shows the parameters. The fields of a preset (nside, n_channels, seed, ...)
@@ -100,7 +102,7 @@ def run(names, preset, pairs, output, stale, every):
     himap run --all --preset laptop --jobs 2
     """
     if stale:
-        if preset or pairs or output or every:
+        if preset or pairs or output is not None or every or overwrite:
             raise InputError("--stale runs notebooks as they are committed; leave out all but their names.")
         _refresh(names)
         return
@@ -109,13 +111,20 @@ def run(names, preset, pairs, output, stale, every):
     if not (names or every):
         raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
     names = [notebook.name for notebook in notebooks()] if every else names
-    if output and len(names) > 1:
+    if output is not None and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
     values = _values(names, preset, named_values(pairs), some_accept=every)
     for name in names:
         started = time.monotonic()
         own = preset if not every or accepts(find(name).parameters, "preset") else None
-        path, done = reproduce.run(name, preset=own, parameters=values[name], output=output, again=not every)
+        path, done = reproduce.run(
+            name,
+            preset=own,
+            parameters=values[name],
+            output=output,
+            again=not every,
+            overwrite=overwrite,
+        )
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 
@@ -140,9 +149,10 @@ def _values(names, preset, texts, *, some_accept):
 @click.option(
     "-o", "--output", help="Where to write the JSON; default results/claims_PRESET_PARAMETERS.json."
 )
+@overwrite_option
 @workers
 @debug
-def claims(preset, pairs, output):
+def claims(preset, pairs, output, overwrite):
     """Evaluate every claim of the paper on five seeds, print the ledger, and write it as JSON.
 
     The first seed is also judged with the noise level that SDecGMCA is told 0.1 % lower and higher;
@@ -162,7 +172,7 @@ def claims(preset, pairs, output):
     chosen, given = judging_parameters(pairs, preset, own=_CLAIMS)
     preset = chosen["preset"]
     name = copy_name("claims", preset, given, suffix=".json")
-    path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
+    path = json_output(output, name, overwrite=overwrite)
     started = time.monotonic()
     oscillating = Oscillating(ripple=chosen.pop("ripple"))
     nudges = ledger.NUDGES if chosen.pop("nudged") else ()

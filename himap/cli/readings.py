@@ -2,12 +2,18 @@
 
 import time
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 
-from himap.cli.shared import debug, judging_parameters, provenance_parameters, workers
-from himap.companion.notebook_files import check_output, copy_name
+from himap.cli.shared import (
+    debug,
+    json_output,
+    judging_parameters,
+    overwrite_option,
+    provenance_parameters,
+    workers,
+)
+from himap.companion.notebook_files import copy_name
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
@@ -24,9 +30,10 @@ _WITHOUT = ("reading", "method", "nudged")  # they are what is varied, or always
 @click.option(
     "-o", "--output", help="Where to write the JSON; default results/readings_PRESET_PARAMETERS.json."
 )
+@overwrite_option
 @workers
 @debug
-def readings(preset, pairs, output):
+def readings(preset, pairs, output, overwrite):
     """Judge every claim under every reading of the paper's SDecGMCA.
 
     Each reading is judged on two seeds unless told otherwise, and through the oscillating beam with the noise
@@ -48,7 +55,7 @@ def readings(preset, pairs, output):
     chosen, given = judging_parameters(pairs, preset, own=_OWN, without=_WITHOUT)
     preset = chosen["preset"]
     name = copy_name("readings", preset, given, suffix=".json")
-    path = check_output(Path(output) if output else Path("results") / name, suffix=".json")
+    path = json_output(output, name, overwrite=overwrite)
     started = time.monotonic()
     oscillating = Oscillating(ripple=chosen.pop("ripple"))
     skies = ledger.realisations(**chosen, oscillating=oscillating)

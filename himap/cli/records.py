@@ -2,13 +2,19 @@
 
 import time
 from dataclasses import asdict
-from pathlib import Path
 
 import click
 
 from himap.checks import whole_number
-from himap.cli.shared import debug, judging_parameters, provenance_parameters, workers
-from himap.companion.notebook_files import check_output, copy_name
+from himap.cli.shared import (
+    debug,
+    json_output,
+    judging_parameters,
+    overwrite_option,
+    provenance_parameters,
+    workers,
+)
+from himap.companion.notebook_files import copy_name
 from himap.companion.parameters import Parameter
 from himap.errors import InputError
 from himap.figures.tables import Table
@@ -38,6 +44,7 @@ def _record_options(chapter, name):
         click.option(
             "-o", "--output", help=f"Where to write the JSON; default results/{name}_PRESET_PARAMETERS.json."
         ),
+        overwrite_option,
         click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
     ]
 
@@ -51,7 +58,20 @@ def _record_options(chapter, name):
 
 
 def _record(
-    row, code_of, measured, align, *, pairs, preset, output, check, chapter, own, measure, n_skies=20
+    row,
+    code_of,
+    measured,
+    align,
+    *,
+    pairs,
+    preset,
+    output,
+    overwrite,
+    check,
+    chapter,
+    own,
+    measure,
+    n_skies=20,
 ):
     """Measure a record of `row`, write it, and print its table.
 
@@ -69,15 +89,15 @@ def _record(
         notebook=chapter,
     )
     if check is not None:
-        if output is not None:
-            raise InputError("--check writes into the record that it checks; leave -o out.")
+        if output is not None or overwrite:
+            raise InputError("--check writes into the record that it checks; leave -o out, and --overwrite.")
         read_record(row, check)  # fails now
         _, rows, _ = measure(chosen | {"n_realisations": 1})
         check_record(rows, check, code_of(CodeTree(loaded=True)))
         click.echo(f"{check}: {len(rows)} rows of one sky are the same with today's code.")
         return
     file = copy_name(name, chosen["preset"], given, suffix=".json")
-    path = check_output(Path(output) if output else Path("results") / file, suffix=".json")
+    path = json_output(output, file, overwrite=overwrite)
     started, preset = time.monotonic(), chosen["preset"]
     cases, rows, parameters = measure(chosen)
     about = Provenance.of(
@@ -105,7 +125,7 @@ def record():
 
 @record.command()
 @_record_options("20_transfer_function", "corrections")
-def corrections(preset, pairs, output, check):
+def corrections(**options):
     """Measure how well transfer functions correct what methods lose.
 
     Mocks are put into the observation of every sky and cleaned with it; the power of what comes back of them
@@ -135,10 +155,7 @@ def corrections(preset, pairs, output, check):
         corrections_code,
         measured,
         "llr" + "r" * len(measured.HEADER),
-        pairs=pairs,
-        preset=preset,
-        output=output,
-        check=check,
+        **options,
         chapter="20_transfer_function",
         own={"n_mocks": 10, "methods": methods},
         measure=measure,
@@ -147,7 +164,7 @@ def corrections(preset, pairs, output, check):
 
 @record.command("beam-errors")
 @_record_options("21_beam_errors", "beam_errors")
-def beam_errors(preset, pairs, output, check):
+def beam_errors(**options):
     """Measure what it costs methods to be told a wrong beam.
 
     Each method cleans every sky with a beam whose width, or ripple, is wrong by so much, or with another
@@ -177,10 +194,7 @@ def beam_errors(preset, pairs, output, check):
         beam_errors_code,
         measured,
         "lllrlrrl",
-        pairs=pairs,
-        preset=preset,
-        output=output,
-        check=check,
+        **options,
         chapter="21_beam_errors",
         own={"errors": _ERRORS, "methods": methods},
         measure=measure,
@@ -229,7 +243,7 @@ def side_by_side(preset, pairs, output, check):
 
 @record.command()
 @_record_options("22_how_many", "suggestions")
-def suggestions(preset, pairs, output, check):
+def suggestions(**options):
     """Measure how often criteria find the right number of sources without the truth.
 
     Each method cleans every sky, through every beam and with every noise, with each number of sources. On 5
@@ -266,10 +280,7 @@ def suggestions(preset, pairs, output, check):
         suggestions_code,
         measured,
         "llrrrrrrrr",
-        pairs=pairs,
-        preset=preset,
-        output=output,
-        check=check,
+        **options,
         chapter="22_how_many",
         own={},
         measure=measure,

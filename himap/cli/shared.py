@@ -2,11 +2,13 @@
 
 import functools
 from dataclasses import replace
+from pathlib import Path
 
 import click
 
 from himap.companion import reproduce
 from himap.companion.kernels import changed_environment
+from himap.companion.notebook_files import check_output
 from himap.companion.notebooks import find
 from himap.companion.parameters import check_parameters, parse_texts
 from himap.errors import InputError
@@ -17,8 +19,10 @@ __all__ = [
     "SETTINGS",
     "Commands",
     "debug",
+    "json_output",
     "judging_parameters",
     "named_values",
+    "overwrite_option",
     "provenance_parameters",
     "size_text",
     "workers",
@@ -33,18 +37,52 @@ class _BadInput(click.ClickException):
     exit_code = 2
 
 
+_LONGEST_MESSAGE = 4000  # characters; one that lists all parameters of a notebook has 3000
+_NOTEBOOK_PACKAGES = {
+    "IPython",
+    "ipykernel",
+    "jupyter_client",
+    "jupytext",
+    "nbclient",
+    "nbformat",
+    "papermill",
+    "PIL",
+}
+_FOR_CHILDREN = {"PYTHONSAFEPATH": "1"}
+"""Processes that a command starts take no modules from the current folder."""
+
+
 class Commands(click.Group):
     """Commands whose errors of the user's making are told in one paragraph."""
 
     def invoke(self, context):
         try:
-            return super().invoke(context)
+            with changed_environment(_FOR_CHILDREN):
+                return super().invoke(context)
         except (InputError, reproduce.NotebookError) as error:
             if context.meta.get("debug"):
                 raise
             if isinstance(error, InputError):
-                raise _BadInput(str(error)) from None
-            raise click.ClickException(f"{error}\nAdd --debug for the traceback.") from None
+                raise _BadInput(_shortened(str(error))) from None
+            text = f"{_shortened(str(error))}\nAdd --debug for the traceback."
+            raise click.ClickException(text) from None
+        except ModuleNotFoundError as error:
+            name = (error.name or "").partition(".")[0]
+            if context.meta.get("debug") or name not in _NOTEBOOK_PACKAGES:
+                raise
+            raise _BadInput(
+                f"this needs the packages for notebooks, and {name} is not there: "
+                "pip install 'himap[notebooks]'."
+            ) from None
+
+
+def _shortened(message):
+    """A message that fits a few screens: an error of a notebook may quote all that it was given."""
+    n_left = len(message) - _LONGEST_MESSAGE
+    if n_left <= 0:
+        return message
+    half = _LONGEST_MESSAGE // 2
+    return f"{message[:half]} [... {n_left} characters more ...] {message[-half:]}"
 
 
 def _remember_debug(context, parameter, value):
@@ -71,7 +109,7 @@ _WORKERS = {
         "--jobs",
         JOBS_VARIABLE.lower(),
         type=click.IntRange(min=1),
-        help="Processes that work at once on what is independent; default 1.",
+        help="Processes that work at once; default 1.",
     ),
     DASK_VARIABLE: click.option(
         "--dask",
@@ -104,6 +142,15 @@ def workers(command):
     for option in reversed(_WORKERS.values()):
         wrapped = option(wrapped)
     return wrapped
+
+
+overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
+
+
+def json_output(output, name, *, overwrite):
+    """The path of a JSON file to write: `output`, or `name` in results/; see `check_output`."""
+    path = Path("results") / name if output is None else Path(output)
+    return check_output(path, suffix=".json", overwrite=overwrite)
 
 
 def named_values(pairs):

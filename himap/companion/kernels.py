@@ -6,6 +6,7 @@ import os
 import sys
 from pathlib import Path
 
+from himap.folders import run_folder
 from himap.progress import TERMINAL_VARIABLE
 
 __all__ = ["changed_environment", "kernel_environment", "terminal"]
@@ -22,13 +23,21 @@ def terminal():
 
 @contextlib.contextmanager
 def kernel_environment(terminal):
-    """What a kernel started inside finds: this himap, the terminal for its bars, and no chatter."""
+    """What a kernel started inside finds: this himap, the terminal for its bars, and no chatter.
+
+    Neither modules in the current folder nor what a user lets IPython do at each start come into it.
+    """
     paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     changes = {
         "PYTHONPATH": os.pathsep.join(paths),
+        "PYTHONSAFEPATH": "1",
+        "IPYTHONDIR": str(run_folder() / "ipython"),
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         "JUPYTER_PLATFORM_DIRS": "1",
     }
+    home = Path.home()
+    if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
+        changes["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
     if terminal:
         changes[TERMINAL_VARIABLE] = terminal
     logging.getLogger("papermill").setLevel(logging.ERROR)

@@ -11,15 +11,11 @@ import copy
 import hashlib
 import io
 import json
-import os
 import re
 import tempfile
 
-import nbformat
-from PIL import Image
-
 from himap.errors import InputError
-from himap.outputs import whole_file
+from himap.outputs import check_free, whole_file
 
 __all__ = [
     "KERNEL",
@@ -62,7 +58,9 @@ def stamped(node, source, *, fingerprint, parameters, execution=None):
     fingerprint, parameters, execution
         For the stamp; `execution` as `himap.products.provenance.environment` has it, with "seconds".
     """
-    from himap.figures.data import DATA_TYPES  # slow, and most commands do without
+    import nbformat  # slow, as below, and only what handles notebooks needs it
+
+    from himap.figures.data import DATA_TYPES
 
     fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
     node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
@@ -87,6 +85,8 @@ def stamped(node, source, *, fingerprint, parameters, execution=None):
 
 def _smaller(png):
     """A picture (base64) in 256 colours: a third of the size, the same to the eye. For what is committed."""
+    from PIL import Image
+
     with Image.open(io.BytesIO(base64.b64decode(png))) as picture:
         if picture.mode == "P":
             return png
@@ -138,6 +138,8 @@ def text_digest(node):
 
 def read_notebook(path):
     """The notebook in an ``.ipynb`` file; OSError or ValueError where there is none."""
+    import nbformat
+
     return nbformat.read(path, as_version=4)
 
 
@@ -151,21 +153,29 @@ def copy_name(notebook, preset, values, suffix=".ipynb"):
     return f"{label}{suffix}"
 
 
-def check_output(path, suffix=".ipynb"):
-    """`path`, or an InputError now rather than after hours of work."""
-    if path.suffix != suffix or path.is_dir():
-        raise InputError(f"the output is the path of a file, something{suffix}; got {path}.")
-    parent = next(folder for folder in path.resolve().parents if folder.exists())
-    if not (parent.is_dir() and os.access(parent, os.W_OK)):
-        raise InputError(f"the output {path} cannot be written, because {parent} is no folder that can be.")
+def check_output(path, suffix=".ipynb", *, overwrite=False):
+    """`path`, or an InputError now rather than after hours of work.
+
+    Raises
+    ------
+    InputError
+        Another ending, a place that cannot be written to, or a file that is there, without `overwrite`.
+    """
+    if path.suffix != suffix:
+        raise InputError(f"the output is the path of a file, something{suffix}; got {str(path)!r}.")
     try:  # what the permissions promise is not always so
+        parent = next(folder for folder in path.absolute().parents if folder.exists())
         with tempfile.TemporaryFile(dir=parent):
-            return path
+            pass
     except OSError as error:
         raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
+    check_free([path], overwrite=overwrite)
+    return path
 
 
 def write_notebook(node, path):
     """Write a notebook under another name, then rename it: whole or not at all."""
+    import nbformat
+
     with whole_file(path) as temporary:
         temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")

@@ -6,6 +6,7 @@ the parameters that were passed. A notebook whose stamp is that of today's code 
 
 import copy
 import json
+import os
 import time
 from pathlib import Path
 
@@ -29,14 +30,14 @@ from himap.products.provenance import environment
 
 __all__ = ["NotebookError", "refresh", "run", "stale"]
 
-_KERNEL_OPTIONS = ("--log-level=CRITICAL",)
+_KERNEL_OPTIONS = ("--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True")
 
 
 class NotebookError(RuntimeError):
     """A notebook that stopped at an error; the message says where."""
 
 
-def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True):
+def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True, overwrite=False):
     """Execute a notebook with other parameters.
 
     Parameters
@@ -49,9 +50,12 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
         {name: value}; fields of `Survey` may be among them.
     output
         Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
-        other parameters that were passed in the name too, so that another run does not replace this one.
+        other parameters that were passed in the name too, so that another run does not replace this one. What
+        is there is replaced if himap wrote it and nobody edited it since.
     again
         Whether to execute it also where the output is there, of today's code and these parameters.
+    overwrite
+        Whether to write over whatever is there.
 
     Returns
     -------
@@ -63,23 +67,25 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
     Raises
     ------
     InputError
-        A bad name, parameter or output, or bad input found by the notebook itself.
+        A bad name, parameter or output, an output that is there, or bad input found by the notebook itself.
     NotebookError
         The notebook stopped at any other error.
     """
     notebook = find(name, folder)
     values = check_parameters(notebook.parameters, parameters or {}, preset)
-    if output is None:
+    is_ours = output is None
+    if is_ours:
         defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
         preset = values.get("preset", defaults.get("preset"))
         output = Path("results") / copy_name(notebook.name, preset, values)
-    output = check_output(Path(output))
-    if output.resolve() in {other.executed.resolve() for other in notebooks(folder)}:
+    output = Path(output)
+    if os.path.realpath(output) in {os.path.realpath(other.executed) for other in notebooks(folder)}:
         raise InputError(
             f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
         )
     if not again and _is_done(notebook, values, output):
         return output, False
+    check_output(output, overwrite=overwrite or (is_ours and _is_unedited(output)))
     write_notebook(_execute(notebook, values, Path.cwd()), output)
     return output, True
 
@@ -92,6 +98,15 @@ def _is_done(notebook, parameters, path):
         return False
     same = stamp.get("parameters") == json.loads(json.dumps(parameters))  # as a file holds them
     return same and stamp.get("fingerprint") == notebook.fingerprint()
+
+
+def _is_unedited(path):
+    """Whether the notebook at `path` is as himap wrote it."""
+    try:
+        node = read_notebook(path)
+        return text_digest(node) == node.metadata[STAMP]["text"]
+    except (OSError, ValueError, AttributeError, KeyError, TypeError):
+        return False
 
 
 def stale(folder=None):
@@ -165,6 +180,7 @@ def _state(notebook):
 
 def _execute(notebook, parameters, folder):
     """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+    import ipykernel  # noqa: F401 - of the kernel, and to be missed here and not there
     import papermill  # slow, and most commands do without
     from nbclient.exceptions import DeadKernelError
 

@@ -1,8 +1,10 @@
 """What was made of a cube, written as it was given: HDF5, FITS or .npy, whole files or none."""
 
 import json
+import os
+import re
 import tempfile
-from contextlib import ExitStack
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,9 +14,9 @@ import numpy as np
 from himap import __version__
 from himap.errors import InputError
 from himap.maps.healpix_files import write_maps
-from himap.outputs import whole_file
+from himap.outputs import check_free, whole_files
 
-__all__ = ["OUTPUTS", "check_cube_output", "check_page", "save_cleaned"]
+__all__ = ["OUTPUTS", "check_cube_output", "check_page", "files_of", "save_cleaned", "write_cleaned"]
 
 OUTPUTS = (".h5", ".fits", ".npy")
 
@@ -52,7 +54,7 @@ def check_page(path, *, overwrite, inputs=(), endings=()):
 
 
 def _check_place(paths, overwrite, inputs=()):
-    folder = paths[0].resolve().parent
+    folder = Path(os.path.realpath(paths[0].parent))
     try:  # what the permissions promise is not always so
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -60,14 +62,11 @@ def _check_place(paths, overwrite, inputs=()):
         raise InputError(
             f"the output {paths[0]} cannot be written ({error.strerror}): is {folder} a folder that can be?"
         ) from None
-    originals = {Path(path).resolve() for path in inputs}
+    originals = {os.path.realpath(path) for path in inputs}
     for path in paths:
-        if path.is_dir():
-            raise InputError(f"the output {path} is a folder; give the name of a file.")
-        if originals & {path.resolve(), folder}:
+        if originals & {os.path.realpath(path), str(folder)}:
             raise InputError(f"{path} would change what it is made from; choose another output.")
-        if path.exists() and not overwrite:
-            raise InputError(f"{path} exists; choose another output, or give --overwrite (overwrite=True).")
+    check_free(paths, overwrite=overwrite)
 
 
 def files_of(path):
@@ -94,30 +93,34 @@ def save_cleaned(cleaned, path, *, overwrite=False):
     InputError
         Another ending than .h5, .fits or .npy, or a file that is there already, without `overwrite`.
     """
-    path, cube = _checked_name(path), cleaned.cube
+    path = _checked_name(path)
     paths = files_of(path)
     _check_place(paths, overwrite)
-    if path.suffix == ".h5":
-        with whole_file(path) as temporary:
-            _write_hdf5(cleaned, temporary)
-        return paths
-    with ExitStack() as stack:  # all of them or none
-        *targets, table = [stack.enter_context(whole_file(target)) for target in paths]
-        for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
-            if path.suffix == ".npy":
-                np.save(target, maps)
-            else:
-                write_maps(
-                    target,
-                    maps,
-                    names=[f"{name} {freq:.10g} MHz" for freq in cube.layout.freqs],
-                    unit=cube.layout.unit,
-                    nested=cube.layout.nested,
-                    cards=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
-                )
-        header = "frequency [MHz], then the columns of the mixing matrix"
-        np.savetxt(table, np.column_stack([cube.freqs, cleaned.separation.mixing]), header=header)
+    with whole_files(*paths) as temporary:  # all of them or none
+        write_cleaned(cleaned, temporary)
     return paths
+
+
+def write_cleaned(cleaned, paths):
+    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `whole_files`."""
+    if paths[0].suffix == ".h5":
+        _write_hdf5(cleaned, paths[0])
+        return
+    cube, (*targets, table) = cleaned.cube, paths
+    for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
+        if target.suffix == ".npy":
+            np.save(target, maps)
+        else:
+            write_maps(
+                target,
+                maps,
+                names=[f"{name} {freq:.10g} MHz" for freq in cube.layout.freqs],
+                unit=cube.layout.unit,
+                nested=cube.layout.nested,
+                cards=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
+            )
+    header = "frequency [MHz], then the columns of the mixing matrix"
+    np.savetxt(table, np.column_stack([cube.freqs, cleaned.separation.mixing]), header=header)
 
 
 def _named(path, ending):
@@ -132,7 +135,7 @@ def _as_given(cleaned):
 
 def _write_hdf5(cleaned, path):
     cube, mixing = cleaned.cube, cleaned.separation.mixing
-    with h5py.File(path, "w") as file:
+    with _plain_errors(), h5py.File(path, "w") as file:
         for name, maps in _as_given(cleaned):
             file.create_dataset(name, data=maps).attrs["unit"] = cube.layout.unit
         file.create_dataset("freqs", data=cube.layout.freqs).attrs["unit"] = "MHz"
@@ -141,3 +144,15 @@ def _write_hdf5(cleaned, path):
         file.attrs["method"] = cleaned.method.name
         file.attrs["parameters"] = json.dumps(asdict(cleaned.method))
         file.attrs["himap"] = __version__
+
+
+@contextmanager
+def _plain_errors():
+    """HDF5 tells a full disk in a page of text, or as a RuntimeError when the file is closed."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        number = re.search(r"errno = (\d+)", str(error))
+        if number is None:
+            raise
+        raise OSError(int(number[1]), os.strerror(int(number[1]))) from None

@@ -6,6 +6,7 @@ are loaded and made of its fields; nothing is imported.
 """
 
 import json
+import re
 import sys
 from dataclasses import fields, is_dataclass
 
@@ -86,6 +87,8 @@ def _put_together(tree, folder):
     if not isinstance(tree, dict):
         return tree
     if _ARRAY in tree:
+        if not re.fullmatch(r"\d+\.npy", tree[_ARRAY]):
+            raise ValueError(f"{tree[_ARRAY]} is no array of this folder")
         return np.load(folder / tree[_ARRAY], mmap_mode="r", allow_pickle=False)
     if _TUPLE in tree:
         return tuple(_put_together(tree[_TUPLE], folder))

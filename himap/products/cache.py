@@ -2,8 +2,9 @@
 
 A result is a folder of its own, ``PRODUCT/KEY``, with the value as arrays and JSON
 (`himap.products.arrays`), and a note of what it is and of the checksums of its files. All is written under
-another name, which is then renamed: a process that is killed, or a second one that writes the same, leaves
-nothing half done under the right name. Arrays are mapped from disk.
+another name, which is then renamed, and deleted under another one: a process that is killed, or a second one
+that writes the same, leaves nothing half done under the right name. Arrays are mapped from disk. A folder
+that others can write to is refused.
 """
 
 import contextlib
@@ -11,17 +12,14 @@ import json
 import os
 import re
 import shutil
-import socket
-import uuid
+import time
 import zlib
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-import platformdirs
-import psutil
-
 from himap.errors import InputError
+from himap.folders import cache_folder, check_ours, is_abandoned, make_private, own_name
 from himap.products.arrays import TREE, read_value, write_value
 
 __all__ = [
@@ -38,6 +36,7 @@ __all__ = [
 
 _NOTE, _UNFINISHED = "note.json", "unfinished"
 _CHUNK = 2**24  # bytes
+_DAMAGES = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 _whole = set()  # files that this process wrote or found whole, as (path, time, size)
 
 
@@ -45,17 +44,16 @@ class Damaged(Exception):
     """A result on disk is not what was written; the message says why."""
 
 
-def cache_folder():
-    """The folder named by the variable HIMAP_CACHE, else ``himap`` in the user's cache folder."""
-    folder = os.environ.get("HIMAP_CACHE")
-    return (
-        Path(os.path.expanduser(folder)) if folder else platformdirs.user_cache_path("himap", appauthor=False)
-    )
-
-
 def holds(product, key):
-    """Whether there is a result of `product` under `key`."""
-    return (cache_folder() / product / key / _NOTE).is_file()
+    """Whether there is a result of `product` under `key`; InputError where the cache is not ours alone."""
+    return (_home() / product / key / _NOTE).is_file()
+
+
+def _home():
+    """The folder of results, if nobody else can write there."""
+    home = cache_folder()
+    check_ours(home)
+    return home
 
 
 def load(product, key):
@@ -66,18 +64,22 @@ def load(product, key):
     Raises
     ------
     Damaged
-        It was cut short or altered since it was written, or cannot be read; it is gone now.
+        It was cut short or altered since it was written; it is gone now.
+    InputError
+        It may not be read.
     """
-    folder = cache_folder() / product / key
+    folder = _home() / product / key
     try:
         note = json.loads((folder / _NOTE).read_text())
         for name, (n_bytes, checksum) in note["files"].items():
             _check(folder / name, n_bytes, checksum)
         return read_value(folder)
     except Exception as error:  # a class that has other fields now raises anything
-        if isinstance(error, OSError | MemoryError) and not isinstance(error, FileNotFoundError):
-            raise  # the machine is short of something, or may not read it: that is no damage
-        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, PermissionError):
+            raise InputError(f"the cached {product} cannot be read ({error}): whose is it?") from None
+        if isinstance(error, OSError | MemoryError) and not isinstance(error, _DAMAGES):
+            raise  # the machine is short of something: that is no damage
+        _delete(folder)
         raise Damaged(str(error)) from None
 
 
@@ -97,17 +99,17 @@ def save(product, key, value, *, arguments, seconds):
         It cannot be written: a full disk, a folder of somebody else, a value that is no arrays and JSON.
         Nothing is left of it.
     """
-    home = cache_folder()
-    part = home / product / f"{_UNFINISHED}-{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    home = _home()
+    part = home / product / own_name(_UNFINISHED)
     try:
-        part.mkdir(parents=True)
+        for folder in (home, home / product, part):
+            make_private(folder)
         _remove_abandoned(home / product)
         names = write_value(value, part)
         files = {name: [(part / name).stat().st_size, _checksum(part / name)] for name in names}
         note = {"product": product, "arguments": arguments, "seconds": seconds, "files": files}
         (part / _NOTE).write_text(json.dumps(note, indent=1))
-        with contextlib.suppress(FileExistsError):
-            _rename(part, part.with_name(key))
+        if _put(part, part.with_name(key)):
             _whole.update(_identity(part.with_name(key) / name) for name in names)
     except OSError as error:
         raise InputError(_refused(home, product, error)) from None
@@ -117,17 +119,34 @@ def save(product, key, value, *, arguments, seconds):
 
 def remove(product, key):
     """Delete the result of `product` under `key`; who has it mapped may read on."""
-    shutil.rmtree(cache_folder() / product / key, ignore_errors=True)
+    _delete(_home() / product / key)
 
 
-def _rename(part, path):
-    """Rename a folder; what another process has put there meanwhile stays."""
+def _put(part, path):
+    """Rename a folder, and whether that was done: a whole result that is there already stays."""
+    while True:
+        try:
+            part.rename(path)
+            return True
+        except OSError:
+            if (path / _NOTE).is_file():
+                return False
+            if not (os.path.lexists(path) and _delete(path)):  # what is left of one goes
+                raise
+
+
+def _delete(path):
+    """Delete one result, as much of it as is there, and whether it is gone."""
     try:
-        part.rename(path)
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path.rename(path.with_name(own_name(_UNFINISHED))))
+        else:
+            path.unlink()
+    except FileNotFoundError:
+        return True
     except OSError:
-        if not path.exists():
-            raise
-        raise FileExistsError from None
+        return False
+    return True
 
 
 def _refused(home, product, error):
@@ -167,9 +186,8 @@ def _checksum(file):
 
 def _remove_abandoned(folder):
     """Delete what writers on this machine that are no more left unfinished."""
-    for path in folder.glob(f"{_UNFINISHED}-{socket.gethostname()}-*"):
-        if not psutil.pid_exists(int(path.name.split("-")[-2])):
-            shutil.rmtree(path, ignore_errors=True)
+    for path in filter(is_abandoned, folder.glob(f"{_UNFINISHED}-*")):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -187,14 +205,16 @@ class CacheEntry:
 def cache_info():
     """The `CacheEntry` of every result in the cache, newest first; those being written are "unfinished"."""
     entries = []
-    for path in filter(_is_ours, cache_folder().glob("*/*")):
+    for path in filter(_is_ours, _home().glob("*/*")):
         with contextlib.suppress(OSError):  # another process finishes or deletes it
             entries.append(_entry(path))
     return sorted(entries, key=lambda entry: entry.created, reverse=True)
 
 
 def _is_ours(path):
-    """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too."""
+    """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too, and links."""
+    if path.is_symlink() or path.parent.is_symlink():
+        return False
     if re.fullmatch(rf"{_UNFINISHED}-.+-\d+-[0-9a-f]{{8}}", path.name):
         return path.is_dir()
     known = (path / name for name in (TREE, _NOTE))  # an earlier himap had other values beside its note
@@ -204,15 +224,19 @@ def _is_ours(path):
 def _entry(path):
     try:
         note = json.loads((path / _NOTE).read_text())
-    except (OSError, ValueError):
-        note = {}
-    files = [file.stat() for file in path.iterdir()]
+        product, arguments = str(note["product"]), str(note.get("arguments", ""))
+        seconds = float(note.get("seconds", 0))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        product, arguments, seconds = _UNFINISHED, "", 0.0
+    product = _UNFINISHED if path.name.startswith(_UNFINISHED) else product
+    files = [file.lstat() for file in path.iterdir()]
+    last = max((status.st_mtime for status in files), default=path.stat().st_mtime)
     return CacheEntry(
-        product=note.get("product", _UNFINISHED),
-        arguments=note.get("arguments", ""),
-        n_bytes=sum(stat.st_size for stat in files),
-        created=datetime.fromtimestamp(max((stat.st_mtime for stat in files), default=path.stat().st_mtime)),
-        seconds=note.get("seconds", 0.0),
+        product=product,
+        arguments=arguments,
+        n_bytes=sum(status.st_size for status in files),
+        created=datetime.fromtimestamp(min(last, time.time())),  # clocks go wrong
+        seconds=seconds,
         path=path,
     )
 
@@ -235,7 +259,8 @@ def clear_cache(products=(), *, wanted=None):
     Raises
     ------
     InputError
-        A product of which the cache holds nothing; the message lists what it holds.
+        A product of which the cache holds nothing, and the message lists what it holds; or what cannot be
+        deleted.
     """
     entries = cache_info()
     unknown = set(products) - {entry.product for entry in entries}
@@ -244,6 +269,10 @@ def clear_cache(products=(), *, wanted=None):
         raise InputError(f"the cache holds no {', '.join(sorted(unknown))}; it holds {names}.")
     doomed = [entry for entry in entries if not products or entry.product in products]
     doomed = [entry for entry in doomed if wanted is None or wanted(entry)]
-    for entry in doomed:
-        shutil.rmtree(entry.path, ignore_errors=True)
+    kept = [entry for entry in doomed if not _delete(entry.path)]
+    if kept:
+        raise InputError(
+            f"{len(kept)} of {len(doomed)} results could not be deleted, such as {kept[0].path}: can you "
+            "write to it and to its folder?"
+        )
     return sum(entry.n_bytes for entry in doomed)

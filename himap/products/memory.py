@@ -18,6 +18,7 @@ LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 """Environment variable with the memory that a run may use, such as 16GB; `--max-memory` sets it."""
 
 _UNITS = {"": 1, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+_LARGEST = 1e15  # bytes that somebody may mean
 _PROCESS = 0.5e9  # bytes of a Python process with the packages that himap uses
 _BOXES = 3  # of cells, at most, while HI is made
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
@@ -52,13 +53,18 @@ def parse_size(text):
     Raises
     ------
     InputError
-        It is no size above zero.
+        It is no size, or one that no machine has.
     """
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?B?)\s*", text)
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?B?)\s*", text, flags=re.ASCII)
     unit = match and (match[2] if match[2].endswith("B") or not match[2] else match[2] + "B")
-    if not match or float(match[1]) == 0:
-        raise InputError(f"a size of memory is a number with kB, MB, GB or TB, such as 16GB; got {text!r}.")
-    return int(float(match[1]) * _UNITS[unit])
+    size = float(match[1]) * _UNITS[unit] if match else 0
+    if not 1 <= size <= _LARGEST:
+        shown = text if len(text) < 40 else f"{text[:40]}..."
+        raise InputError(
+            "a size of memory is a number with kB, MB, GB or TB, such as 16GB, and at most "
+            f"{_LARGEST / 1e12:g} TB; got {shown!r}."
+        )
+    return int(size)
 
 
 def check_memory(survey, *, jobs=1, steps=None):

@@ -1,5 +1,7 @@
 """Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
 
+import contextlib
+import logging
 import os
 import warnings
 
@@ -7,6 +9,7 @@ import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.errors import InputError
+from himap.folders import note_worker, run_folder
 from himap.products import cache
 from himap.progress import progress
 
@@ -65,8 +68,8 @@ def make_all(product, calls, description):
     Raises
     ------
     InputError
-        A process that was killed; a Dask scheduler that does not answer, or workers that write to another
-        cache folder.
+        A process that was killed; a Dask scheduler that does not answer, or no longer, workers that die again
+        and again, or that write to another cache folder.
     """
     missing = [call for call in calls if not product.is_cached(*call)]
     if not missing:
@@ -96,8 +99,10 @@ def _in_processes(product, missing):
     os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
     try:
         # The processes live on for the next call, so each piece of work brings the settings of this one.
-        work = (joblib.delayed(_make)(product, call, _settings()) for call in missing)
-        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+        folder = run_folder()
+        work = (joblib.delayed(_make)(product, call, _settings(), folder) for call in missing)
+        options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
+        yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError:
         raise InputError(
             f"one of {jobs} processes was killed as it made {product.name}, most likely for want of memory. "
@@ -111,9 +116,9 @@ def _in_processes(product, missing):
 def _on_cluster(product, missing):
     """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
     try:
-        from distributed import Client, as_completed
+        from distributed import Client, KilledWorker, as_completed
     except ImportError:
-        raise InputError("--dask needs the package `distributed`: pip install distributed.") from None
+        raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
     try:
         client = Client(address, timeout=_CONNECT)
@@ -124,12 +129,24 @@ def _on_cluster(product, missing):
         ) from None
     settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
-    with client:
+    with client, _told_here("distributed.client"):
         futures = [
             client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
         ]
-        for _, caught in as_completed(futures, with_results=True):
-            yield caught
+        for future in as_completed(futures):
+            if future.cancelled():
+                raise InputError(
+                    f"the Dask scheduler at {address} is gone. What was done is kept: start one, and run the "
+                    "same again."
+                )
+            try:
+                yield future.result()
+            except KilledWorker as error:
+                raise InputError(
+                    f"{error.allowed_failures + 1} workers of {address} died one after the other making "
+                    f"{product.name}, most likely for want of memory. What was done is kept: run the same "
+                    "again with more memory for each worker."
+                ) from None
     if not all(product.is_cached(*call) for call in missing):
         raise InputError(
             f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
@@ -137,13 +154,26 @@ def _on_cluster(product, missing):
         )
 
 
+@contextlib.contextmanager
+def _told_here(logger):
+    """Without what a package logs of errors that become ours."""
+    log = logging.getLogger(logger)
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
+
+
 def _settings():
     """The variables of himap, {name: value}."""
     return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
 
 
-def _make(product, call, settings):
-    """Compute and keep; the warnings, for the process that asked and its filters."""
+def _make(product, call, settings, folder=None):
+    """Compute and keep; the warnings, for the process that asked, whose `run_folder` may be given."""
+    if folder is not None:
+        note_worker(folder)
     for name in _settings().keys() - settings.keys():
         del os.environ[name]
     os.environ.update(settings)

@@ -86,7 +86,10 @@ class Product:
         value = self._function(*bound.args, **bound.kwargs)
         seconds = time.monotonic() - started
         cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
-        return cache.load(self.name, key)  # so that what it holds in memory can go
+        try:
+            return cache.load(self.name, key)  # so that what it holds in memory can go
+        except cache.Damaged:  # another process has deleted it meanwhile
+            return value
 
     def compute(self, *args, **kwargs):
         """The result, computed now and not kept."""

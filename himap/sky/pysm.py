@@ -2,7 +2,6 @@
 
 import logging
 import os
-from contextlib import ExitStack
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from himap.checks import whole_number
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, write_maps
-from himap.outputs import whole_file
+from himap.outputs import complete_left, whole_files
 from himap.sky.synthetic import FREE_FREE_INDEX
 from himap.sky.templates import Template, positive
 
@@ -129,9 +128,8 @@ def write_templates(folder, nside):
         f"freefree_{_freq_text(free_free)}_K_nside{nside}.fits": (_kelvin(free_free), "T", "K_RJ"),
     }
     cards = [("COORDSYS", "G"), ("PYSM3", pysm_version(), "version that the maps are from")]
-    with ExitStack() as stack:
-        for name, (pixels, column, unit) in files.items():
-            target = stack.enter_context(whole_file(folder / name))
+    with whole_files(*(folder / name for name in files)) as temporary:
+        for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
             write_maps(target, pixels[None], names=[column], unit=unit, nested=False, cards=cards)
     return [folder / name for name in files]
 
@@ -139,8 +137,9 @@ def write_templates(folder, nside):
 def _free_folder(folder):
     """`folder` as a path with nothing in it."""
     folder = Path(os.path.expanduser(folder))
+    completed = complete_left(folder)
     try:
-        held = sorted(path.name for path in folder.iterdir())
+        held = sorted(path.name for path in folder.iterdir() if path not in completed)
     except FileNotFoundError:
         return folder
     except OSError as error:

@@ -1,0 +1,204 @@
+"""Work that is killed, that several processes share, or that a full disk ends: what is lost, counted.
+
+    python -m benchmarks.endurance -o book/results/endurance.json
+
+`himap run`, `claims` and `clean` get SIGKILL at random points, alone or with all their processes, and are
+started again until they are done. Then everything is held against an undisturbed run, bit by bit, and what
+lies about in folders, in shared memory and among processes is counted. The book's chapter on scale shows it.
+"""
+
+import json
+import os
+import random
+import shutil
+import signal
+import tempfile
+from collections import Counter
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+from time import monotonic, sleep
+
+import click
+import h5py
+import numpy as np
+
+from benchmarks.places import Place
+from himap.outputs import whole_file
+from himap.products.provenance import Provenance
+from himap.survey import PRESETS
+
+_N_CHANNELS, _NSIDE = 40, 32  # of the cube that is cleaned
+_SKY = ["--preset", "ci"]
+_CLAIMS = ["-p", "n_realisations=1", "-p", "nudged=false", "-p", "n_sources_max=5", "--jobs", "2"]
+
+
+class Trial:
+    """One command, and what an undisturbed run of it gives and takes.
+
+    Parameters
+    ----------
+    name
+        Its name among the counts.
+    words
+        Those of the command line, after `himap`.
+    home
+        A folder for its places.
+    """
+
+    def __init__(self, name, words, home):
+        self.name, self.words, self.home = name, words, home / name
+        self.counts, self._n = Counter(), 0
+        place, started = self.place(), monotonic()
+        if place.start(words).wait():
+            raise click.ClickException(place.errors.read_text())
+        self.seconds, self.expected = monotonic() - started, place.results()
+
+    def place(self):
+        """A new `Place`, with the cube that is cleaned."""
+        self._n += 1
+        place = Place(self.home / str(self._n))
+        _write_cube(place.folder / "work" / "cube.h5")
+        return place
+
+    def finish(self, place):
+        """Run the command to its end, compare, count, and throw the place away."""
+        if not self.is_done(place):
+            code = place.start(self.words).wait()
+            self.counts["reruns_that_failed"] += code != 0
+        self.counts["other_results"] += not self.is_done(place)
+        self.counts["processes_left"] += place.gone()
+        self.counts += Counter({f"left_{name}": n for name, n in place.left().items()})
+        self.counts["finished"] += 1
+        shutil.rmtree(place.folder)
+
+    def is_done(self, place):
+        """Whether all is there, of the same bits."""
+        found = place.results()
+        return all(found.get(name) == digest for name, digest in self.expected.items())
+
+
+def kill(trial, n_kills, chance):
+    """Kill the command at random points until it was killed `n_kills` times."""
+    place = trial.place()
+    while trial.counts["kills"] < n_kills:
+        process = place.start(trial.words)
+        deadline = monotonic() + chance.uniform(0, trial.seconds)
+        while process.poll() is None and monotonic() < deadline:
+            sleep(0.001)
+        if process.poll() is None:
+            alone = chance.random() < 0.5
+            process.kill() if alone else os.killpg(process.pid, signal.SIGKILL)
+            trial.counts["kills"] += process.wait() == -signal.SIGKILL
+            trial.counts["processes_left"] += place.gone()
+        elif process.returncode and not trial.is_done(place):
+            trial.counts["reruns_that_failed"] += 1
+        if process.returncode == 0 or trial.is_done(place):
+            trial.finish(place)
+            place = trial.place()
+    trial.finish(place)
+
+
+def share(trial, n_processes, chance):
+    """Several at once on one cold cache, of which one is killed."""
+    place = trial.place()
+    outputs = [[*trial.words, "-o", f"{n}.ipynb"] for n in range(n_processes)]
+    processes = [place.start(words) for words in outputs]
+    sleep(chance.uniform(0, trial.seconds))
+    os.killpg(processes[0].pid, signal.SIGKILL)
+    trial.counts["processes_that_failed"] = sum(process.wait() != 0 for process in processes[1:])
+    found = place.results()
+    copies = [found.get(f"{n}.ipynb") for n in range(1, n_processes)]
+    trial.counts["other_results"] += sum(copy not in trial.expected.values() for copy in copies)
+    trial.counts["processes"] = n_processes
+    trial.finish(place)
+
+
+def fill_disk(trial, n_times, chance):
+    """No file may grow beyond a random size, which stands for the end of the disk."""
+    for _ in range(n_times):
+        place = trial.place()
+        process = place.start(trial.words, largest=int(10 ** chance.uniform(2, 6)))
+        code = process.wait()
+        said = place.errors.read_text(errors="replace")
+        trial.counts["full_disks"] += 1
+        trial.counts["told_in_a_sentence"] += code == 2 and "Error: " in said and "Traceback" not in said
+        trial.counts["done_all_the_same"] += code == 0
+        trial.finish(place)
+
+
+def kill_workers(trial, n_times, chance):
+    """One of the processes that share the work of a command dies."""
+    for _ in range(n_times):
+        place = trial.place()
+        process = place.start(trial.words)
+        killed = False
+        deadline = monotonic() + chance.uniform(0.2, 0.9) * trial.seconds
+        while process.poll() is None and not killed:
+            sleep(0.05)
+            workers = [one for one in place.processes() if _is_worker(one)] if monotonic() > deadline else []
+            if workers:
+                with suppress(OSError):
+                    os.kill(chance.choice(workers).pid, signal.SIGKILL)
+                    killed = True
+        code, said = process.wait(), place.errors.read_text(errors="replace")
+        trial.counts["workers_killed"] += killed
+        trial.counts["told_in_a_sentence"] += code == 2 and "was killed" in said and "Traceback" not in said
+        trial.counts["done_all_the_same"] += code == 0
+        trial.finish(place)
+
+
+def _is_worker(process):
+    with suppress(Exception):
+        return "popen_loky" in " ".join(process.cmdline())
+    return False
+
+
+def _write_cube(path):
+    freqs, rng = np.linspace(900, 1400, _N_CHANNELS), np.random.default_rng(1)
+    maps = (freqs[:, None] / 900) ** -2.7 * rng.lognormal(size=12 * _NSIDE**2) * 1e3
+    with h5py.File(path, "w") as file:
+        file["maps"], file["freqs"] = maps + 0.1 * rng.standard_normal(maps.shape), freqs
+        file.attrs.update(unit="mK", ordering="RING")
+
+
+@click.command()
+@click.option("--kills", default=100, show_default=True, help="SIGKILLs, a third of them for each command.")
+@click.option("-p", "pairs", multiple=True, metavar="NAME=VALUE", help="A field of the survey.")
+@click.option("--only", multiple=True, metavar="NAME", help="Of the counts, such as clean_killed.")
+@click.option("--seed", default=1, show_default=True, help="Of the random points.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
+def main(kills, pairs, only, seed, output):
+    """Kill, share and fill, and count what is lost."""
+    chance, started, fields = random.Random(seed), monotonic(), [w for pair in pairs for w in ("-p", pair)]
+    run = ["run", "04_pca", *_SKY, *fields]
+    claims = ["claims", *_SKY, *fields, *_CLAIMS]
+    clean = ["clean", "cube.h5", "--method", "pca", "-p", "n_sources=2", "-o", "cleaned.fits"]
+    each, few = -(-kills // 3), max(1, kills // 10)
+    trials = [
+        ("run_killed", run, lambda trial: kill(trial, each, chance)),
+        ("claims_killed", claims, lambda trial: kill(trial, each, chance)),
+        ("clean_killed", clean, lambda trial: kill(trial, each, chance)),
+        ("four_processes", run, lambda trial: share(trial, 4, chance)),
+        ("full_disk_run", run, lambda trial: fill_disk(trial, few, chance)),
+        ("full_disk_clean", clean, lambda trial: fill_disk(trial, few, chance)),
+        ("dead_worker", claims, lambda trial: kill_workers(trial, max(1, few // 3), chance)),
+    ]
+    found = {}
+    with tempfile.TemporaryDirectory(prefix="e") as home:
+        for name, words, disturb in trials:
+            if only and name not in only:
+                continue
+            trial = Trial(name, words, Path(home))
+            disturb(trial)
+            found[name] = {"undisturbed_seconds": trial.seconds, **dict(trial.counts)}
+            click.echo(f"{name}: {found[name]}")
+            if output:  # after each, for the next takes long
+                about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started))
+                about["overrides"] = [pair.split("=", 1) for pair in pairs]
+                with whole_file(output) as temporary:
+                    temporary.write_text(json.dumps({"about": about, "found": found}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

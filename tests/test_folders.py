@@ -1,0 +1,130 @@
+"""Folders of processes: told apart from those of others, and put in order after those that were killed."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from jupyter_client.session import Session
+
+import himap
+from himap import folders
+from himap.companion.kernel_manager import LocalKernelManager
+from himap.errors import InputError
+from himap.folders import is_abandoned, own_name, run_folder
+
+ROOT = str(Path(himap.__file__).parents[1])
+
+
+@pytest.fixture
+def ended():
+    """The number of a process that is no more."""
+    process = subprocess.Popen(["true"])
+    process.wait()
+    return process.pid
+
+
+def folder(home, pid, host=None, prefix="himap"):
+    path = home / f"{prefix}-{host or socket.gethostname()}-{pid}-0123abcd"
+    path.mkdir()
+    return path
+
+
+def test_only_what_ended_here_is_abandoned(tmp_path, ended):
+    assert is_abandoned(folder(tmp_path, ended))
+    assert not is_abandoned(folder(tmp_path, os.getpid()))
+    assert not is_abandoned(folder(tmp_path, ended, host="elsewhere"))
+    own = tmp_path / own_name("himap")
+    own.mkdir()
+    assert not is_abandoned(own)
+    (tmp_path / "himap-thesis").mkdir()
+    assert not is_abandoned(tmp_path / "himap-thesis")
+
+
+def test_a_number_that_another_process_has_now_is_abandoned(tmp_path):
+    old = folder(tmp_path, os.getpid())
+    os.utime(old, (time.time() - 10**6,) * 2)
+    assert is_abandoned(old)
+
+
+def test_links_and_folders_of_others_are_left_alone(tmp_path, ended, monkeypatch):
+    (tmp_path / "thesis").mkdir()
+    link = tmp_path / f"himap-{socket.gethostname()}-{ended}-89abcdef"
+    link.symlink_to(tmp_path / "thesis")
+    assert not is_abandoned(link)
+    theirs = folder(tmp_path, ended)
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    assert not is_abandoned(theirs)
+    monkeypatch.undo()
+
+
+@pytest.fixture
+def fresh(monkeypatch):
+    """`run_folder` as in a new process."""
+    run_folder.cache_clear()
+    yield
+    if run_folder.cache_info().currsize:
+        shutil.rmtree(run_folder())
+    run_folder.cache_clear()
+
+
+def test_what_a_killed_run_left_goes_at_the_next_start(fresh, monkeypatch, tmp_path, ended):
+    """Its folder, and the semaphores of the processes that worked for it, and of no others."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(folders, "_LONGEST", 10**4)
+    (tmp_path / "shm").mkdir()
+    monkeypatch.setattr(folders, "_SEMAPHORES", tmp_path / "shm")
+    left = folder(tmp_path, ended)
+    (left / "ipython").mkdir()
+    (left / "123456.worker").touch()
+    names = [f"sem.loky-{pid}-abc" for pid in (ended, 123456, os.getpid(), f"{ended}0")]
+    for name in names:
+        (tmp_path / "shm" / name).touch()
+    assert run_folder().parent == tmp_path and run_folder().stat().st_mode & 0o777 == 0o700
+    assert not left.exists() and sorted(os.listdir(tmp_path / "shm")) == sorted(names[2:])
+
+
+def test_a_killed_process_is_followed_by_one_that_cleans(tmp_path):
+    code = "import os, signal; from himap.folders import run_folder; print(run_folder()); {}"
+    environment = os.environ | {"TMPDIR": str(tmp_path), "PYTHONPATH": ROOT}
+    for end, status in (("os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL), ("pass", 0)):
+        done = subprocess.run([sys.executable, "-c", code.format(end)], env=environment, capture_output=True)
+        assert done.returncode == status
+        if len(os.fsencode(tmp_path)) < folders._LONGEST:
+            assert len(os.listdir(tmp_path)) == (status != 0)
+
+
+def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(fresh, monkeypatch, tmp_path):
+    """A kernel starts, and all that it needs lies in one folder."""
+    long = tmp_path / ("x" * 120)
+    long.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(long))
+    assert run_folder().parent == Path("/tmp")
+    manager = LocalKernelManager(kernel_name="python3", session=Session())
+    manager.start_kernel()
+    try:
+        client = manager.client()
+        client.start_channels()
+        client.wait_for_ready(timeout=60)
+        assert manager.transport == "ipc" and Path(manager.connection_file).parent == run_folder()
+        client.stop_channels()
+    finally:
+        manager.shutdown_kernel(now=True)
+    assert not os.listdir(long)
+
+
+def test_names_that_are_too_long_for_sockets_are_not_used(fresh, monkeypatch, tmp_path):
+    monkeypatch.setattr("himap.companion.kernel_manager._LONGEST", 10)
+    manager = LocalKernelManager(kernel_name="python3")
+    assert manager.transport == "tcp"
+
+
+def test_no_temporary_folder(fresh, monkeypatch):
+    monkeypatch.setattr("tempfile.gettempdir", lambda: "/dev/null")
+    with pytest.raises(InputError, match="name one with the variable TMPDIR"):
+        run_folder()

@@ -1,0 +1,137 @@
+"""Files that are written whole or not at all, also when the process is killed between two of them."""
+
+import errno
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import himap
+from himap.errors import InputError
+from himap.outputs import check_free, complete_left, whole_file, whole_files
+
+NAMES = ("a.txt", "b.txt", "c.txt")
+
+KILLED = """
+import os, signal
+from himap import outputs
+
+calls = []
+
+def replace(source, target):
+    calls.append(source)
+    if len(calls) > {after}:
+        os.kill(os.getpid(), signal.SIGKILL)
+    rename(source, target)
+
+rename, os.replace = os.replace, replace
+with outputs.whole_files(*{names}) as files:
+    for file in files:
+        file.write_text("new")
+"""
+
+
+def killed(after):
+    """A process that writes `NAMES` here and is killed after so many renames, the list of them included."""
+    code = KILLED.format(after=after, names=NAMES)
+    environment = os.environ | {"PYTHONPATH": str(Path(himap.__file__).parents[1])}
+    done = subprocess.run([sys.executable, "-c", code], env=environment)
+    assert done.returncode == (-signal.SIGKILL if after < 4 else 0)
+
+
+def held():
+    return {name: Path(name).read_text() for name in os.listdir() if Path(name).is_file()}
+
+
+@pytest.mark.parametrize("after", range(5))
+@pytest.mark.parametrize("before", [{}, dict.fromkeys(NAMES, "old")], ids=["new", "over old"])
+def test_a_set_is_there_or_not_wherever_it_is_killed(tmp_path, monkeypatch, before, after):
+    monkeypatch.chdir(tmp_path)
+    for name, text in before.items():
+        Path(name).write_text(text)
+    killed(after)
+    assert len(os.listdir()) > len(held()) or after == 4
+    complete_left(Path())
+    assert held() == (dict.fromkeys(NAMES, "new") if after else before)
+    assert set(os.listdir()) == set(held())
+
+
+@pytest.mark.parametrize("after", range(4))
+def test_what_was_killed_does_not_stand_in_the_way_of_the_rerun(tmp_path, monkeypatch, after):
+    monkeypatch.chdir(tmp_path)
+    killed(after)
+    check_free([Path(name) for name in NAMES], overwrite=False)
+    with whole_files(*NAMES) as files:
+        for file in files:
+            file.write_text("again")
+    assert held() == dict.fromkeys(NAMES, "again") and len(os.listdir()) == 3
+    with pytest.raises(InputError, match="a.txt exists"):
+        check_free([Path(name) for name in NAMES], overwrite=False)
+
+
+def test_what_is_being_written_is_left_alone(tmp_path):
+    with whole_file(tmp_path / "a") as first:
+        first.write_text("1")
+        with whole_file(tmp_path / "b") as second:
+            second.write_text("2")
+        assert complete_left(tmp_path) == set()
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
+
+
+def test_a_list_renames_nothing_elsewhere(tmp_path):
+    """A folder that somebody laid there, with paths that lead out of it."""
+    (tmp_path / "victim").write_text("mine")
+    process = subprocess.Popen(["true"])
+    process.wait()
+    left = tmp_path / "home" / f".himap-{socket.gethostname()}-{process.pid}-0123abcd"
+    left.mkdir(parents=True)
+    (left / "victim").write_text("theirs")
+    (left / ".whole").write_text('["../victim"]')
+    complete_left(tmp_path / "home")
+    assert (tmp_path / "victim").read_text() == "mine" and not left.exists()
+
+
+def test_an_error_leaves_nothing(tmp_path):
+    with pytest.raises(KeyError), whole_files(tmp_path / "a", tmp_path / "b") as (first, _):
+        first.write_text("1")
+        raise KeyError
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_file_that_cannot_be_written_is_named(tmp_path):
+    """Here the second: a limit on the size of files stands for the end of the disk."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    files = [tmp_path / name for name in NAMES]
+    message = f"b.txt cannot be written .{os.strerror(errno.EFBIG)}"
+    with pytest.raises(InputError, match=message), whole_files(*files) as temporary:
+        temporary[0].write_text("small")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+        try:
+            temporary[1].write_text("x" * 10**6)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (Path.mkdir, "is a folder; give the name of a file"),
+        (os.mkfifo, "is no ordinary file"),
+        (Path.touch, "exists; choose another output"),
+    ],
+)
+def test_what_cannot_be_an_output(tmp_path, make, message):
+    make(tmp_path / "out.h5")
+    with pytest.raises(InputError, match=message):
+        check_free([tmp_path / "out.h5"], overwrite=False)
+
+
+def test_a_name_that_is_too_long(tmp_path):
+    with pytest.raises(InputError, match="cannot be written .File name too long"):
+        check_free([tmp_path / ("x" * 300)], overwrite=True)

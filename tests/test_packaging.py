@@ -1,0 +1,91 @@
+"""What is built: an sdist that holds what its tests need, a wheel with the library alone."""
+
+import email
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from himap import __version__
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILT = {"PKG-INFO", "setup.cfg"}
+IGNORED = {
+    ".git",
+    ".venv",
+    "_build",
+    "__pycache__",
+    ".ruff_cache",
+    ".pytest_cache",
+    ".himap_cache",
+}
+
+pytest.importorskip("setuptools", minversion="77", reason="an older one does not read our pyproject.toml")
+
+
+def sources():
+    """The files of the project, those of a checkout or of an sdist: paths relative to its root."""
+    done = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode == 0 and done.stdout:
+        return {name for name in done.stdout.split("\0") if name and (ROOT / name).exists()}
+    names = {path.relative_to(ROOT) for path in ROOT.rglob("*") if path.is_file()}
+    kept = [
+        name
+        for name in names
+        if not IGNORED & set(name.parts) and name.parts[0] != "results" and "himap.egg-info" not in name.parts
+    ]
+    return {name.as_posix() for name in kept} - BUILT
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Paths of an sdist, and of a wheel that is made of it."""
+    folder = tmp_path_factory.mktemp("built")
+    for name in sources():
+        (folder / "project" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / "project" / name)
+    sdist = _build("sdist", folder / "project", folder)
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    return sdist, _build("wheel", folder / f"himap-{__version__}", folder)
+
+
+def _build(kind, project, folder):
+    code = f"from setuptools import build_meta; print(build_meta.build_{kind}({str(folder)!r}))"
+    environment = os.environ | {"PYTHONSAFEPATH": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=project, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / done.stdout.splitlines()[-1]
+
+
+def test_an_sdist_holds_every_file_of_the_project(built):
+    with tarfile.open(built[0]) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames() if archive.getmember(name).isfile()}
+    ours = {name for name in names if "egg-info" not in name} - BUILT
+    assert ours == sources()
+
+
+def test_a_wheel_holds_the_library_alone(built):
+    with zipfile.ZipFile(built[1]) as archive:
+        names = archive.namelist()
+        about = email.message_from_bytes(archive.read(f"himap-{__version__}.dist-info/METADATA"))
+        commands = archive.read(f"himap-{__version__}.dist-info/entry_points.txt").decode()
+    assert {name.partition("/")[0] for name in names} == {"himap", f"himap-{__version__}.dist-info"}
+    assert {name for name in names if name.endswith(".py")} == {
+        n for n in sources() if n.startswith("himap/")
+    }
+    assert "himap = himap.__main__:start" in commands
+    needed = [
+        re.match(r"[\w-]+", line)[0] for line in about.get_all("Requires-Dist") if "extra ==" not in line
+    ]
+    assert {"numpy", "click", "healpy"} <= set(needed)
+    assert not {"jupyter-book", "papermill", "pytest", "ipykernel", "distributed"} & set(needed)
+    assert set(about.get_all("Provides-Extra")) == {"book", "cluster", "notebooks", "test"}
