@@ -7,6 +7,6 @@
   Search.htmlToText = (page, anchor) => {
     const read = new DOMParser().parseFromString(page, "text/html");
     read.querySelectorAll(NO_TEXT).forEach((one) => one.remove());
-    return whole(read.documentElement.outerHTML, anchor);
+    return whole(read.documentElement.outerHTML, anchor).replace(/\s+/g, " ");
   };
 }
