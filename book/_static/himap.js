@@ -4,8 +4,8 @@
 (() => {
   const large = document.createElement("dialog");
   large.className = "himap-large";
-  large.innerHTML = '<form method="dialog"><button aria-label="Close">Close ✕</button></form><img alt="">';
-  const picture = large.querySelector("img");
+  large.innerHTML = '<form method="dialog"><button aria-label="Close">Close ✕</button></form>';
+  const picture = document.createElement("img");
   large.addEventListener("click", (event) => event.target !== large && event.target !== picture || large.close());
   document.body.append(large);
 
@@ -13,6 +13,7 @@
     picture.src = image.src;
     picture.alt = image.alt;
     large.setAttribute("aria-label", image.alt);
+    large.append(picture);
     large.showModal();
   }
 
