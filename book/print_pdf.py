@@ -19,30 +19,8 @@ from playwright.sync_api import sync_playwright
 
 CHROMIUMS = ("chromium", "chromium-browser", "google-chrome")
 MINUTES = 5  # for all equations
-PAGES = "[...document.querySelectorAll('nav.bd-links a.reference.internal')].map(one => one.href.split('#')[0])"
-
-# The text of one page: names and links made unique in the whole, what only a screen can use taken out.
-TEXT = """(pages) => {
-  const name = (address) => address.split('/').slice(-2).join('-').replace('.html', '');
-  const here = location.href.split('#')[0];
-  const article = document.querySelector('article.bd-article');
-  const galleries = [...new Set([...article.querySelectorAll('.himap-chapter')].map(one => one.closest('section')))];
-  article.querySelectorAll('.headerlink, button, script, .himap-chapter, .himap-cite, .copybtn').forEach(one => one.remove());
-  galleries.filter(one => one.children.length === 1).forEach(one => one.remove());
-  article.querySelectorAll('.himap-links').forEach(one => one.replaceChildren(...one.querySelectorAll('code')));
-  article.querySelectorAll('details:not(.hide)').forEach(one => one.open = true);
-  article.querySelectorAll('details.hide').forEach(one => one.remove());
-  article.querySelectorAll('img').forEach(one => { one.src = one.src; one.removeAttribute('loading'); });
-  article.querySelectorAll('a[href]').forEach(one => {
-    const [address, anchor] = one.href.split('#');
-    if (!address.startsWith(location.origin)) return;
-    if (pages.includes(address)) one.setAttribute('href', '#' + name(address) + (anchor ? '--' + anchor : ''));
-    else one.replaceWith(...one.childNodes);
-  });
-  article.querySelectorAll('[id]').forEach(one => one.id = name(here) + '--' + one.id);
-  article.id = name(here);
-  return {id: article.id, title: article.querySelector('h1').textContent, text: article.outerHTML};
-}"""
+PAGES = "[...document.querySelectorAll('nav.bd-links a.internal')].map(one => one.href.split('#')[0])"
+TEXT = Path(__file__).with_name("print_page.js").read_text()
 
 HEAD = """[...document.head.querySelectorAll('link[rel=stylesheet]')].map(one => one.href)"""
 MATHJAX = """[...document.scripts].filter(one => /mathjax/i.test(one.src) || /window.MathJax/.test(one.text))
@@ -108,8 +86,9 @@ def _print(browser, address, target):
     page.evaluate("() => MathJax.startup.promise")
     page.emulate_media(media="print", color_scheme="light")
     margins = {"top": "16mm", "bottom": "18mm", "left": "18mm", "right": "18mm"}
-    options = {"display_header_footer": True, "header_template": "<span></span>", "footer_template": FOOTER}
-    page.pdf(path=target, format="A4", margin=margins, outline=True, tagged=True, print_background=True, **options)
+    options = {"header_template": "<span></span>", "footer_template": FOOTER, "display_header_footer": True}
+    options |= {"outline": True, "tagged": True, "print_background": True}
+    page.pdf(path=target, format="A4", margin=margins, **options)
     page.close()
 
 
@@ -130,7 +109,8 @@ def _whole(page, address):
     contents = "".join(f'<li><a href="#{one["id"]}">{html.escape(one["title"])}</a></li>' for one in chapters)
     text = "".join(one["text"] for one in chapters)
     return (
-        f'<!doctype html><html lang="en" data-theme="light"><head><meta charset="utf-8"><title>{title}</title>'
+        '<!doctype html><html lang="en" data-theme="light"><head><meta charset="utf-8">'
+        f"<title>{html.escape(title)}</title>"
         f"{styles}<style>{STYLE}</style>{re.sub('async', 'defer', mathjax)}</head><body>"
         f'<div class="title"><h1>{html.escape(title)}</h1></div>'
         f'<div class="contents"><h2>Contents</h2><ul>{contents}</ul></div>'

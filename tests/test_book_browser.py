@@ -1,4 +1,4 @@
-"""What a reader does in a browser: plays with figures, enlarges them, reads tables and text in light and dark."""
+"""What a reader does in a browser: plays with figures, enlarges them, reads text and tables in any light."""
 
 import csv
 import io
@@ -53,8 +53,8 @@ FAINT = """least => {
         const text = walker.currentNode.textContent.trim();
         if (!text || element.closest('mjx-container, script, style') || !element.checkVisibility()) continue;
         const under = ground(element);
-        const [low, high] = [over(getComputedStyle(element).color, under), under].map(luminance).sort((a, b) => a - b);
-        const contrast = (high + 0.05) / (low + 0.05);
+        const both = [over(getComputedStyle(element).color, under), under].map(luminance);
+        const contrast = (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
         if (contrast < least) found[text.slice(0, 60)] = contrast;
     }
     return found;

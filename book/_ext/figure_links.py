@@ -106,7 +106,8 @@ def _citation(app, docname, figure):
     )
     return (
         '<details class="himap-cite"><summary>Cite this figure</summary>'
-        f'<p><span class="himap-citation" data-anchor="{figure.name}">{html.escape(text)}</span></p></details>'
+        f'<p><span class="himap-citation" data-anchor="{figure.name}">{html.escape(text)}</span></p>'
+        "</details>"
     )
 
 

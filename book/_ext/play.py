@@ -2,8 +2,8 @@
 curves to toggle, zoom and read values from in the place of the picture. The picture stays where there is no
 script, and in print.
 
-The numbers become ``_static/play/NAME.js``, which a page asks for when the button is pressed; the library that
-draws (uPlot, MIT licence, in ``_static/uplot``) is loaded by pages that have such a figure only.
+The numbers become ``_static/play/NAME.js``, which a page asks for when the button is pressed; the library
+that draws (uPlot, MIT licence, in ``_static/uplot``) is loaded by pages that have such a figure only.
 """
 
 import json
@@ -13,6 +13,7 @@ from pathlib import Path
 import play_data
 import play_looks
 from docutils import nodes
+
 from himap.companion.figures import figures
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.figures import styles

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from matplotlib.colors import to_hex
 
-
 TRUTH = "HI + noise"
 OWN = ": truth"  # ends the label of the truth that a curve brings
 _SIGNS = {
@@ -82,16 +81,13 @@ def view(label, panels, looks, kind=None):
     panels
         {title: [(label, {x: y})]}.
     looks
-        Function from the labels of a panel to their styles, {label: style} as `himap.figures.styles` has them.
+        Function from the labels of a panel to {label: style}, styles as `himap.figures.styles` has them.
     kind
         Function from a title to "angular" or "frequency" where curves come with their ratio to the truth.
     """
     return {
         "label": label,
-        "panels": [
-            _panel(title, curves, looks, kind and kind(title))
-            for title, curves in panels.items()
-        ],
+        "panels": [_panel(title, curves, looks, kind and kind(title)) for title, curves in panels.items()],
     }
 
 

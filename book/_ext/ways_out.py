@@ -1,5 +1,5 @@
-"""Sphinx extension: one setting, ``repository: url`` in ``_config.yml``, turns on the buttons that lead to the
-source, edit it, open an issue, and open a notebook in Binder or Colab. While it is empty there are none.
+"""Sphinx extension: one setting, ``repository: url`` in ``_config.yml``, turns on the buttons that lead to
+the source, edit it, open an issue, and open a notebook in Binder or Colab. While it is empty there are none.
 """
 
 SOURCES = ("repository", "source", "edit_page", "issues")
