@@ -38,7 +38,7 @@ body { background: white; display: block; }
 img { break-inside: avoid; }
 h1, h2, h3 { break-after: avoid; }
 p { orphans: 3; widows: 3; }
-div.highlight pre { font-size: 0.72em; orphans: 4; widows: 4; }
+div.highlight pre { font-size: 0.72em; }
 figure, .himap-table { font-size: 0.9em; }
 figure img { max-height: 14cm; }
 """

@@ -1,4 +1,4 @@
-/* Every page: a click on a figure shows it large, and a citation gets the address of its page. */
+/* Every page: a click on a figure shows it large, a citation gets the address of its page, paper is white. */
 "use strict";
 
 (() => {
@@ -54,4 +54,13 @@
     });
     citation.after(" ", copy);
   }
+
+  let theme = null;
+  addEventListener("beforeprint", () => {
+    theme = document.documentElement.dataset.theme;
+    document.documentElement.dataset.theme = "light";
+  });
+  addEventListener("afterprint", () => {
+    document.documentElement.dataset.theme = theme;
+  });
 })();
