@@ -3,12 +3,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 BUILD := _build
 HTML := $(BUILD)/html
-INPUTS := _config.yml _toc.yml $(shell find book -type f -not -path '*/__pycache__/*') $(wildcard notebooks/*.ipynb)
+PDF := $(BUILD)/himap.pdf
+INPUTS := _config.yml _toc.yml CHANGELOG.md CITATION.cff $(shell find book -type f -not -path '*/__pycache__/*') $(wildcard notebooks/*.ipynb)
 
-.PHONY: help setup book refresh test clean distclean
+.PHONY: help setup book pdf refresh test clean distclean
 
 help:
 	@echo "make book   run the notebooks that are stale, then render the book to $(HTML)/index.html"
+	@echo "make pdf    the same, and print it to $(PDF); needs Chromium"
 	@echo "make test   run all tests, those of the notebooks' numbers included"
 	@echo "make setup  only install into .venv (make setup PYTHON=python3.12 chooses the interpreter)"
 	@echo "make clean  remove the rendered book and caches; make distclean removes .venv as well"
@@ -29,6 +31,10 @@ setup: .venv/.installed
 book: refresh
 	@$(MAKE) --no-print-directory $(HTML)/.complete
 	@echo "The book: $(HTML)/index.html"
+
+pdf: book
+	@$(BIN)/python book/print_pdf.py $(HTML) $(PDF)
+	@echo "The book on paper: $(PDF)"
 
 refresh: .venv/.installed
 	@$(BIN)/himap run --stale

@@ -1,9 +1,12 @@
 """Shared fixtures."""
 
+import functools
 import os
 import shutil
 import subprocess
 import sys
+import threading
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,9 @@ from click.testing import CliRunner
 import himap
 from himap.cli.main import main
 
-SHARED_SKY = Path(__file__).resolve().parents[2] / "shared" / "sky"
+ROOT = Path(__file__).resolve().parents[1]
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+SHARED_SKY = ROOT.parent / "shared" / "sky"
 
 
 @pytest.fixture(autouse=True)
@@ -62,3 +67,73 @@ def himap_command(tmp_path, monkeypatch):
         return result.exit_code, result.stdout, result.stderr
 
     return call
+
+
+@pytest.fixture(scope="session")
+def html(tmp_path_factory):
+    """The folder of the book, rendered from what is committed; a warning is an error."""
+    folder = tmp_path_factory.mktemp("book")
+    for name in ("_config.yml", "_toc.yml", "CHANGELOG.md", "CITATION.cff"):
+        shutil.copy(ROOT / name, folder)
+    shutil.copytree(ROOT / "book", folder / "book")
+    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
+    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
+    options = ["build", str(folder), "-W", "--keep-going"]
+    outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
+    return folder / "_build" / "html"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture(scope="session")
+def address(html):
+    """Where a server of the book listens."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=html))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")  # its event loop stands in the way of other tests
+def browser():
+    """A Chromium without window."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    from playwright.sync_api import sync_playwright  # most tests do without
+
+    with sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def visit(browser, address):
+    """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
+    pages = []
+
+    def opened(path, **options):
+        page = browser.new_page(**options)
+        pages.append(page)
+        page.complaints, page.elsewhere = [], []
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
+        page.on(
+            "request",
+            lambda asked: (
+                None
+                if asked.url.startswith((address, "data:", "blob:"))
+                else page.elsewhere.append(asked.url)
+            ),
+        )
+        page.goto(f"{address}/{path}", wait_until="networkidle")
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()

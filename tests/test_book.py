@@ -1,13 +1,7 @@
 """The book renders without warning or network, leads nowhere in vain, and a browser finds it whole."""
 
-import functools
 import re
-import shutil
-import subprocess
-import sys
-import threading
 from contextlib import suppress
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -16,12 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
-from playwright.sync_api import sync_playwright
 
 from himap.companion.staleness import stored_results
 
 ROOT = Path(__file__).resolve().parents[1]
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 HEAVIEST = 3e6  # bytes of a page with all that it loads
 PHONE = {"width": 390, "height": 800}
 NOT_LOADED = "[...document.images].filter(one => !(one.complete && one.naturalWidth)).map(one => one.src)"
@@ -30,21 +22,6 @@ LOAD_ALL = """for (const one of document.images) one.loading = 'eager';
     for (const one of document.getElementsByTagName('details')) one.open = true;"""
 BYTES = """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
     .reduce((sum, one) => sum + one.transferSize, 0)"""
-
-
-@pytest.fixture(scope="module")
-def html(tmp_path_factory):
-    """The folder of the book, rendered from what is committed; a warning is an error."""
-    folder = tmp_path_factory.mktemp("book")
-    for name in ("_config.yml", "_toc.yml"):
-        shutil.copy(ROOT / name, folder)
-    shutil.copytree(ROOT / "book", folder / "book")
-    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    options = ["build", str(folder), "-W", "--keep-going"]
-    outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return folder / "_build" / "html"
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +46,7 @@ def test_book_brings_what_draws_equations(book):
     assert sum('class="math' in page for page in book.values()) >= 3
 
 
-LINKS = re.compile(r'<span class="himap-links">(.*?)</span>', re.S)
+LINKS = re.compile(r'<div class="himap-links">(.*?)</div>', re.S)
 SUFFIX = {".csv", ".npz"}
 
 
@@ -90,9 +67,11 @@ def test_every_figure_offers_its_numbers_its_notebook_and_its_command(html, book
         page = html / "notebooks" / f"{notebook}.html"
         figure = re.search(rf'<figure [^>]*id="{name}".*?</figure>', book[page], re.S)[0]
         (line,) = LINKS.findall(figure)
-        data, copy = [page.parent / target for target in re.findall(r'href="([^"]+)"', line)]
+        targets = re.findall(r'href="([^"#]+)"', line)
+        data, copy, *whole = [page.parent / target for target in targets]
         assert f"himap run {notebook}" in line
-        assert data.stem == name and data.suffix in SUFFIX
+        assert data.stem == name and data.suffix in SUFFIX and f'href="#{name}"' in line
+        assert all(f'"name":"{name}"' in stored.read_text() for stored in whole)
         if data.suffix == ".csv":
             assert data.read_text().startswith("panel,curve,x,y\n") and data.stat().st_size > 50, name
         else:
@@ -145,58 +124,6 @@ def test_no_link_leads_nowhere(html, book):
             file = (path.parent / address.partition("?")[0]).resolve() if address else path
             assert file.exists(), f"{path.name} links {target}"
             assert not anchor or file not in targets or anchor in targets[file], f"{path.name}: {target}"
-
-
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *args):
-        pass
-
-
-@pytest.fixture(scope="module")
-def address(html):
-    """Where a server of the book listens."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=html))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}"
-    server.shutdown()
-    server.server_close()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    with sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def visit(browser, address):
-    """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
-    pages = []
-
-    def opened(path, **options):
-        page = browser.new_page(**options)
-        pages.append(page)
-        page.complaints, page.elsewhere = [], []
-        page.on("pageerror", lambda error: page.complaints.append(str(error)))
-        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
-        page.on(
-            "request",
-            lambda asked: (
-                None
-                if asked.url.startswith((address, "data:", "blob:"))
-                else page.elsewhere.append(asked.url)
-            ),
-        )
-        page.goto(f"{address}/{path}", wait_until="networkidle")
-        return page
-
-    yield opened
-    for page in pages:
-        page.close()
 
 
 def chapters(html):

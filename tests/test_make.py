@@ -30,7 +30,15 @@ class Workshop:
 
     def __init__(self, folder):
         self.folder = folder
-        for name in ("Makefile", "requirements.txt", "pyproject.toml", "_config.yml", "_toc.yml"):
+        for name in (
+            "Makefile",
+            "requirements.txt",
+            "pyproject.toml",
+            "_config.yml",
+            "_toc.yml",
+            "CHANGELOG.md",
+            "CITATION.cff",
+        ):
             shutil.copy(ROOT / name, folder)
         for name in ("book/intro.md", "notebooks/04_pca.ipynb"):
             (folder / name).parent.mkdir()
@@ -79,7 +87,7 @@ def test_failed_install_is_tried_again(workshop):
 def test_make_book_renders_when_something_changed(workshop):
     assert workshop.make("book") == (0, [*SETUP, *REFRESH, "jupyter-book build"])
     assert workshop.make("book") == (0, REFRESH)
-    for name in ("notebooks/04_pca.ipynb", "book/intro.md", "_toc.yml"):
+    for name in ("notebooks/04_pca.ipynb", "book/intro.md", "_toc.yml", "CHANGELOG.md"):
         workshop.edit(name)
         assert workshop.make("book") == (0, [*REFRESH, "jupyter-book build"])
 
@@ -90,3 +98,8 @@ def test_book_with_a_warning_is_rendered_again(workshop):
     assert workshop.make("book") != (0, REFRESH)
     (workshop.folder / "fails").unlink()
     assert workshop.make("book") == (0, [*REFRESH, "jupyter-book build"])
+
+
+def test_make_pdf_prints_the_rendered_book(workshop):
+    book = [*SETUP, *REFRESH, "jupyter-book build"]
+    assert workshop.make("pdf") == (0, [*book, "python book/print_pdf.py _build/html _build/himap.pdf"])

@@ -1,52 +1,127 @@
-"""Sphinx extension: under each caption of a notebook the numbers of the figure and the notebook, to download,
-and the command that makes it again. Stored pictures that a notebook shows lead to themselves in full size.
+"""Sphinx extension: what every figure of a notebook comes with. A text in place of the picture, from its
+caption; below the caption its numbers, its notebook, the command that makes it again, a link that stays, how
+to cite it, and the numbers at the paper's size where they are stored.
 
 The numbers become the file ``_static/data/NAME.csv`` or ``.npz`` beside the pages, NAME being that of the
-figure.
+figure; those of the paper's size ``_static/data/FOLDER.json``.
 """
 
+import html
+import json
+import shutil
+from functools import cache
 from pathlib import Path
 
+import yaml
 from docutils import nodes
 from sphinx import addnodes
 
+from himap.companion.captions import plain_caption
 from himap.companion.figures import figures
+from himap.companion.notebook_files import STAMP, read_notebook
+
+PAPER = "Gkogkou et al. (2025), arXiv:2511.13328"
 
 
-def add_links(app, doctree):
-    """Write the numbers of a page's figures, and the line under each caption."""
-    source = Path(app.env.doc2path(app.env.docname))
-    if source.suffix != ".ipynb" or app.builder.format != "html":
-        return
-    there = {figure.name: figure for figure in figures(source)}
-    up = "../" * app.env.docname.count("/")
+def describe(app, doctree):
+    """Give every picture a text, and show stored ones as wide as the page."""
+    there = _figures(app.env.doc2path(app.env.docname))
     for node in doctree.findall(nodes.figure):
         for name in set(node["ids"]) & set(there):
-            _write(there[name], Path(app.outdir, "_static", "data"))
-            line = _line(there[name], up, app.env.docname)
-            next(node.findall(nodes.caption)).append(nodes.raw("", line, format="html"))
+            for picture in node.findall(nodes.image):
+                picture["alt"] = plain_caption(there[name].caption)
     for node in list(doctree.findall(addnodes.download_reference)):
         for picture in node.findall(nodes.image):
             picture["width"] = "100%"  # Sphinx links what it scales
             node.replace_self(picture)
 
 
-def _write(figure, folder):
-    folder.mkdir(parents=True, exist_ok=True)
-    for ending, content in figure.data.items():
-        (folder / f"{figure.name}.{ending}").write_bytes(content)
+def add_links(app, doctree, docname):
+    """Write the numbers of a page's figures, and the lines under each caption."""
+    if app.builder.format != "html":
+        return
+    there = _figures(app.env.doc2path(docname))
+    folder = Path(app.outdir, "_static", "data")
+    for node in doctree.findall(nodes.figure):
+        for name in set(node["ids"]) & set(there):
+            figure = there[name]
+            folder.mkdir(parents=True, exist_ok=True)
+            for ending, content in figure.data.items():
+                (folder / f"{name}.{ending}").write_bytes(content)
+            stored = [path for path in _stored(app.srcdir) if name in _names(path)]
+            for path in stored:
+                shutil.copy(path, folder / f"{path.parent.name}.json")
+            line = _line(figure, "../" * docname.count("/"), docname, [path.parent.name for path in stored])
+            text = line + _citation(app, docname, figure)
+            node.append(nodes.legend("", nodes.raw("", text, format="html")))
 
 
-def _line(figure, up, docname):
+@cache
+def _figures(path):
+    """{name: `Figure`} of the notebook at `path`; none of a page that is no notebook."""
+    return {one.name: one for one in figures(path)} if Path(path).suffix == ".ipynb" else {}
+
+
+@cache
+def _stored(root):
+    return sorted(Path(root, "book", "results").glob("*/figures.json"))
+
+
+@cache
+def _names(path):
+    return {row["name"] for row in json.loads(path.read_text())["figures"]}
+
+
+def _line(figure, up, docname, folders):
+    """What there is to download, the command and the link."""
+    data = f"{up}_static/data"
     links = [
-        f'<a href="{up}_static/data/{figure.name}.{ending}" download>Data ({ending.upper()})</a>'
+        f'<a href="{data}/{figure.name}.{ending}" download>Data ({ending.upper()})</a>'
         for ending in figure.data
     ]
     links.append(f'<a href="{up}_sources/{docname}.ipynb" download>Notebook</a>')
     links.append(f"<code>himap run {figure.notebook}</code>")
-    return f'<span class="himap-links">{" · ".join(links)}</span>'
+    links.append(f'<a class="himap-permalink" href="#{figure.name}">Link to this figure</a>')
+    links += [
+        f'<a href="{data}/{name}.json" download>{_said(name)} (JSON)</a>' for name in folders if figure.data
+    ]
+    return f'<div class="himap-links">{" · ".join(links)}</div>'
+
+
+def _said(folder):
+    """``paper_templates`` in words."""
+    galaxy = folder.partition("_")[2]
+    return f"At the paper’s size, {'real' if galaxy == 'templates' else galaxy} Galaxy"
+
+
+def _citation(app, docname, figure):
+    """How to cite the figure, folded; the script of the page puts its address where it has one."""
+    number = app.env.toc_fignumbers.get(docname, {}).get("figure", {}).get(figure.name, ())
+    book, execution = _book(app.srcdir), _execution(app.env.doc2path(docname))
+    authors = ", ".join(one["name"] for one in book["authors"])
+    after = f" After Fig. {figure.paper} of {PAPER}." if figure.paper else ""
+    text = (
+        f"{authors}: “{app.env.titles[docname].astext()}”, Fig. {'.'.join(map(str, number))}, in: "
+        f"{book['title']}, version {book['version']}, commit {execution.get('commit', 'unknown')}.{after}"
+    )
+    return (
+        '<details class="himap-cite"><summary>Cite this figure</summary>'
+        f'<p><span class="himap-citation" data-anchor="{figure.name}">{html.escape(text)}</span></p>'
+        "</details>"
+    )
+
+
+@cache
+def _book(root):
+    return yaml.safe_load(Path(root, "CITATION.cff").read_text())
+
+
+@cache
+def _execution(path):
+    return read_notebook(path).metadata[STAMP].get("execution", {})
 
 
 def setup(app):
-    app.connect("doctree-read", add_links)
+    app.connect("doctree-read", describe)
+    app.connect("doctree-resolved", add_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,165 @@
+"""Sphinx extension: figures to play with. A figure that is in `SPECTRA` or `LINES` gets a button, which puts
+curves to toggle, zoom and read values from in the place of the picture. The picture stays where there is no
+script, and in print.
+
+The numbers become ``_static/play/NAME.js``, which a page asks for when the button is pressed; the library
+that draws (uPlot, MIT licence, in ``_static/uplot``) is loaded by pages that have such a figure only.
+"""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import play_data
+import play_looks
+from docutils import nodes
+
+from himap.companion.figures import figures
+from himap.companion.notebook_files import STAMP, read_notebook
+from himap.figures import styles
+from himap.paper.readings import readings
+from himap.paper.readings_file import read_readings
+from himap.removal.sdecgmca.readings import READINGS
+
+SPECTRA = {
+    "fig-results-angular": {"kind": "angular", "panel": "Beam"},
+    "fig-results-frequency": {"kind": "frequency", "panel": "Beam"},
+    "fig-ns-scan-spectra": {"looks": play_looks.sequence, "slider": "curve"},
+    "fig-post-spectra": {},
+    "fig-dimmed-spectra": {},
+    "fig-transfer-corrected": {"looks": play_looks.corrected},
+}
+"""Figures of spectra: {name: what differs}; each curve comes with its ratio to the truth."""
+
+_SKY = "across the sky"
+LINES = {
+    "fig-ns-scan-mse": {
+        "only": ["all of it"],
+        "axes": {"x": "number of sources nₛ", "y": "total MSE", "y_log": True},
+        "slider": "x",
+    },
+    "fig-transfer-functions": {
+        "looks": play_looks.sequence,
+        "axes": {"y": "share of the power that comes back, T", "x_log": True, "y_range": [0, 1.1]},
+    },
+    "fig-transfer-mocks": {
+        "looks": play_looks.apart,
+        "axes": {"y": "T over the usual T", "x_log": True, "y_range": [0.97, 1.03]},
+    },
+}
+"""Figures of other curves."""
+
+READINGS_FIGURE = "fig-readings-curves"
+_SCRIPTS = ("uplot/uPlot.iife.min.js", "play_chart.js", "play.js")
+
+
+def add_buttons(app, doctree, docname):
+    """Write the numbers of a page's figures to play with, and a button under each."""
+    source = Path(app.env.doc2path(docname))
+    if source.suffix != ".ipynb" or app.builder.format != "html":
+        return
+    there = {figure.name: figure for figure in figures(source)}
+    for node in doctree.findall(nodes.figure):
+        for name in set(node["ids"]) & set(there) & {*SPECTRA, *LINES, READINGS_FIGURE}:
+            _write(Path(app.outdir, "_static", "play", f"{name}.js"), name, _content(app, there[name]))
+            button = f'<button type="button" class="himap-play" data-figure="{name}" hidden></button>'
+            legend = next(node.findall(nodes.legend))
+            legend.insert(0, nodes.raw("", button, format="html"))
+            app.env.metadata[docname]["himap-plays"] = True
+
+
+def add_library(app, pagename, templatename, context, doctree):
+    """The scripts, on pages with such a figure."""
+    if app.env.metadata.get(pagename, {}).get("himap-plays"):
+        for script in _SCRIPTS:
+            app.add_js_file(script, loading_method="defer")
+        app.add_css_file("uplot/uPlot.min.css")
+
+
+def _write(path, name, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+    path.write_text(f"himapPlay.arrived({json.dumps(name)}, {text});\n", encoding="utf-8")
+
+
+def _content(app, figure):
+    """What the script gets of one figure."""
+    if figure.name == READINGS_FIGURE:
+        return _of_readings(Path(app.srcdir, "book", "results", "readings.json"))
+    about = SPECTRA.get(figure.name) or LINES.get(figure.name) or {}
+    kind = partial(_kind, about.get("kind")) if figure.name in SPECTRA else None
+    parameters = read_notebook(app.env.doc2path(f"notebooks/{figure.notebook}")).metadata[STAMP]["parameters"]
+    sources = [(parameters, play_data.of_notebook(figure))]
+    for path in sorted(Path(app.srcdir, "book", "results").glob("*/figures.json")):
+        sources.append(play_data.of_stored(path, figure.name))
+    views = []
+    for made, panels in filter(None, sources):
+        chosen = {title: panels[title] for title in about.get("only", panels)}
+        label = play_data.size_and_galaxy(made)
+        views.append(play_data.view(label, chosen, about.get("looks", play_looks.methods), kind))
+    for one in views:
+        for panel in one["panels"]:
+            panel |= _axes(figure.name, panel["title"], about, kind)
+    names = {"view": "Size and Galaxy", "panel": about.get("panel", "Direction")}
+    return {"names": names, "slider": about.get("slider"), "views": views}
+
+
+def _kind(fixed, title):
+    return fixed or ("angular" if title == _SKY else "frequency")
+
+
+def _axes(name, title, about, kind):
+    """Labels and scales of one panel."""
+    found = styles.AXES[_kind(about.get("kind"), title)]
+    axes = {"x_label": play_data.plain(found["xlabel"])}
+    if kind:
+        axes |= {"y_label": play_data.plain(found["ylabel"]), "x_log": True, "y_log": True}
+        return axes | {"ratio_label": play_data.plain(found["ratio_label"])}
+    given = about["axes"]
+    axes |= {f"{one}_label": given[one] for one in "xy" if one in given}
+    return axes | {one: given[one] for one in ("x_log", "y_log", "y_range") if one in given}
+
+
+def _of_readings(path):
+    """SDecGMCA under every reading: a view for each noise level, those with a name shown at first."""
+    outcomes, _ = read_readings(path)
+    known = readings()
+    runs = [(label, run) for label, one in outcomes.items() for run in one.runs]
+    titles = {label: known[label].title for label in outcomes}
+    views = []
+    for level in sorted({run.noise_level for _, run in runs}, key=lambda value: abs(value - 1)):
+        panels, axes = {}, {}
+        for seed in dict.fromkeys(run.seed for _, run in runs):
+            for kind, across in (("angular", _SKY), ("frequency", "along the line of sight")):
+                title = f"seed {seed}, {across}"
+                panels[title] = [
+                    (titles[label], _points(run, kind))
+                    for label, run in runs
+                    if (run.seed, run.noise_level) == (seed, level)
+                ]
+                found = styles.AXES[kind]
+                axes[title] = {
+                    "x_label": play_data.plain(found["xlabel"]),
+                    "y_label": play_data.plain(found["ratio_label"]),
+                    "x_log": True,
+                    "y_range": [0.4, 2.2],
+                    "band": 0.1,
+                }
+        one = play_data.view(f"noise × {level:g}", panels, play_looks.apart)
+        for panel in one["panels"]:
+            panel |= axes[panel["title"]]
+        views.append(one)
+    hidden = [titles[label] for label in outcomes if label not in READINGS]
+    names = {"view": "Told noise level", "panel": "Sky and direction"}
+    return {"names": names, "slider": None, "views": views, "hidden": hidden}
+
+
+def _points(run, kind):
+    x, y = ("degrees", "angular_ratio") if kind == "angular" else ("k", "frequency_ratio")
+    return dict(zip(getattr(run, x), getattr(run, y), strict=True))
+
+
+def setup(app):
+    app.connect("doctree-resolved", add_buttons, priority=600)  # below the links of figure_links
+    app.connect("html-page-context", add_library)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

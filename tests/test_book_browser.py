@@ -1,0 +1,268 @@
+"""What a reader does in a browser: plays with figures, enlarges them, reads text and tables in any light."""
+
+import csv
+import io
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+import yaml
+
+from himap.companion.captions import plain_caption
+from himap.companion.figures import figures
+from himap.figures.numbers import quoted
+
+ROOT = Path(__file__).resolve().parents[1]
+DESK = {"width": 1300, "height": 900}
+LEAST_CONTRAST = 4.5  # of text, WCAG 2 AA
+PLAYED = {
+    "fig-results-angular": "10_results",
+    "fig-results-frequency": "10_results",
+    "fig-ns-scan-mse": "11_ns_scan",
+    "fig-ns-scan-spectra": "11_ns_scan",
+    "fig-post-spectra": "12_post_masking",
+    "fig-dimmed-spectra": "13_dimmed_galaxy",
+    "fig-readings-curves": "16_readings",
+    "fig-transfer-functions": "20_transfer_function",
+    "fig-transfer-corrected": "20_transfer_function",
+    "fig-transfer-mocks": "20_transfer_function",
+}
+
+# {text that is too faint: its contrast}, of what is seen of the article.
+FAINT = """least => {
+    const luminance = rgb => rgb.map(one => one / 255)
+        .map(one => one <= 0.04045 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, one, n) => sum + one * [0.2126, 0.7152, 0.0722][n], 0);
+    const parts = text => text.match(/[\\d.]+/g).map(Number);
+    const over = (text, under) => {
+        const [r, g, b, alpha = 1] = parts(text);
+        return [r, g, b].map((one, n) => one * alpha + under[n] * (1 - alpha));
+    };
+    const grounds = new Map([[null, [255, 255, 255]]]);
+    const ground = one => {
+        if (!grounds.has(one)) {
+            grounds.set(one, over(getComputedStyle(one).backgroundColor, ground(one.parentElement)));
+        }
+        return grounds.get(one);
+    };
+    const found = {};
+    const walker = document.createTreeWalker(document.querySelector('article'), NodeFilter.SHOW_TEXT);
+    while (walker.nextNode()) {
+        const element = walker.currentNode.parentElement;
+        const text = walker.currentNode.textContent.trim();
+        if (!text || element.closest('mjx-container, script, style') || !element.checkVisibility()) continue;
+        const under = ground(element);
+        const both = [over(getComputedStyle(element).color, under), under].map(luminance);
+        const contrast = (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+        if (contrast < least) found[text.slice(0, 60)] = contrast;
+    }
+    return found;
+}"""
+SCROLLING = """[...document.querySelectorAll('article table')].map(one => one.parentElement)
+    .filter(one => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1)
+    .map(one => [one.clientWidth, one.scrollWidth, one.innerText.slice(0, 80)])"""
+UNFOLD = "for (const one of document.getElementsByTagName('details')) one.open = true;"
+
+
+@pytest.fixture
+def played(visit):
+    """Opens the page of a figure and presses its button: (page, figure)."""
+
+    def opened(name, **options):
+        page = visit(f"notebooks/{PLAYED[name]}.html", **{"viewport": DESK} | options)
+        figure = page.locator(f"#{name}")
+        figure.locator("button.himap-play").click()
+        figure.locator("canvas").first.wait_for()
+        return page, figure
+
+    return opened
+
+
+def numbers(name):
+    """{panel: {curve: {x: y}}} of a figure."""
+    (figure,) = [one for one in figures(ROOT / "notebooks" / f"{PLAYED[name]}.ipynb") if one.name == name]
+    found = defaultdict(lambda: defaultdict(dict))
+    for row in csv.DictReader(io.StringIO(figure.data["csv"].decode())):
+        found[row["panel"]][row["curve"]][float(row["x"])] = float(row["y"])
+    return found
+
+
+def said(figure):
+    """{curve: number} that the figure says of the point under its cursor."""
+    text = figure.locator(".himap-status").text_content()
+    pairs = [part.rpartition(" ") for part in text.partition(": ")[2].split("; ")]
+    return {curve: float(value) for curve, _, value in pairs if "·" not in value}
+
+
+@pytest.mark.parametrize("name", PLAYED)
+def test_a_figure_can_be_played_with(played, name):
+    page, figure = played(name)
+    assert not figure.locator("img").first.is_visible() and figure.locator("canvas").count() in (1, 2)
+    charts, curve = figure.locator(".himap-charts"), figure.locator(".himap-legend button").nth(1)
+    before = charts.screenshot()
+    curve.click()
+    assert curve.get_attribute("aria-pressed") == "false" and charts.screenshot() != before
+    curve.click()
+    whole = charts.screenshot()
+    figure.get_by_label("Zoom in").click()
+    assert charts.screenshot() != whole
+    charts.focus()
+    page.keyboard.press("0")
+    page.keyboard.press("ArrowRight")
+    assert said(figure)
+    for box in figure.locator("select").all():
+        box.select_option(index=box.locator("option").count() - 1)
+        figure.locator("canvas").first.wait_for()
+    page.emulate_media(media="print")
+    assert figure.locator("img").first.is_visible() and not charts.is_visible()
+    page.emulate_media(media="screen")
+    figure.get_by_text("Back to the picture").click()
+    assert figure.locator("img").first.is_visible() and not charts.is_visible()
+    assert not page.complaints and not page.elsewhere
+
+
+@pytest.mark.parametrize("name", ["fig-results-angular", "fig-results-frequency"])
+def test_ratios_are_those_of_the_numbers(played, name):
+    """At the first point, of every curve and every beam; a curve is divided by its own truth if it has one.
+
+    P(k) of SDecGMCA ends at some l: without its own truth it has no ratio, and the figure says so.
+    """
+    page, figure = played(name)
+    for beam, curves in numbers(name).items():
+        figure.locator("select").nth(1).select_option(label=beam)
+        figure.locator(".himap-charts").focus()
+        page.keyboard.press("Home")
+        truth = curves.pop("HI + noise")
+        own = {label.removesuffix(": truth"): ys for label, ys in curves.items() if label.endswith(": truth")}
+        least = min(truth)
+        expected = {
+            label: ys[least] / own.get(label, truth)[least]
+            for label, ys in curves.items()
+            if label.removesuffix(": truth") == label
+        }
+        if name.endswith("frequency") and "SDecGMCA" not in own:
+            del expected["SDecGMCA"]
+            assert "No ratio here of SDecGMCA" in figure.locator(".himap-note").text_content()
+        found = said(figure)
+        assert found == pytest.approx({label: expected[label] for label in found}, rel=6e-3)
+        assert set(expected) - set(found) <= {one for one, ratio in expected.items() if ratio > 1e5}
+
+
+def test_numbers_change_with_size_and_galaxy(played):
+    page, figure = played("fig-results-angular")
+    views = figure.locator("select").first
+    labels = views.locator("option").all_text_contents()
+    assert labels[0] == "quick, synthetic Galaxy" and len([one for one in labels if one[:5] == "paper"]) == 2
+    seen = []
+    for label in labels:
+        views.select_option(label=label)
+        figure.locator(".himap-charts").focus()
+        page.keyboard.press("Home")
+        seen.append(said(figure)["PCA"])
+    assert len(set(seen)) == 3
+
+
+def test_a_slider_goes_through_the_numbers_of_sources(played):
+    page, figure = played("fig-ns-scan-mse")
+    figure.locator("input[type=range]").focus()
+    scan = numbers("fig-ns-scan-mse")["all of it"]
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    assert figure.locator("output").text_content() == "5"
+    assert {name: said(figure)[name] for name in ("SDecGMCA", "PCA")} == pytest.approx(
+        {name: scan[name][5] for name in ("SDecGMCA", "PCA")}, rel=6e-3
+    )
+    page, figure = played("fig-ns-scan-spectra")
+    before = figure.locator(".himap-charts").screenshot()
+    figure.locator("input[type=range]").focus()
+    page.keyboard.press("ArrowRight")
+    assert figure.locator("output").text_content() == "2"
+    assert figure.locator(".himap-charts").screenshot() != before
+
+
+def test_pictures_stay_where_there_is_no_script(browser, address):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(f"{address}/notebooks/10_results.html")
+    figure = page.locator("#fig-results-angular")
+    assert figure.locator("img").is_visible() and not figure.locator("button").is_visible()
+    context.close()
+
+
+def test_the_library_is_loaded_only_where_it_draws(html):
+    with_it = {path.stem for path in html.rglob("*.html") if "uPlot.iife" in path.read_text()}
+    assert with_it == set(PLAYED.values())
+    assert (html / "_static" / "uplot" / "LICENSE").read_text().startswith("The MIT License")
+
+
+def test_a_click_enlarges_a_figure(visit):
+    page = visit("notebooks/04_pca.html", viewport=DESK)
+    picture = page.locator("#fig-pca-maps img")
+    before = picture.bounding_box()["width"]
+    picture.click()
+    large = page.locator("dialog[open] img")
+    assert large.bounding_box()["width"] > 1.3 * before
+    assert large.get_attribute("alt") == picture.get_attribute("alt")
+    page.keyboard.press("Escape")
+    assert not page.locator("dialog[open]").count()
+
+
+def test_figures_have_a_text_a_link_and_a_citation(visit):
+    for notebook in sorted((ROOT / "notebooks").glob("1*.ipynb")):
+        page = visit(f"notebooks/{notebook.stem}.html")
+        for one in figures(notebook):
+            figure = page.locator(f"#{one.name}")
+            assert figure.locator("img").first.get_attribute("alt") == plain_caption(one.caption)
+            assert figure.locator(".himap-permalink").get_attribute("href") == f"#{one.name}"
+            text = figure.locator(".himap-citation").text_content()
+            number = figure.locator(".caption-number").text_content().strip()
+            assert f"{number}, in: himap" in text and text.endswith(f"{notebook.stem}.html#{one.name}")
+        page.close()
+
+
+def test_text_stands_out_and_tables_fit_in_light_and_dark(html, visit):
+    for path in sorted([*html.glob("book/*.html"), *html.glob("notebooks/*.html")]):
+        page = visit(path.relative_to(html).as_posix(), viewport=DESK, color_scheme="light")
+        assert page.locator("article").bounding_box()["width"] < 770
+        page.add_style_tag(content="* { transition: none !important; }")  # colours as they come to be
+        page.evaluate(UNFOLD)
+        assert not page.evaluate(SCROLLING), path.name
+        for theme in ("light", "dark"):
+            page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
+            assert not page.evaluate(FAINT, LEAST_CONTRAST), f"{path.name}, {theme}"
+        page.close()
+
+
+def test_pages_show_no_tolerance_and_few_digits(html, visit):
+    page = visit("notebooks/10_results.html")
+    table = page.locator(".himap-table").last
+    assert "±" not in table.inner_text()
+    cells = table.locator("td span[title]").all()
+    assert len(cells) > 50
+    for cell in cells[:20]:
+        value, tolerance = map(float, cell.get_attribute("title").split(", to within "))
+        assert cell.inner_text() == quoted((value, tolerance))
+        assert cell.evaluate("one => getComputedStyle(one.parentElement).textAlign") == "right"
+    assert not [path for path in html.rglob("*.html") if re.search(r"<td[^>]*>[^<]*±", path.read_text())]
+
+
+def test_search_says_where_and_its_icon_is_beside(visit):
+    page = visit("search.html?q=ripple", viewport=DESK)
+    page.wait_for_selector("#search-results p.context")
+    snippets = page.locator("#search-results p.context").all_text_contents()
+    assert all("ripple" in one.lower() for one in snippets[:3]) and not any(".pdf" in one for one in snippets)
+    icon = page.locator(".bd-search-container .fa-magnifying-glass").bounding_box()
+    box = page.locator(".bd-search-container input")
+    padding = float(box.evaluate("one => parseFloat(getComputedStyle(one).paddingLeft)"))
+    assert icon["x"] + icon["width"] <= box.bounding_box()["x"] + padding
+
+
+def test_references_lead_out(html):
+    page = (html / "book" / "bibliography.html").read_text()
+    entries = re.findall(r'<div class="citation" id="[^"]*".*?</div>', page, re.S)
+    without = [one for one in entries if not re.search(r'href="https?://', one)]
+    assert len(entries) > 30
+    assert all("Draine" in one or "Minka" in one for one in without)  # a book, and proceedings without a DOI
+    assert "arxiv.org/abs/2511.13328" in page
+    assert "2511.13328" in str(yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"])

@@ -1,0 +1,127 @@
+"""What the book's own extensions do, each by itself: numbers to play with, tolerances, ways out, the PDF."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+ADDRESS = "https://github.com/somebody/himap"
+
+
+@pytest.fixture(autouse=True)
+def extensions(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
+
+
+def small_book(folder, *, url):
+    """The rendered pages of one chapter and the changes, with an address of the repository."""
+    config = yaml.safe_load((ROOT / "_config.yml").read_text())
+    config["repository"]["url"] = url
+    (folder / "_config.yml").write_text(yaml.safe_dump(config))
+    toc = {"format": "jb-book", "root": "book/changes", "chapters": [{"file": "notebooks/04_pca"}]}
+    (folder / "_toc.yml").write_text(yaml.safe_dump(toc))
+    for name in ("CHANGELOG.md", "CITATION.cff"):
+        shutil.copy(ROOT / name, folder)
+    shutil.copytree(ROOT / "book", folder / "book")
+    (folder / "notebooks").mkdir()
+    shutil.copy(ROOT / "notebooks" / "04_pca.ipynb", folder / "notebooks")
+    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
+    outcome = subprocess.run([*jupyter_book, "build", str(folder)], capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stdout[-2000:] + outcome.stderr[-2000:]
+    return folder / "_build" / "html"
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    return small_book(tmp_path_factory.mktemp("small"), url=ADDRESS)
+
+
+def test_one_setting_turns_on_all_ways_out(pages, html):
+    page = (pages / "notebooks" / "04_pca.html").read_text()
+    ways = {
+        "source": f"{ADDRESS}/blob/main/notebooks/04_pca.ipynb",
+        "edit": f"{ADDRESS}/edit/main/notebooks/04_pca.ipynb",
+        "issue": f"{ADDRESS}/issues/new",
+        "repository": f'"{ADDRESS}"',
+        "Binder": "https://mybinder.org/v2/gh/somebody/himap/main?urlpath=lab/tree/notebooks/04_pca.ipynb",
+        "Colab": "https://colab.research.google.com/github/somebody/himap/blob/main/notebooks/04_pca.ipynb",
+    }
+    assert not [name for name, address in ways.items() if address not in page]
+    without = (html / "notebooks" / "04_pca.html").read_text()
+    assert not re.search("mybinder|colab.research|issues/new|/edit/", without)
+
+
+def test_what_changed_is_a_page(pages):
+    page = (pages / "book" / "changes.html").read_text()
+    assert "<h1>What changed" in page and "Unreleased" in page
+    assert page.count("<li>") >= (ROOT / "CHANGELOG.md").read_text().count("\n- ")
+
+
+def test_the_book_prints(pages, tmp_path, browser):
+    target = tmp_path / "himap.pdf"
+    command = [sys.executable, str(ROOT / "book" / "print_pdf.py"), str(pages), str(target)]
+    outcome = subprocess.run(command, capture_output=True, text=True)
+    assert outcome.returncode == 0, outcome.stderr
+    pdf = target.read_bytes()
+    assert pdf.startswith(b"%PDF") and 5 < len(re.findall(rb"/Type /Page\b", pdf)) < 60
+    assert len(re.findall(rb"/Subtype /Image", pdf)) >= 6  # the chapter's figures
+    assert b"/Outlines" in pdf
+
+
+def test_no_pdf_without_chromium(pages, tmp_path):
+    command = [sys.executable, str(ROOT / "book" / "print_pdf.py"), str(pages), str(tmp_path / "himap.pdf")]
+    outcome = subprocess.run(command, capture_output=True, text=True, env={"PATH": str(tmp_path)})
+    assert outcome.returncode == 1 and "needs Chromium" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("stored", "shown"),
+    [
+        ("0.964 ± 0.020", "0.96"),
+        ("34703 ± 694", "34,700"),
+        ("1.81e+08 ± 2.0e+07", "1.8 × 10⁸"),
+        ("nan ± 2.0e-02", "–"),
+        ("-0.5 ± 0.1", "-0.5"),
+    ],
+)
+def test_tables_show_what_the_tolerance_is_sure_of(stored, shown):
+    from tolerances import without_tolerance
+
+    cell = without_tolerance(f"<td>{stored} mK</td>")
+    assert cell == f'<td><span title="{stored.replace(" ±", ", to within")}">{shown}</span> mK</td>'
+    assert without_tolerance("<td>5 of 6 (3 to 4)</td>") == "<td>5 of 6 (3 to 4)</td>"
+
+
+def ratios(curves, kind):
+    """{curve: ratio} of one panel, curves {label: (y, ...)} at x = 1, 2."""
+    from play_data import view
+    from play_looks import methods
+
+    points = [(label, dict(enumerate(ys, start=1))) for label, ys in curves.items()]
+    (panel,) = view("here", {"panel": points}, methods, lambda title: kind)["panels"]
+    return {one["label"]: one.get("ratio", "none") for one in panel["curves"]}
+
+
+def test_a_ratio_is_to_the_truth_of_the_curve():
+    truth = {"HI + noise": (2, 4)}
+    assert ratios(truth | {"PCA": (1, 4)}, "angular") == {"HI + noise": "none", "PCA": [0.5, 1]}
+    cut = truth | {"SDecGMCA": (1, 1)}
+    assert ratios(cut, "angular")["SDecGMCA"] == [0.5, 0.25]
+    assert ratios(cut, "frequency")["SDecGMCA"] is None
+    own = ratios(cut | {"SDecGMCA: truth": (1, 2)}, "frequency")
+    assert own == {"HI + noise": "none", "SDecGMCA": [1, 0.5]}
+    masked = ratios(truth | {"_PCA, whole sky": (2, 2), "PCA": (1, 1)}, "angular")
+    assert masked["PCA, whole sky"] == [1, 0.5] and masked["PCA"] is None
+
+
+def test_labels_are_plain():
+    from play_data import plain
+
+    assert plain(r"$k_\nu$ [MHz$^{-1}$]") == "k [MHz⁻¹]"
+    assert plain(r"SDecGMCA, $C_\ell$ alone") == "SDecGMCA, C(ℓ) alone"
+    assert plain("_PCA, whole sky") == "PCA, whole sky"
