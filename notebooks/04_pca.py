@@ -178,8 +178,8 @@ study.frequency_figure(removers)
 
 # %% [markdown]
 # The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, where
-# a ripple of 20 MHz shows. Every number in this book is printed with the tolerance within which another computer must
-# reproduce it.
+# a ripple of 20 MHz shows. The notebook keeps every number with the tolerance within which another computer must
+# reproduce it; the pages show the digits that it is sure of.
 
 # %%
 show(study.band_numbers(removers))

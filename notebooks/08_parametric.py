@@ -78,8 +78,8 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 #
 # ```{math}
 # :label: eq-variable-projection
-# \chi^2(\beta) = \min_{\alpha_1, \alpha_2} \sum_\nu \left[T(\nu) - \alpha_1 x^{-2.13} - \alpha_2 x^{\beta}\right]^2
-#   = |T|^2 - (\mathbf{q}_1^{\top} T)^2 - (\mathbf{q}_2(\beta)^{\top} T)^2 , \qquad x = \nu/\nu_0 ,
+# \chi^2(\beta) &= \min_{\alpha_1, \alpha_2} \sum_\nu \left[T(\nu) - \alpha_1 x^{-2.13} - \alpha_2 x^{\beta}\right]^2 \\
+#   &= |T|^2 - (\mathbf{q}_1^{\top} T)^2 - (\mathbf{q}_2(\beta)^{\top} T)^2 , \qquad x = \nu/\nu_0 ,
 # ```
 #
 # where $\mathbf{q}_1$ is the unit vector along the first power law and $\mathbf{q}_2(\beta)$ the one along what the second adds to it. This is

@@ -276,7 +276,7 @@ for kind, results in runs.items():
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
-# In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. The tolerance of SDecGMCA is wide, for another
+# In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. Few digits of SDecGMCA are sure, for another
 # machine rounds differently, and that moves the iteration as a noise level does.
 
 # %%

@@ -99,7 +99,7 @@ quote(
 # ## The figures
 #
 # Each figure of the paper at its own size, with the real Galaxy (templates, nside 64) and with the synthetic one; the chapter that is named with it has it at the preset `quick`, and says what it shows. A click leads to
-# the picture in full size. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# the picture in full size; beside the figures of the chapters a button leads to them with both Galaxies at this size, to play with. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %%
 Markdown(pictures([real, synthetic], folder))
