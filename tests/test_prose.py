@@ -64,6 +64,7 @@ DEFINED = {
         "four times": "nside of the paper and of the preset",
     },
     "notebooks/04_pca.py": {
+        "5 %": "what the axis of ratios shows",
         "96 %": "what colours span",
         "99 %": "what colours span",
         "10 %": "the grey band",
@@ -111,6 +112,7 @@ DEFINED = {
         "10 %": "a band that is drawn",
     },
     "notebooks/12_post_masking.py": {
+        "99.9 %": "percentiles of what is drawn",
         "15°": "what counts as in the plane, claim M1, and a cut",
         "95 %": "a percentile that is drawn",
         "20 MHz": "period of the ripple",
@@ -162,6 +164,10 @@ DEFINED = {
     "notebooks/23_thresholds.py": {
         "10 %": "a grey band",
         "1 %": "the goal, set beforehand",
+    },
+    "notebooks/00_the_answer.py": {
+        "10 %": "a grey band",
+        "5 %": "what the paper has",
     },
     "notebooks/25_side_by_side.py": {
         "5 %": "what the axis of ratios shows",
