@@ -246,7 +246,7 @@ quote(
 #
 # | what you have | what to use | as it is left | corrected by mocks |
 # |---|---|---|---|
-# | maps of one resolution in all channels | PCA: nothing that knows the beam is better | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
+# | maps of one resolution in all channels | PCA, the simplest: with as many sources BeamSubspace leaves the same | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
 # | a beam that is known, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | a beam that changes smoothly and is not known | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | a beam that oscillates with frequency and is not known | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
@@ -260,7 +260,7 @@ quote(
 # - **How well is your beam known?** If its width is wrong by 1 %, three sources of BeamSubspace leave {glue:text}`side_wrong_few` of foreground, {glue:text}`side_many` of them {glue:text}`side_wrong_many`
 #   ({doc}`21_beam_errors`). `himap sensitivity` tells it for a cube of your own, without the truth.
 # - **Always correct what is lost**, by mocks: no method keeps all of the HI. But a transfer function is for HI that was lost and not for foreground that was left, so that the number of sources comes first.
-# - **A method that knows the beam is not better because it knows it**: through the degraded beam all are alike.
+# - **A method that knows the beam is not better because it knows it**: through the degraded beam, where there is nothing to know, methods leave much the same.
 #
 # As commands, on a cube of one's own:
 #
