@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shutil
+from pathlib import Path
 
 import jupytext
 import nbformat
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import himap
 from himap import __version__
 from himap.companion import notebook_files, notebooks, reproduce
 from himap.errors import InputError
@@ -164,6 +166,15 @@ def test_a_run_with_other_parameters(folder):
     assert reproduce.run("01", **passed, again=False)[1]
     path.write_text("{")
     assert reproduce.run("01", **passed, again=False, overwrite=True)[1]
+
+
+def test_notebooks_run_this_himap_where_it_lies_in_the_current_folder(folder, tmp_path, monkeypatch):
+    """As in a checkout that is not installed, with PYTHONPATH."""
+    place = Path(himap.__file__).resolve().parents[1]
+    (folder / "02_where.py").write_text(f"# %%\nimport sys\n\nprint({str(place)!r} in sys.path)\n")
+    monkeypatch.chdir(place)
+    path, _ = reproduce.run("02", folder=folder, output=tmp_path / "where.ipynb")
+    assert outputs(path) == "True\n"
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,9 @@ def kernel_environment(terminal):
 
     Neither modules in the current folder nor what a user lets IPython do at each start come into it.
     """
-    paths = [str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    # A kernel takes the first of them off where that is the current folder: so the first one is nowhere.
+    nowhere = run_folder() / "nowhere"
+    paths = [str(nowhere), str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
     changes = {
         "PYTHONPATH": os.pathsep.join(paths),
         "PYTHONSAFEPATH": "1",
