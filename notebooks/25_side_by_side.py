@@ -45,7 +45,6 @@ corrected: list = ["pca", "beam_subspace", "smooth_spectra"]  # by mocks, in the
 n_mocks: int = 3  # mocks, each with a seed of its own, of `himap record side-by-side`
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 results: list | None = None  # what `himap record side-by-side` wrote; null: that of the book
-larger: list | None = None  # the same at `laptop`
 iterated: list | None = None  # the same of methods whose correction takes long
 
 # %%
@@ -166,31 +165,6 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # %%
 slow = [read_record(Curve, path)[0] for path in iterated or stored("iterated")]
 header, lines = overview(slow)
-Table(header, lines, align="l" + "r" * (len(header) - 1))
-
-# %% [markdown]
-# ## At twice the resolution
-#
-# At `laptop`, `nside` 128 and 250 channels, through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy:
-#
-# ```sh
-# himap record side-by-side --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4], ["gnilc", null]]' --jobs 2
-# ```
-
-# %% tags=["hide-input"]
-found_larger = [read_record(Curve, path) for path in larger or stored("laptop")]
-records_larger = [rows for rows, _ in found_larger]
-made_larger = [Provenance.of_stored(about) for _, about in found_larger]
-quote(side_larger_skies=len({row.seed for row in records_larger[0]}))
-
-# %% mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at `laptop`, over that of the truth, through the oscillating beam, with the synthetic Galaxy (left) and the real one (right). Lines and shades as before."}}
-stamped(side_by_side_figure(titled(records_larger, made_larger), "angular", columns=2), made_larger)
-
-# %% mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
-stamped(side_by_side_figure(titled(records_larger, made_larger), "frequency", columns=2), made_larger)
-
-# %%
-header, lines = overview(records_larger)
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% tags=["hide-input"]
