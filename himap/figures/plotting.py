@@ -320,7 +320,7 @@ def _percentiles(panel):
 def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
     """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
     with plt.rc_context(_RC | {"axes.grid": False}):
-        figure, axes = plt.subplots(figsize=(9.2, 3.2))
+        figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a picture of its own, heavy when fine
         low, high = np.percentile(values, limits)
         extent = (x[0], x[-1], y[0], y[-1])
         shown = axes.imshow(
