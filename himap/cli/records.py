@@ -203,7 +203,7 @@ def beam_errors(**options):
 
 @record.command("side-by-side")
 @_record_options("25_side_by_side", "side_by_side")
-def side_by_side(preset, pairs, output, check):
+def side_by_side(**options):
     """Measure what all methods leave, side by side, through each beam.
 
     Power along l and k over that of the truth, as each method leaves it, and of some divided by the transfer
@@ -231,10 +231,7 @@ def side_by_side(preset, pairs, output, check):
         side_by_side_code,
         measured,
         "llllrr",
-        pairs=pairs,
-        preset=preset,
-        output=output,
-        check=check,
+        **options,
         chapter="25_side_by_side",
         own={},
         measure=measure,
