@@ -10,10 +10,7 @@ from outcomes import outcome
 
 import himap
 from himap.companion import notebooks
-from himap.companion.staleness import (
-    ledger_code,
-    readings_code,
-)
+from himap.companion.staleness import ledger_code, readings_code
 from himap.paper import ledger, readings
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.readings_file import read_readings

@@ -185,8 +185,7 @@ def pictures(folders, results=None):
         link = f"[{chapter.name}]({chapter.name}.ipynb)"
         parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption)} ({link}).")
         for folder, row in several:
-            path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
-            parts += [f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"]
+            parts += _picture(f"{place}/{folder}/{name}.png", row)
     return "\n\n".join(parts)
 
 
@@ -194,8 +193,14 @@ def picture(folder, name, results=None):
     """One stored figure as Markdown: its picture by the relative path, and what made it; as `pictures`."""
     place = os.path.relpath(results or RESULTS, notebooks_folder())
     row = stored_figure(folder, name, results)
-    path, made = f"{place}/{folder}/{name}.png", _made(row["parameters"], row["execution"])
-    return f"[![Fig. {row['paper']}, {made}]({path})]({path})\n\n*Fig. {row['paper']}: {made}*"
+    shown, made = _picture(f"{place}/{folder}/{name}.png", row)
+    return f"{shown}\n\n*Fig. {row['paper']}: {made[1:]}"
+
+
+def _picture(path, row):
+    """Two paragraphs: a stored figure that leads to itself in full size, and what made it."""
+    made = _made(row["parameters"], row["execution"])
+    return f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"
 
 
 def _made(parameters, execution):
