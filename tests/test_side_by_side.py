@@ -289,4 +289,4 @@ def test_order_of_groups():
 def test_width_of_bins():
     edges = np.array(side_by_side._edges([np.arange(200) >= 40]))
     assert edges[0] == 40 and edges[-1] == 200
-    assert np.max(edges[1:] / edges[:-1]) < side_by_side._WIDTH * 1.01
+    assert np.min(edges[1:] / edges[:-1]) > 1.1 and np.max(edges[1:] / edges[:-1]) < 1.25
