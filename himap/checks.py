@@ -36,9 +36,10 @@ def real_array(label, values):
 
 
 def checked_cube(label, maps, *, min_channels=1, kept=None):
-    """`maps` as an array (n_channels, n_pix), float32 or float64, finite where `kept` (n_pix,) is True.
+    """`maps` as an array (n_channels, n_pix), float32 or float64, finite where `kept` is True.
 
-    float32 stays as it is, without a copy; everything else becomes float64.
+    `kept` is (n_pix,) or (n_channels, n_pix), None for everywhere. float32 stays as it is, without a copy;
+    everything else becomes float64.
     """
     maps = real_array(label, maps)
     if maps.ndim != 2 or len(maps) < min_channels or maps.shape[1] < 1:
@@ -46,7 +47,11 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
         raise InputError(f"{label} must have shape (n_channels, n_pix){channels}, got {maps.shape}.")
     if maps.dtype != np.float32:
         maps = maps.astype(np.float64, copy=False)
-    n_bad = sum(_count_bad(channel if kept is None else channel[kept]) for channel in maps)
+    if kept is None:
+        n_bad = sum(map(_count_bad, maps))
+    else:
+        rows = np.broadcast_to(kept, maps.shape)
+        n_bad = sum(_count_bad(channel[row]) for channel, row in zip(maps, rows, strict=True))
     if n_bad:
         raise InputError(
             f"{label} must be finite everywhere, got {n_bad} NaN, infinite or UNSEEN pixels; fill or cut "

@@ -1,11 +1,31 @@
 """The one exception that bad input raises."""
 
-__all__ = ["InputError"]
+__all__ = ["InputError", "plain_text", "shortened"]
+
+_LONGEST = 4000  # characters of a message, in which parameters of a notebook may be listed
 
 
 class InputError(ValueError):
     """Input that himap cannot use.
 
     The message is one paragraph: what was expected, what came, and the way out. The command
-    line prints it without a traceback and exits with code 2.
+    line prints it without a traceback and exits with code 2. What came may be anything: control characters
+    are written out, and what is too long to be read is shortened.
     """
+
+    def __init__(self, message):
+        super().__init__(shortened(plain_text(" ".join(str(message).splitlines()))))
+
+
+def plain_text(text):
+    """`text` with whatever is not printable, such as codes that steer a terminal, written out."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
+def shortened(text):
+    """`text` that fits a few screens, with its end, where the way out is."""
+    n_left, half = len(text) - _LONGEST, _LONGEST // 2
+    return text if n_left <= 0 else f"{text[:half]} [... {n_left} characters more ...] {text[-half:]}"

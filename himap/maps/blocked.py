@@ -1,7 +1,8 @@
 """Matrix products with cubes, a block of pixels at a time.
 
 Foregrounds are 1e5 times brighter than HI, so products are taken in float64; a float64 copy of a whole
-cube would be twice as large as the cube, that of a block is small.
+cube would be twice as large as the cube, that of a block is small. Where the sky is so bright that float32
+itself would cost HI, as at 60 MHz, the cube is in float64.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -11,9 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from himap.progress import progress
 
-__all__ = ["SplitCube", "blocks", "centred", "in_threads", "mixture", "projection"]
+__all__ = ["SplitCube", "blocks", "centred", "in_threads", "lean", "mixture", "precision", "projection"]
 
 _BLOCK = 16384  # pixels
+_ROUNDING = 2.0**-25  # relative, of float32: its rms in the mean over all numbers
+_HARMLESS = 1e-3  # mK: a hundredth of HI
 
 
 def blocks(n_pix, size=None):
@@ -35,13 +38,35 @@ def in_threads(work, n_pix, label, size=None):
         return list(progress(pool.map(work, parts), label, total=len(parts)))
 
 
+def precision(rms):
+    """The floats for maps of this rms, mK: float32, or float64 where that would round HI away."""
+    return np.float64 if rms * _ROUNDING > _HARMLESS else np.float32
+
+
 def centred(maps, means=None):
-    """float32 maps (n_channels, n_pix) less one number per channel, its mean unless given."""
+    """Maps (n_channels, n_pix) less one number per channel, its mean unless given: float32.
+
+    Those of float64 maps stay float64 where they need it (`precision`).
+    """
     means = maps.mean(axis=1, dtype=np.float64) if means is None else means
-    out = np.empty(maps.shape, dtype=np.float32)
+    out = np.empty(maps.shape, dtype=_needed(maps, means))
     for channel, value, row in zip(maps, means, out, strict=True):
         row[:] = channel - np.float64(value)
     return out
+
+
+def lean(maps):
+    """Maps (n_channels, n_pix) in float32; float64 ones as they are where they need it (`precision`)."""
+    return maps.astype(_needed(maps, np.zeros(len(maps))), copy=False)
+
+
+def _needed(maps, means):
+    """The floats that maps less `means` need, of those that they have."""
+    if maps.dtype != np.float64:
+        return np.float32
+    return precision(
+        max(np.sqrt(np.mean((channel - mean) ** 2)) for channel, mean in zip(maps, means, strict=True))
+    )
 
 
 def projection(rows, maps):

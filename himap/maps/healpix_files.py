@@ -1,16 +1,21 @@
 """HEALPix maps in FITS files, and the words of their headers: units, ordering, coordinates."""
 
 import re
+import warnings
 from dataclasses import dataclass
 
 import healpy as hp
 import numpy as np
 from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
 
 from himap.errors import InputError
 from himap.maps import sphere
+from himap.maps.healpix_tables import maps_of_table, only_table
+from himap.reading import regular_file
 
 __all__ = [
+    "ENDINGS",
     "MILLIKELVIN",
     "HealpixFile",
     "is_nested",
@@ -19,6 +24,9 @@ __all__ = [
     "to_ring",
     "write_maps",
 ]
+
+ENDINGS = (".fits", ".fit", ".fits.gz", ".fits.fz")
+"""What the names of FITS files end with."""
 
 MILLIKELVIN = {"K": 1e3, "mK": 1.0, "uK": 1e-3}
 """mK in one of each unit of brightness temperature."""
@@ -60,28 +68,35 @@ class HealpixFile:
     header: dict
 
 
-def read_maps(path, *, n_maps=None):
+def read_maps(path, *, n_maps=None, held=1):
     """The `HealpixFile` of a FITS file, with its first `n_maps` maps, or with all.
+
+    Parameters
+    ----------
+    path, n_maps
+        The file, and how many maps are wanted.
+    held
+        How many arrays of their size the caller will hold: they must fit into memory.
 
     Raises
     ------
     InputError
-        The file cannot be read, its maps have no valid nside, or its ORDERING is none.
+        The file cannot be read, holds more maps elsewhere, or too many; its maps have no valid nside, or its
+        ORDERING is none.
     """
-    columns = None if n_maps is None else range(n_maps)
+    path = regular_file(path)
     try:
-        with fits.open(path, memmap=False) as file:  # healpy would leave a damaged file open
-            maps, cards = hp.read_map(file, field=columns, dtype=None, nest=None, h=True)
-        maps, header = np.atleast_2d(maps), dict(cards)
-        partial = _text(header, "INDXSCHM") == "EXPLICIT" or _text(header, "OBJECT") == "PARTIAL"
-        columns = [n + 2 if partial else n + 1 for n in range(len(maps))]  # as FITS counts them
-        maps = _with_nan(maps, header, columns)
-        sphere.nside_of(maps)
-    except Exception as error:  # healpy and astropy raise nearly anything for a file that is something else
+        with warnings.catch_warnings(), fits.open(path, memmap=False) as file:
+            warnings.simplefilter("ignore", AstropyWarning)  # of what is an error a line below, or harmless
+            table = only_table(file, first=n_maps is not None)
+            header = dict(table.header)
+            partial = _text(header, "INDXSCHM") == "EXPLICIT" or _text(header, "OBJECT") == "PARTIAL"
+            maps, columns = maps_of_table(table, n_maps=n_maps, partial=partial, held=held)
+    except Exception as error:  # astropy raises nearly anything for a file that is something else
+        reason = f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole."
         raise InputError(
-            f"{path} cannot be read as HEALPix maps in FITS: its table could not be read "
-            f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole and of a "
-            "valid nside."
+            f"{path} cannot be read as HEALPix maps in FITS: its table could not be read"
+            + (f"; {error}" if isinstance(error, InputError) else f" {reason}")
         ) from error
     return HealpixFile(
         maps=maps,
@@ -99,18 +114,8 @@ def _text(header, key):
     return str(header.get(key) or "").strip() or None
 
 
-def _with_nan(maps, header, columns):
-    """Maps as floats, NaN where they are UNSEEN, TNULL of their column or BAD_DATA."""
-    maps = maps.astype(np.result_type(maps.dtype, np.float32), copy=False)  # exact, in native byte order
-    for pixels, column in zip(maps, columns, strict=True):
-        markers = (header.get(f"TNULL{column}"), header.get("BAD_DATA"))
-        missing = np.array([value for value in markers if value is not None], dtype=maps.dtype)
-        pixels[np.isin(pixels, missing) | hp.mask_bad(pixels)] = np.nan
-    return maps
-
-
-def write_maps(path, maps, *, names, unit, nested, cards=()):
-    """Write maps (n, n_pix), a float32 column each; what is not finite becomes UNSEEN, in `maps` as well.
+def write_maps(path, maps, *, names, unit, nested, partial=False, cards=()):
+    """Write maps (n, n_pix), a column each in their precision; what is not finite becomes UNSEEN.
 
     Parameters
     ----------
@@ -118,12 +123,39 @@ def write_maps(path, maps, *, names, unit, nested, cards=()):
         The file, and floats, changed in place: a cube may be too large for a copy.
     names, unit, nested
         The columns, (n,), their one unit (None where they have none), and whether pixels are in NESTED order.
+    partial
+        Whether to write only the pixels that a map has a value in, with their numbers (explicit indexing).
     cards
         Further cards of the header, (key, value) or (key, value, comment).
     """
+    seen = np.flatnonzero(np.isfinite(maps).any(axis=0)) if partial else None
     maps[~np.isfinite(maps)] = hp.UNSEEN
-    columns = {"column_names": names, "column_units": unit, "dtype": np.float32}
+    if partial:
+        _write_partial(path, maps, seen, names=names, unit=unit, nested=nested, cards=cards)
+        return
+    columns = {"column_names": names, "column_units": unit, "dtype": maps.dtype}
     hp.write_map(path, maps, nest=nested, extra_header=cards, **columns)
+
+
+def _write_partial(path, maps, seen, *, names, unit, nested, cards):
+    """As healpy's files of a part of the sky, which have the pixels of the first map alone."""
+    kind = {"f4": "E", "f8": "D"}[maps.dtype.str[1:]]
+    columns = [fits.Column(name="PIXEL", format="K", array=seen)]
+    columns += [
+        fits.Column(name=name, format=kind, unit=unit, array=pixels[seen])
+        for name, pixels in zip(names, maps, strict=True)
+    ]
+    table = fits.BinTableHDU.from_columns(columns)
+    words = {
+        "PIXTYPE": "HEALPIX",
+        "ORDERING": "NESTED" if nested else "RING",
+        "NSIDE": sphere.nside_of(maps),
+        "INDXSCHM": "EXPLICIT",
+        "OBJECT": "PARTIAL",
+    }
+    for key, *value in [*words.items(), *cards]:
+        table.header[key] = tuple(value)
+    table.writeto(path)
 
 
 def is_nested(order, name="the order of pixels"):

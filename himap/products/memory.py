@@ -5,21 +5,12 @@ counts are those of the code. tests/test_memory.py holds the light cone against 
 cleaning are what processes took at the paper's size.
 """
 
-import os
-import re
-
-import psutil
-
 from himap.errors import InputError
+from himap.memory import LIMIT_VARIABLE, memory_limit, parse_size
+from himap.memory import PROCESS as _PROCESS
 
 __all__ = ["LIMIT_VARIABLE", "check_memory", "estimate", "memory_limit", "parse_size"]
 
-LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
-"""Environment variable with the memory that a run may use, such as 16GB; `--max-memory` sets it."""
-
-_UNITS = {"": 1, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
-_LARGEST = 1e15  # bytes that somebody may mean
-_PROCESS = 0.5e9  # bytes of a Python process with the packages that himap uses
 _BOXES = 3  # of cells, at most, while HI is made
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
@@ -33,38 +24,6 @@ def estimate(survey, *, jobs=1):
         "observing": _PROCESS + _CUBES["observing"] * cube,
         "cleaning": jobs * (_PROCESS + _CUBES["cleaning"] * cube),
     }
-
-
-def memory_limit():
-    """Bytes that a run may use: HIMAP_MAX_MEMORY, else what the machine has free now.
-
-    Raises
-    ------
-    InputError
-        HIMAP_MAX_MEMORY is no size.
-    """
-    text = os.environ.get(LIMIT_VARIABLE, "")
-    return parse_size(text) if text else psutil.virtual_memory().available
-
-
-def parse_size(text):
-    """Bytes of a text such as 16GB or 500 MB.
-
-    Raises
-    ------
-    InputError
-        It is no size, or one that no machine has.
-    """
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?B?)\s*", text, flags=re.ASCII)
-    unit = match and (match[2] if match[2].endswith("B") or not match[2] else match[2] + "B")
-    size = float(match[1]) * _UNITS[unit] if match else 0
-    if not 1 <= size <= _LARGEST:
-        shown = text if len(text) < 40 else f"{text[:40]}..."
-        raise InputError(
-            "a size of memory is a number with kB, MB, GB or TB, such as 16GB, and at most "
-            f"{_LARGEST / 1e12:g} TB; got {shown!r}."
-        )
-    return int(size)
 
 
 def check_memory(survey, *, jobs=1, steps=None):

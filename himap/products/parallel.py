@@ -3,7 +3,10 @@
 import contextlib
 import logging
 import os
+import threading
+import time
 import warnings
+from functools import cache as cache_calls
 
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -23,6 +26,7 @@ DASK_VARIABLE = "HIMAP_DASK"
 
 _TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
 _CONNECT = 30  # s to reach the scheduler
+_LOOK = 1  # s between looks for the process that started this one
 _RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
 
 
@@ -100,7 +104,7 @@ def _in_processes(product, missing):
     try:
         # The processes live on for the next call, so each piece of work brings the settings of this one.
         folder = run_folder()
-        work = (joblib.delayed(_make)(product, call, _settings(), folder) for call in missing)
+        work = (joblib.delayed(_make)(product, call, _settings(), folder, os.getpid()) for call in missing)
         options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
         yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError:
@@ -111,6 +115,18 @@ def _in_processes(product, missing):
     finally:
         if own_choice is None:
             del os.environ[_TRANSFORM_THREADS]
+
+
+@cache_calls
+def _end_with(asking):
+    """End this process when the one that started it, `asking`, is gone: nobody waits for what it makes."""
+
+    def watch():
+        while os.getppid() == asking:
+            time.sleep(_LOOK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _on_cluster(product, missing):
@@ -170,10 +186,14 @@ def _settings():
     return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
 
 
-def _make(product, call, settings, folder=None):
-    """Compute and keep; the warnings, for the process that asked, whose `run_folder` may be given."""
+def _make(product, call, settings, folder=None, asking=None):
+    """Compute and keep; the warnings, for the process that asked.
+
+    One that started this process gives its `run_folder` and its number, `asking`.
+    """
     if folder is not None:
         note_worker(folder)
+        _end_with(asking)
     for name in _settings().keys() - settings.keys():
         del os.environ[name]
     os.environ.update(settings)

@@ -12,10 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_beams, checked_cube, checked_fields, checked_freqs, checked_noise, parameter
+from himap.checks import checked_beams, checked_fields, checked_freqs, checked_noise, parameter
 from himap.errors import InputError
-from himap.maps.blocked import centred
+from himap.maps.blocked import centred, lean
+from himap.removal.seen import Seen, means_of
 from himap.removal.separation import Cleaned, Separation, modes_of
+from himap.removal.weights import check_lines
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
@@ -52,6 +54,9 @@ class ForegroundRemover(ABC):
         Whether `_separate`, where there is a mask, gets it as `kept`. A method that needs the whole sky then
         gets maps that go on outside of the mask, and should learn nothing from there; one that does not take
         the mask learns from all of them. The others get the lines of sight that are kept.
+    takes_weights
+        Whether `_separate`, where weights differ, gets them as `weights`, (n_pix,) or (n_channels, n_pix), of
+        the lines of sight that are kept; where these are 0, maps are finite. The others refuse them.
     """
 
     name: ClassVar[str]
@@ -61,6 +66,7 @@ class ForegroundRemover(ABC):
     needs_whole_sky: ClassVar[bool] = False
     needs_modes: ClassVar[bool] = False
     takes_mask: ClassVar[bool] = False
+    takes_weights: ClassVar[bool] = False
     ends_by_count: ClassVar[bool] = False
 
     @property
@@ -76,7 +82,17 @@ class ForegroundRemover(ABC):
         checked_fields(self)
 
     def clean(
-        self, maps, *, freqs, beams=None, noise=None, rng=None, separate_on=None, modes=None, mask=None
+        self,
+        maps,
+        *,
+        freqs,
+        beams=None,
+        noise=None,
+        rng=None,
+        separate_on=None,
+        modes=None,
+        mask=None,
+        weights=None,
     ):
         """Find the foreground and subtract it.
 
@@ -93,6 +109,9 @@ class ForegroundRemover(ABC):
             As in `separate`, of those maps.
         mask
             As in `separate`; the residual is 0 where nothing is kept.
+        weights
+            As in `separate`; the residual is 0 where a voxel is missing, and the foreground what was found of
+            it there.
 
         Returns
         -------
@@ -103,18 +122,18 @@ class ForegroundRemover(ABC):
         InputError
             Maps of different shapes; and as `separate`.
         """
-        kept = _kept(maps, mask)
-        maps = _within("maps", maps, kept)
-        basis = maps if separate_on is None else _within("separate_on", separate_on, kept)
-        if basis.shape != maps.shape:
-            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {basis.shape}.")
-        separation, modes = self._found(basis, freqs, beams, noise, rng, modes, kept)
+        seen = self._seen(maps, mask, weights)
+        maps = seen.within("maps", maps)
+        if separate_on is not None and np.shape(separate_on) != maps.shape:
+            got = np.shape(separate_on)
+            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {got}.")
+        basis = maps if separate_on is None else seen.within("separate_on", separate_on)
+        separation, modes = self._found(basis, freqs, beams, noise, rng, modes, seen)
         residual = separation.left_of(maps, basis, modes)
-        if kept is not None:
-            residual[:, ~kept] = 0
+        seen.finish(maps, residual, separation)
         return Cleaned(maps=maps, residual=residual, separation=separation)
 
-    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None, mask=None):
+    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None, mask=None, weights=None):
         """Find the foreground.
 
         Parameters
@@ -136,6 +155,10 @@ class ForegroundRemover(ABC):
         mask
             (n_pix,) bool, True where kept; what is elsewhere may be anything and counts nothing, neither for
             the channel means. None keeps all.
+        weights
+            Hits or inverse variances, of which only ratios matter, for methods that take them: of pixels,
+            (n_pix,), or of voxels, (n_channels, n_pix). A pixel without any is not kept. A voxel without any
+            in a pixel with some is missing: what is there may be anything and counts nothing.
 
         Returns
         -------
@@ -145,35 +168,49 @@ class ForegroundRemover(ABC):
         ------
         InputError
             Maps that are not finite or of one channel; frequencies or beams that do not fit them; more
-            sources than channels; a bad mask, or one that the method cannot work with.
+            sources than channels; a bad mask, or one that the method cannot work with; bad weights, or any
+            if the method does not take them.
         """
-        kept = _kept(maps, mask)
-        return self._found(_within("maps", maps, kept), freqs, beams, noise, rng, modes, kept)[0]
+        seen = self._seen(maps, mask, weights)
+        return self._found(seen.within("maps", maps), freqs, beams, noise, rng, modes, seen)[0]
 
-    def _found(self, maps, freqs, beams, noise, rng, modes, kept):
+    def _seen(self, maps, mask, weights):
+        if weights is not None:
+            self.check_weights(None)
+        return Seen.of(maps, mask, weights)
+
+    def _found(self, maps, freqs, beams, noise, rng, modes, seen):
         """The `Separation` of checked maps, and their `CubeModes` where the method needs them."""
         freqs = checked_freqs(freqs, len(maps))
         beams = self._own_beams(beams, len(maps))
         noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
-        shape, whole = maps.shape, kept is not None and self.needs_whole_sky
+        shape, kept, weights = maps.shape, seen.kept, seen.lines()
+        whole = kept is not None and self.needs_whole_sky
         if kept is not None:
             self.check_kept(kept, beams)
             maps = maps[:, kept]
+        if weights is not None:
+            self.check_weights(weights)
         find = partial(self._separate, freqs=freqs, beams=beams, rng=rng)
         if self.needs_noise:
             find = partial(find, noise=noise)
         if self.needs_modes and not whole:
             modes = modes_of(maps) if modes is None else modes
-        means = maps.mean(axis=1, dtype=np.float64) if self.centred else np.zeros(len(maps))
-        maps = centred(maps, means) if self.centred else _single(maps)
+        means = means_of(maps, weights) if self.centred else np.zeros(len(maps))
+        maps = centred(maps, means) if self.centred else lean(maps)
         if whole:
             maps, modes = _completed(maps, kept, modes)
         if self.needs_modes:
             find = partial(find, modes=modes)
         if kept is not None and self.takes_mask:
             find = partial(find, kept=kept)
-        separation = replace(find(maps), means=means)
+        if weights is not None:
+            find = partial(find, weights=weights)
+        separation = find(maps)
+        separation = replace(
+            separation, means=means if separation.means is None else means + separation.means
+        )
         if kept is not None and not whole:
             separation = _on_sphere(separation, kept)
         self._check_result(separation, shape)
@@ -259,25 +296,34 @@ class ForegroundRemover(ABC):
 
             sphere.nside_of(kept)
 
+    def least_channels(self, n_channels):
+        """How many of its channels a line of sight may not miss, for methods that take weights."""
+        return 1
+
+    def check_weights(self, weights):
+        """Refuse, before any work, weights of lines of sight that the method cannot work with.
+
+        Parameters
+        ----------
+        weights
+            (n_pix,) or (n_channels, n_pix), of what is kept; None for whether there may be any.
+
+        Raises
+        ------
+        InputError
+            The method takes no weights, or too few channels are seen on some line of sight.
+        """
+        if not self.takes_weights:
+            raise InputError(f"{self.name} takes no weights and no flags; pca and polynomial do.")
+        if np.ndim(weights) == 2:
+            check_lines(weights, self.least_channels(len(weights)), self.name)
+
     @abstractmethod
     def _separate(self, maps, *, freqs, beams, rng):
-        """The `Separation` of float32 `maps`, centred if the class says so; must not change them."""
+        """The `Separation` of `maps`, centred if the class says so; must not change them.
 
-
-def _kept(maps, mask):
-    """The mask as (n_pix,) bool, or None."""
-    if mask is None:
-        return None
-    # Imported here, and below: most calls do without transforms, and to import these takes a second.
-    from himap.removal.masked import checked_kept
-
-    return checked_kept(mask, np.shape(maps)[-1] if np.ndim(maps) else 0)
-
-
-def _within(label, maps, kept):
-    """Checked maps (n_channels, n_pix), 0 where not kept."""
-    maps = checked_cube(label, maps, min_channels=2, kept=kept)
-    return maps if kept is None else np.where(kept, maps, np.zeros((), maps.dtype))
+        They are float32, or float64 where that would round HI away (`himap.maps.blocked.precision`).
+        """
 
 
 def _completed(lines, kept, modes):
@@ -293,7 +339,3 @@ def _on_sphere(separation, kept):
     from himap.removal.masked import on_sphere
 
     return on_sphere(separation, kept)
-
-
-def _single(maps):
-    return maps.astype(np.float32, copy=False)

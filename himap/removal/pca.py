@@ -6,6 +6,7 @@ from typing import ClassVar
 from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import channel_covariance, principal_axes
+from himap.removal.weighted_pca import weighted_components
 
 __all__ = ["PCA", "principal_components"]
 
@@ -16,12 +17,21 @@ class PCA(ForegroundRemover):
 
     C = X X^T / n_pix = U D U^T (Eq. 15); the columns of U with the largest eigenvalues are the
     mixing matrix A, the sources are S = A^T X, the foreground is A S.
+
+    With weights A S has the least weighted squares of what it leaves, and missing voxels are filled by it
+    (`himap.removal.weighted_pca.weighted_components`).
     """
 
     name: ClassVar[str] = "pca"
+    takes_weights: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
 
-    def _separate(self, maps, *, freqs, beams, rng):
+    def least_channels(self, n_channels):
+        return min(self.n_sources + 1, n_channels)
+
+    def _separate(self, maps, *, freqs, beams, rng, weights=None):
+        if weights is not None:
+            return weighted_components(maps, weights, self.n_sources)
         return principal_components(maps, self.n_sources)
 
 

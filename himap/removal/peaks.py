@@ -13,8 +13,17 @@ import numpy as np
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
 from himap.maps.blocked import in_threads
+from himap.removal.weighted_fits import weighted_clipping
+from himap.removal.weights import check_lines
 
-__all__ = ["Baselines", "PeakMasked", "check_clipping", "mask_peaks", "smooth_baselines"]
+__all__ = [
+    "Baselines",
+    "PeakMasked",
+    "check_clipping",
+    "least_channels",
+    "mask_peaks",
+    "smooth_baselines",
+]
 
 _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
 
@@ -56,12 +65,12 @@ class PeakMasked:
     flagged: np.ndarray
 
 
-def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0):
+def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
     Parameters
     ----------
-    maps, freqs, order, n_sigma
+    maps, freqs, order, n_sigma, weights
         As in `smooth_baselines`; `maps` is left as it is.
 
     Returns
@@ -73,14 +82,14 @@ def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0):
     InputError
         As `smooth_baselines`.
     """
-    baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma)
+    baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, weights=weights)
     smooth = np.array(maps, dtype=np.float32)
     for row, replaced, polynomials in zip(smooth, baselines.flagged, baselines.basis, strict=True):
         row[replaced] = polynomials @ baselines.second[:, replaced]
     return PeakMasked(maps=smooth, flagged=baselines.flagged)
 
 
-def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
+def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     """Fit a polynomial in frequency to each line of sight, clip, and fit again what was clipped (Eq. 18).
 
     A channel is flagged where it is further than `n_sigma` standard deviations, above or below, from the
@@ -98,6 +107,9 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
         Order of the polynomial.
     n_sigma
         Threshold in standard deviations.
+    weights
+        (n_channels, n_pix), 0 where a voxel is missing, and that is finite (`weighted_clipping`); those of
+        whole pixels, (n_pix,), change nothing.
 
     Returns
     -------
@@ -107,11 +119,14 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
     ------
     InputError
         Maps that are not finite or do not fit the frequencies; an order that leaves no channel to spare; a
-        threshold so low that a line of sight could keep too few channels.
+        threshold so low that a line of sight could keep too few channels; one with too few that have weight.
     """
     maps = checked_cube("maps", maps, min_channels=2)
     freqs = checked_freqs(freqs, len(maps))
     check_clipping(len(maps), order, n_sigma)
+    weights = None if np.ndim(weights) < 2 else weights
+    if weights is not None:
+        check_lines(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
     basis = _polynomials(freqs, order)
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
@@ -119,6 +134,12 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0):
 
     def fit(block):
         lines = maps[:, block].astype(np.float64)
+        if weights is not None:
+            some = weights[:, block].astype(np.float64)
+            first[:, block], second[:, block], flagged[:, block] = weighted_clipping(
+                basis, lines, some, n_sigma
+            )
+            return
         first[:, block] = basis.T @ lines
         lines -= basis @ first[:, block]
         deviation = np.sqrt(np.einsum("ij,ij->j", lines, lines) / len(lines))  # the fit leaves no mean
@@ -150,6 +171,12 @@ def check_clipping(n_channels, order, n_sigma):
             f"n_sigma = {n_sigma:g} could flag {most} of {n_channels} channels, too many to fit "
             f"order {order} to the rest; use a higher n_sigma or a lower order."
         )
+
+
+def least_channels(n_channels, order=6, n_sigma=5.0):
+    """How many channels that are not missing, of `n_channels`, a line of sight needs for such a fit."""
+    enough = (n for n in range(order + 2, n_channels) if n - int(np.ceil(n / n_sigma**2)) + 1 >= order + 2)
+    return next(enough, n_channels)
 
 
 def _polynomials(freqs, order):

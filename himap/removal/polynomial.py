@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.peaks import check_clipping, smooth_baselines
+from himap.removal.peaks import check_clipping, least_channels, smooth_baselines
 
 __all__ = ["Polynomial"]
 
@@ -16,9 +16,12 @@ class Polynomial(ForegroundRemover):
     T(nu, p) = sum_n a_n(p) nu^n, n = 0..order (Eq. 18), fitted again without the channels that the first fit
     leaves more than `n_sigma` standard deviations away. The mixing matrix A holds polynomials that are
     orthonormal over the channels instead of powers of nu, the sources S their coefficients: the same fit.
+
+    With weights of voxels it has the least weighted squares; those of whole pixels change nothing.
     """
 
     name: ClassVar[str] = "polynomial"
+    takes_weights: ClassVar[bool] = True
     centred: ClassVar[bool] = False  # the paper fits the total temperature, and clips what stands out from it
     order: int = parameter(6, "order of the polynomial", minimum=1)
     n_sigma: float = parameter(5.0, "channels further from the first fit are left out", minimum=0, above=True)
@@ -28,6 +31,9 @@ class Polynomial(ForegroundRemover):
         super().check(n_channels)
         check_clipping(n_channels, self.order, self.n_sigma)
 
-    def _separate(self, maps, *, freqs, beams, rng):
-        baselines = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma)
+    def least_channels(self, n_channels):
+        return least_channels(n_channels, self.order, self.n_sigma)
+
+    def _separate(self, maps, *, freqs, beams, rng, weights=None):
+        baselines = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma, weights=weights)
         return Separation(mixing=baselines.basis, sources=baselines.second)

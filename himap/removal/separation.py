@@ -23,7 +23,8 @@ class Separation:
     taken
         The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
     means
-        What was taken from every channel before, (n_channels,): `_separate` leaves it to the base class.
+        What was taken from every channel before, (n_channels,): `_separate` leaves it to the base class, or
+        says what else is to be taken.
     converged
         False if the method stopped at its limit.
     n_iterations

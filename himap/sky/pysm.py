@@ -130,7 +130,8 @@ def write_templates(folder, nside):
     cards = [("COORDSYS", "G"), ("PYSM3", pysm_version(), "version that the maps are from")]
     with whole_files(*(folder / name for name in files)) as temporary:
         for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
-            write_maps(target, pixels[None], names=[column], unit=unit, nested=False, cards=cards)
+            maps = pixels[None].astype(np.float32)
+            write_maps(target, maps, names=[column], unit=unit, nested=False, cards=cards)
     return [folder / name for name in files]
 
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.maps import sphere
+from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 from himap.maps.healpix_files import MILLIKELVIN, read_maps, temperature_unit, to_ring
+from himap.reading import regular_file
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
@@ -25,7 +27,6 @@ __all__ = [
     "read_templates",
 ]
 
-_FREQ = re.compile(r"(?<![\d.])(?<!\d[pe,.])(\d+(?:\.\d+)?)[ _-]?([mg])hz", re.IGNORECASE)
 _INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
 _KINDS = {
     "synchrotron": re.compile("synchrotron", re.IGNORECASE),
@@ -79,14 +80,14 @@ def read_templates(folder):
     InputError
         A file is missing, ambiguous or unreadable; a map is partial, has bad pixels, an unknown unit,
         another frame than the Galactic one, more than 1 % of intensities that are not positive, or an
-        index outside -5..0.
+        index outside -5..0; a header contradicts the frequency in the name of its file.
     """
     files = find_templates(folder)
     intensity = {name: _read_intensity(files[name], name) for name in _KINDS}
     index = {"synchrotron": _read_index(files["index"]), "free-free": FREE_FREE_INDEX}
     return [
-        Template(name=name, amplitude=intensity[name], freq_ref=_freq_of(files[name]), index=index[name])
-        for name in _KINDS
+        Template(name=name, amplitude=amplitude, freq_ref=freq, index=index[name])
+        for name, (amplitude, freq) in intensity.items()
     ]
 
 
@@ -95,10 +96,7 @@ def digest_of(folder):
     digest = hashlib.sha256()
     for kind, path in sorted(find_templates(folder).items()):
         digest.update(f"{kind} {path.name} ".encode())
-        try:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
-        except OSError as error:
-            raise InputError(f"the template {path} cannot be read ({error.strerror}).") from None
+        digest.update(hashlib.sha256(regular_file(path, "template").read_bytes()).digest())
     return digest.hexdigest()
 
 
@@ -113,10 +111,10 @@ def find_templates(folder):
     folder = Path(folder)
     try:
         names = sorted(path.name for path in folder.iterdir())
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise InputError(
             f"template_dir must be a folder with {EXPECTED_FILES}; {folder} cannot be read "
-            f"({error.strerror})."
+            f"({getattr(error, 'strerror', None) or error})."
         ) from None
     paths = [folder / name for name in names if re.search(r"\.fits(\.gz)?$", name, re.IGNORECASE)]
     candidates = {"index": [path for path in paths if _INDEX.search(path.name)]}
@@ -124,7 +122,7 @@ def find_templates(folder):
         candidates[kind] = [
             path
             for path in paths
-            if pattern.search(path.name) and _FREQ.search(path.name) and path not in candidates["index"]
+            if pattern.search(path.name) and freqs_in(path.name) and path not in candidates["index"]
         ]
     for kind, matches in candidates.items():
         if len(matches) != 1:
@@ -137,19 +135,19 @@ def find_templates(folder):
     return {kind: matches[0] for kind, matches in candidates.items()}
 
 
-def _freq_of(path):
-    """Reference frequency that a file name states, MHz."""
-    stated = {float(value) * {"m": 1.0, "g": 1e3}[unit.lower()] for value, unit in _FREQ.findall(path.name)}
-    if len(stated) != 1 or min(stated) <= 0:
+def _freq_of(path, header):
+    """Reference frequency that a file name states, and its header does not contradict, MHz."""
+    stated = freqs_in(path.name)
+    if len(stated) != 1 or stated[0].freq <= 0:
         raise InputError(
             f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
-            f"{path.name} states {', '.join(f'{freq:g} MHz' for freq in sorted(stated))}. Rename the file."
+            f"{path.name} states {', '.join(f'{one.freq:g} MHz' for one in stated)}. Rename the file."
         )
-    return stated.pop()
+    return agreed(stated[0], freq_in_header(header, path), path)
 
 
 def _read_map(path):
-    """First map of a file, RING, Galactic, float64, without holes, and its unit."""
+    """First map of a file, RING, Galactic, float64, without holes, and the `HealpixFile`."""
     file = read_maps(path, n_maps=1)
     if file.partial:
         raise InputError(
@@ -174,14 +172,15 @@ def _read_map(path):
             f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
             "templates need a value in every pixel. Fill the holes first."
         )
-    return to_ring(pixels) if file.nested else pixels, file.units[0]
+    return to_ring(pixels) if file.nested else pixels, file
 
 
 def _read_intensity(path, name):
-    """Intensity map in mK, RING, positive."""
-    pixels, unit = _read_map(path)
-    unit = temperature_unit(unit, f"TUNIT1 in {path.name}")
-    return positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
+    """Intensity map in mK, RING, positive, and the frequency that it is at, MHz."""
+    pixels, file = _read_map(path)
+    unit = temperature_unit(file.units[0], f"TUNIT1 in {path.name}")
+    amplitude = positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
+    return amplitude, _freq_of(path, file.header)
 
 
 def positive(pixels, label):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from himap.errors import InputError
 from himap.instrument.beams.base import REGISTRY
+from himap.reading import is_file
 from himap.registry import Registry
 
 __all__ = ["available", "create", "named"]
@@ -45,7 +46,7 @@ def named(text):
     if name in available():
         pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
         return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
-    if not Path(text).is_file():
+    if not is_file(text):
         raise InputError(
             f"unknown beam {str(text)!r}: it is neither one of {', '.join(available())} nor a file."
         )

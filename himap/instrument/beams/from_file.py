@@ -10,7 +10,7 @@ import numpy as np
 from himap.errors import InputError
 from himap.instrument.beams.base import Beam, Windows, parameter
 from himap.maps import sphere
-from himap.reading import read_numbers
+from himap.reading import is_file, read_numbers, regular_file
 
 __all__ = ["FromFile"]
 
@@ -36,8 +36,9 @@ class FromFile(Beam):
     path: str = parameter(help="path of a file with one line for each channel: FWHM (deg), or b_l")
 
     def __post_init__(self):
-        if not isinstance(self.path, str | Path) or not Path(self.path).is_file():
+        if not isinstance(self.path, str | Path) or not is_file(self.path):
             raise InputError(f"the beam must be in a file of widths or b_l; there is no file {self.path}.")
+        regular_file(self.path, "beam")
         object.__setattr__(self, "path", str(self.path))
 
     def __str__(self):
@@ -48,7 +49,7 @@ class FromFile(Beam):
         return sha256(Path(self.path).read_bytes()).hexdigest()
 
     def _windows(self, freqs, lmax, dish_diameter):
-        numbers = np.asarray(read_numbers(Path(self.path)), dtype=float)
+        numbers = read_numbers(self.path)
         if numbers.ndim == 2 and numbers.shape[1] == 1:
             numbers = numbers[:, 0]
         if numbers.ndim not in (1, 2) or len(numbers) != len(freqs):
