@@ -1,5 +1,6 @@
 """Foregrounds removed from a cube of one's own, by any method, and what is written of it."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,13 +9,13 @@ import numpy as np
 from himap.cubes.cube import Cube
 from himap.errors import InputError
 from himap.maps.blocked import centred
-from himap.removal import create
+from himap.removal import available, create
 from himap.removal.analysis import analysed
-from himap.removal.base import Cleaned, ForegroundRemover
+from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
 from himap.removal.masked import lines_of
-from himap.removal.peaks import mask_peaks
+from himap.removal.peaks import least_channels, mask_peaks
 
-__all__ = ["Basis", "CleanedCube", "clean_cube", "method_for"]
+__all__ = ["Basis", "CleanedCube", "check_pixels", "clean_cube", "method_for", "with_enough_channels"]
 
 _LEAST_FOR_PEAKS = 8
 
@@ -26,7 +27,8 @@ class CleanedCube(Cleaned):
     Attributes
     ----------
     cube
-        What was cleaned; `maps`, `residual` and `foreground` are of its seen pixels.
+        What was cleaned; `maps`, `residual` and `foreground` are of its seen pixels. Where a voxel is missing
+        the residual is 0, and maps and foreground have what was found of it.
     method
         The `ForegroundRemover`.
     flagged
@@ -36,6 +38,17 @@ class CleanedCube(Cleaned):
     cube: Cube
     method: ForegroundRemover
     flagged: float
+
+    @property
+    def told(self):
+        """The residual, (n_channels, n_seen), NaN where a voxel is missing."""
+        missing = self.cube.missing
+        return self.residual if missing is None else np.where(missing, np.float32(np.nan), self.residual)
+
+    @property
+    def foreground(self):
+        """What was subtracted, the mean of every channel included, in the precision of the cube."""
+        return self.maps - self.residual
 
     @property
     def remarks(self):
@@ -64,7 +77,7 @@ class Basis:
     Attributes
     ----------
     maps
-        (n_channels, n_seen) float32, mK.
+        (n_channels, n_seen), mK, in the precision of those of the cube.
     flagged
         Share of the voxels that peak masking replaced.
 
@@ -80,8 +93,8 @@ class Basis:
                 f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
                 f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
             )
-        masked = mask_peaks(cube.maps, cube.freqs) if peaks else None
-        self.maps = masked.maps if peaks else cube.maps
+        masked = mask_peaks(cube.maps, cube.freqs, weights=cube.weights) if peaks else None
+        self.maps = _precise(masked, cube.maps) if peaks else cube.maps
         self.flagged = float(masked.flagged.mean()) if peaks else 0.0
         self._cube = cube
 
@@ -97,6 +110,8 @@ class Basis:
         A method that looks at the whole sky gets them on the sphere, with the mask.
         """
         options = {"modes": self.modes} if method.needs_modes else {}
+        if self._cube.weights is not None:
+            options["weights"] = self._cube.weights
         if method.needs_whole_sky and not self._cube.whole_sky:
             return self._cube.on_sphere(maps), options | {"mask": self._cube.mask}
         return maps, options
@@ -104,14 +119,20 @@ class Basis:
     def separation(self, method, *, beams=None, seed=2025):
         """The `Separation` of the seen pixels by a method; parameters as of `clean_cube`."""
         maps, options = self.given_to(method, self.maps)
-        found = method.separate(
-            maps,
-            freqs=self._cube.freqs,
-            beams=beams if method.needs_beams else None,
-            rng=np.random.default_rng(seed),
-            **options,
-        )
+        with _solvable(method):
+            found = method.separate(
+                maps,
+                freqs=self._cube.freqs,
+                beams=beams if method.needs_beams else None,
+                rng=np.random.default_rng(seed),
+                **options,
+            )
         return lines_of(found, self._cube.mask) if "mask" in options else found
+
+
+def _precise(masked, maps):
+    """The maps of a `PeakMasked`, in float64 where those that it was made of are."""
+    return np.where(masked.flagged, masked.maps, maps) if maps.dtype == np.float64 else masked.maps
 
 
 def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, **parameters):
@@ -147,19 +168,45 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
     remover = method_for(cube, method, **parameters)
     basis = Basis(cube, peaks=peaks) if basis is None else basis
     maps, options = basis.given_to(remover, cube.maps)
-    result = remover.clean(
-        maps,
-        freqs=cube.freqs,
-        beams=beams if remover.needs_beams else None,
-        rng=np.random.default_rng(seed),
-        separate_on=basis.given_to(remover, basis.maps)[0],
-        **options,
-    )
+    with _solvable(remover):
+        result = remover.clean(
+            maps,
+            freqs=cube.freqs,
+            beams=beams if remover.needs_beams else None,
+            rng=np.random.default_rng(seed),
+            separate_on=basis.given_to(remover, basis.maps)[0],
+            **options,
+        )
     seen = {"maps": cube.maps, "residual": result.residual, "separation": result.separation}
+    if cube.missing is not None:
+        seen["maps"] = result.maps
     if "mask" in options:
         seen["residual"] = result.residual[:, cube.mask]
         seen["separation"] = lines_of(result.separation, cube.mask)
     return CleanedCube(**seen, cube=cube, method=remover, flagged=basis.flagged)
+
+
+@contextmanager
+def _solvable(method):
+    """Equations that the digits of the maps do not suffice for, as an error of the input."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            f"{method.name} cannot solve its equations for these maps ({error}): the brightest part is too "
+            "much brighter than the faintest. Take another method, or maps in float64."
+        ) from None
+
+
+def check_pixels(cube, remover):
+    """Refuse a method that looks at the whole sphere for a cube of images in the plane."""
+    if remover.needs_whole_sky and not cube.layout.pixels.whole_sky:
+        able = [name for name in available() if not REGISTRY[name].needs_whole_sky]
+        raise InputError(
+            f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
+            f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "
+            "the package reproject does."
+        )
 
 
 def method_for(cube, method, **parameters):
@@ -175,6 +222,25 @@ def method_for(cube, method, **parameters):
     if parameters and not isinstance(method, str):
         raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
+    check_pixels(cube, remover)
     remover.check(len(cube.freqs))
     remover.checked_noise(None, len(cube.freqs))
+    if cube.weights is not None:
+        remover.check_weights(cube.weights)
     return remover
+
+
+def with_enough_channels(cube, method, *, peaks=True):
+    """The `Cube` without the pixels of which too many channels are missing for a `ForegroundRemover`.
+
+    With `peaks` for the masking of peaks too.
+
+    Raises
+    ------
+    InputError
+        None is left, or a channel sees none of them.
+    """
+    least = method.least_channels(len(cube.freqs))
+    if peaks and len(cube.freqs) >= _LEAST_FOR_PEAKS:
+        least = max(least, least_channels(len(cube.freqs)))
+    return cube.seen_in(least)

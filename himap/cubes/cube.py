@@ -1,21 +1,26 @@
-"""A cube of channel maps of one's own, as himap works with it: mK, RING, float32, frequencies ascending."""
+"""A cube of channel maps of one's own, as himap works with it: mK, frequencies ascending, HEALPix in RING."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.checks import checked_freqs, real_array
+from himap.checks import real_array
 from himap.cubes.files import read_freqs, read_raw
+from himap.cubes.pixels import Pixels
+from himap.cubes.raw import HELD
+from himap.cubes.seeing import cube_floats, look_at, own_freqs, seen_everywhere, seen_somewhere, wide
+from himap.cubes.told import told_nested, told_pixels, told_unit
+from himap.cubes.weights import missing_told, names_beside, seen_weights
 from himap.errors import InputError
-from himap.maps import sphere
-from himap.maps.healpix_files import MILLIKELVIN, is_nested, temperature_unit, to_ring
+from himap.maps.healpix_files import MILLIKELVIN
 from himap.removal.masked import checked_kept
+from himap.removal.weights import checked_weights
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
 _ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
-_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
-_LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
+_BESIDE = 2  # cubes in float32 that are held of one beside another
+_WEIGHED = 3  # more of them that are held where there are weights
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,24 +35,23 @@ class Layout:
         MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
     unit
         Of the file: "K", "mK" or "uK".
-    nested
-        Whether its pixels are in NESTED order.
+    pixels
+        The `Pixels`, and how they lie in the file.
     """
 
     channels: np.ndarray
     freqs: np.ndarray
     unit: str
-    nested: bool
+    pixels: Pixels
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
-        out = np.full((len(self.freqs), len(mask)), np.nan, dtype=np.float32)
-        full_map = np.full(len(mask), np.nan, dtype=np.float32)
-        ring = sphere.nest_to_ring(sphere.nside_of(mask)) if self.nested else slice(None)
+        out = np.full((len(self.freqs), len(mask)), np.nan, dtype=maps.dtype)
+        full_map = np.full(len(mask), np.nan, dtype=maps.dtype)
         for place, pixels in zip(self.channels, maps, strict=True):
             full_map[mask] = pixels / MILLIKELVIN[self.unit]
-            out[place] = full_map[ring]
-        return out
+            out[place] = self.pixels.as_given(full_map)
+        return self.pixels.shaped(out)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,15 +61,22 @@ class Cube:
     Attributes
     ----------
     maps
-        The seen pixels, (n_channels, n_seen) float32, mK, by RING index.
+        The seen pixels, (n_channels, n_seen), mK, by RING index; float32, or float64 where the file has it
+        and the sky is so bright that float32 would round HI away (`himap.maps.blocked.precision`).
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     mask
-        Which pixels of the sphere are seen in every channel, (n_pix,) bool, RING.
+        Which pixels are seen in every channel, or with weights in some, (n_pix,) bool: those of the sphere,
+        RING, or of an image.
     layout
         How it was given, a `Layout`.
     remarks
         What was taken for granted or left out, for the user to read.
+    freqs_from
+        What told the frequencies, in words.
+    weights
+        Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing: there
+        maps are 0. None where all are the same.
     """
 
     maps: np.ndarray
@@ -73,15 +84,36 @@ class Cube:
     mask: np.ndarray
     layout: Layout
     remarks: tuple[str, ...] = ()
+    freqs_from: str = "what was given"
+    weights: np.ndarray | None = None
+
+    @property
+    def missing(self):
+        """Voxels of the seen pixels that are not seen, (n_channels, n_seen) bool, or None if all are."""
+        return self.weights == 0 if np.ndim(self.weights) == 2 else None
+
+    @property
+    def taken(self):
+        """What was read, a sentence for the user to check."""
+        pixels = self.layout.pixels.described(self.mask, self.layout.unit)
+        return (
+            f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, told by "
+            f"{self.freqs_from}; {pixels}."
+        )
 
     @property
     def nside(self):
-        return sphere.nside_of(self.mask)
+        """Of HEALPix maps; InputError for an image in the plane."""
+        return self.layout.pixels.nside(self.mask)
+
+    def check_sphere(self):
+        """Refuse an image in the plane, with an InputError, where multipoles are asked for."""
+        self.layout.pixels.nside(self.mask)
 
     @property
     def whole_sky(self):
         """Whether the whole sphere is seen."""
-        return bool(self.mask.all())
+        return self.layout.pixels.whole_sky and bool(self.mask.all())
 
     @property
     def channel_width(self):
@@ -89,7 +121,7 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def within(self, mask):
-        """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, RING, keeps.
+        """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
 
         Raises
         ------
@@ -99,9 +131,43 @@ class Cube:
         kept = checked_kept(mask, len(self.mask)) & self.mask
         if not kept.any():
             raise InputError("the mask keeps no pixel that the cube sees; True (or 1) means kept.")
-        remark = f"{kept.mean():.1%} of the sky is kept by the mask."
-        maps, remarks = self.maps[:, kept[self.mask]], (*self.remarks, remark)
-        return replace(self, maps=maps, mask=kept, remarks=remarks)
+        return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")
+
+    def seen_in(self, n_channels):
+        """The same `Cube` of the pixels that are seen in so many channels or more.
+
+        Raises
+        ------
+        InputError
+            There is none, or a channel that none of them sees.
+        """
+        few = None if self.missing is None else np.count_nonzero(~self.missing, axis=0) < n_channels
+        if few is None or not few.any():
+            return self
+        if few.all():
+            raise InputError(f"no pixel is seen in {n_channels} channels or more.")
+        kept = self.mask.copy()
+        kept[kept] = ~few
+        remark = f"{few.sum()} pixels are left out, which fewer than {n_channels} channels see."
+        return self._of(kept, remark)
+
+    def channels_of(self, other):
+        """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
+        if len(other.freqs) == len(other.layout.freqs):
+            return self
+        near = np.isclose(self.freqs[:, None], other.freqs, rtol=_ROUNDING, atol=0).any(axis=1)
+        known = np.isclose(self.freqs[:, None], other.layout.freqs, rtol=_ROUNDING, atol=0).any(axis=1)
+        kept = near | ~known
+        layout = replace(self.layout, channels=self.layout.channels[kept])
+        return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
+
+    def _of(self, kept, remark):
+        """The same of the pixels in `kept`, all of them seen."""
+        seen, weights = kept[self.mask], self.weights
+        maps = self.maps[:, seen]
+        if weights is not None:
+            weights = checked_weights(weights[..., seen], maps.shape)[1]
+        return replace(self, maps=maps, mask=kept, weights=weights, remarks=(*self.remarks, remark))
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen; themselves if all is."""
@@ -112,7 +178,17 @@ class Cube:
         return out
 
 
-def read_cube(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None):
+def read_cube(
+    path,
+    *,
+    freqs=None,
+    unit=None,
+    order=None,
+    maps_name=None,
+    freqs_name=None,
+    weights=None,
+    flags=None,
+):
     """A `Cube` from a file; see `read_raw` for the formats.
 
     Parameters
@@ -121,111 +197,123 @@ def read_cube(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_
         File, or folder of files.
     freqs
         Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
-        one number a line; for files that do not tell them.
+        one number a line, or of a table of edges (`read_freqs`); for files that do not tell them.
     unit
         "K", "mK" or "uK", if the file does not say.
     order
         "RING" or "NESTED", if the file does not say; RING unless given.
     maps_name, freqs_name
         Datasets of an HDF5 file.
+    weights
+        Hits or inverse variances, of which only ratios matter, 0 where not seen: of pixels, (n_pix,), or of
+        voxels, (n_channels, n_pix), pixels and channels in the order of the file; or the path of such an
+        array in .npy, of HEALPix maps in FITS, in any order of pixels, or of HDF5 with a dataset ``weights``.
+    flags
+        True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
+
+    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
+    left out, by the method. Without, the pixels that are seen in all channels are.
 
     Raises
     ------
     InputError
         What is missing or contradicts the file, and how to give it.
     """
-    raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name)
-    return make_cube(_with_freqs(path, raw, freqs), unit=unit, order=order)
+    aside = names_beside(path, weights, flags)
+    weighed = weights is not None or flags is not None
+    held = HELD + _WEIGHED * weighed
+    raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name, held=held, aside=aside)
+    raw = _with_freqs(path, raw, freqs)
+    if weighed:
+        nested = told_nested(raw.nested, order, [])
+        weights = seen_weights(raw, weights=weights, flags=flags, nested=nested)
+    return make_cube(raw, unit=unit, order=order, weights=weights)
 
 
-def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None):
-    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say."""
+def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, beside=None):
+    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say.
+
+    Channels that are in the file of the cube `beside`, but left out of that, are left out.
+    """
     try:
-        raw = read_raw(path)
+        raw = read_raw(path, held=_BESIDE)
     except InputError:
         if maps_name is None and freqs_name is None:
             raise
-        raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name)
+        raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name, held=_BESIDE)
     raw = _with_freqs(path, raw, freqs if raw.freqs is None else None)
-    return make_cube(
+    truth = make_cube(
         raw, unit=unit if raw.unit is None else None, order=order if raw.nested is None else None
     )
+    return truth if beside is None else truth.channels_of(beside)
 
 
 def _with_freqs(path, raw, freqs):
     """The `RawCube` with frequencies, its own or `freqs`, an array or a path."""
     if freqs is not None:
-        freqs = read_freqs(freqs) if isinstance(freqs, str) or hasattr(freqs, "__fspath__") else freqs
+        given = "what was given"
+        if isinstance(freqs, str) or hasattr(freqs, "__fspath__"):
+            freqs, given = read_freqs(freqs)
         freqs = real_array("freqs", freqs).astype(float)
         if raw.freqs is not None and not (freqs.shape == raw.freqs.shape and _same(freqs, raw.freqs)):
             raise InputError(
                 f"{path} tells its frequencies, {_ends(raw.freqs)}, and those given are {_ends(freqs)}, or "
                 "in another order; leave them out, or mend the file."
             )
-        raw = replace(raw, freqs=freqs)
+        raw = replace(raw, freqs=freqs, freqs_from=raw.freqs_from or given)
     if raw.freqs is None:
         raise InputError(
             f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name "
-            "their dataset (--freqs-name)."
+            f"their dataset (--freqs-name). {raw.nearly}".rstrip()
         )
     return raw
 
 
-def make_cube(raw, *, unit=None, order=None):
+def make_cube(raw, *, unit=None, order=None, weights=None):
     """The `Cube` of a `RawCube`: sorted, in mK, RING, with the pixels that are seen in every channel.
 
-    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out.
+    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out. With weights,
+    (n_in_file, n_pix) as `seen_weights` gives them, pixels that are seen in some channel are kept.
     """
-    remarks = []
-    unit = _unit(raw.unit, unit)
-    nested = _is_nested(raw.nested, order, remarks)
-    sphere.nside_of(raw.maps)
+    remarks = list(raw.remarks)
+    unit = told_unit(raw.unit, unit)
+    pixels = told_pixels(raw, order, remarks)
+    pixels.check(raw.maps)
     freqs = np.asarray(raw.freqs, dtype=float)
     if freqs.shape != (len(raw.maps),):
         raise InputError(
             f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
         )
-    channels, mask = _seen(raw.maps, np.argsort(freqs, kind="stable"), remarks)
-    file_freqs, freqs = freqs, _checked_freqs(freqs[channels])
+    places = np.argsort(freqs, kind="stable")
+    if weights is None:
+        channels, mask = seen_everywhere(raw.maps, places, remarks)
+    else:
+        raw = replace(raw, maps=np.where(weights > 0, raw.maps, np.zeros((), raw.maps.dtype)))
+        channels, mask = seen_somewhere(weights, places, remarks)
+    file_freqs, freqs = freqs, own_freqs(freqs[channels])
     if not mask.any():
-        raise InputError("no pixel is seen in every channel; leave out the channels that see least.")
-    if nested:
-        mask = to_ring(mask)
-    maps = np.empty((len(channels), int(mask.sum())), dtype=np.float32)
-    for place, out in zip(channels, maps, strict=True):
-        pixels = _wide(raw.maps[place])
-        out[:] = (to_ring(pixels) if nested else pixels)[mask] * MILLIKELVIN[unit]
-    if not mask.all():
-        remarks.append(f"{mask.mean():.1%} of the sky is seen in every channel; the rest is masked.")
-    _look_at(maps, freqs, remarks)
-    layout = Layout(channels=channels, freqs=file_freqs, unit=unit, nested=nested)
-    return Cube(maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks))
-
-
-def _checked_freqs(freqs):
-    """Ascending frequencies; which of them are equal, if some are."""
-    twice = freqs[1:][np.diff(freqs) == 0]
-    if len(twice):
-        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
-    return checked_freqs(freqs, len(freqs))
-
-
-def _look_at(maps, freqs, remarks):
-    """Say what is odd about a cube, and may be a mistake: zeros, constant channels, uneven ones."""
-    if not maps.any():
-        raise InputError("all maps are zero.")
-    constant = [freq for freq, pixels in zip(freqs, maps, strict=True) if pixels.min() == pixels.max()]
-    if constant and maps.shape[1] > 1:
-        names = ", ".join(f"{freq:g}" for freq in constant[:5])
-        remarks.append(f"{len(constant)} channels have one value everywhere, as dead ones: {names} MHz.")
-    empty = np.mean(~maps.any(axis=0))
-    if empty:
-        remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")
-    steps = np.diff(freqs)
-    if steps.max() > _UNEVEN * steps.min():
-        remarks.append(
-            f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) takes them as evenly spaced."
+        raise InputError(
+            "no pixel is seen in every channel; leave out the channels that see least, or give weights or "
+            "flags to a method that takes them: then what is missing is missing in its channel alone."
         )
+    dtype = cube_floats(raw.maps, channels, mask, MILLIKELVIN[unit])
+    mask = pixels.sorted(mask)
+    maps = np.empty((len(channels), int(mask.sum())), dtype=dtype)
+    for place, out in zip(channels, maps, strict=True):
+        out[:] = pixels.sorted(wide(raw.maps[place]))[mask] * MILLIKELVIN[unit]
+    if not mask.all():
+        where = "every" if weights is None else "some"
+        remarks.append(f"{mask.mean():.1%} of {pixels.area} is seen in {where} channel; the rest is masked.")
+    if weights is not None:
+        weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
+        remarks += missing_told(weights)
+        weights = checked_weights(weights, weights.shape)[1]
+    look_at(maps, freqs, remarks)
+    layout = Layout(channels=channels, freqs=file_freqs, unit=unit, pixels=pixels)
+    told = {} if raw.freqs_from is None else {"freqs_from": raw.freqs_from}
+    return Cube(
+        maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights, **told
+    )
 
 
 def _same(freqs, file_freqs):
@@ -234,50 +322,3 @@ def _same(freqs, file_freqs):
 
 def _ends(freqs):
     return f"{freqs.size} from {freqs.min():g} to {freqs.max():g} MHz" if freqs.size else "none"
-
-
-def _seen(maps, order, remarks):
-    """Of the channels in `order` those that see anything, and the pixels that all of these see."""
-    channels, mask = [], np.ones(maps.shape[1], dtype=bool)
-    for place in order:
-        seen = np.abs(_wide(maps[place])) < _LARGEST  # False for NaN
-        if seen.any():
-            channels.append(place)
-            mask &= seen
-    if len(channels) < 2:
-        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(maps)}.")
-    if len(channels) < len(maps):
-        remarks.append(f"{len(maps) - len(channels)} of {len(maps)} channels see nothing and are left out.")
-    return np.array(channels), mask
-
-
-def _wide(pixels):
-    """Pixels in no less than float32: float16 ends at 65504."""
-    return pixels.astype(np.result_type(pixels, np.float32), copy=False)
-
-
-def _unit(file_unit, user_unit):
-    """The name of the unit, from what the file and the user say."""
-    units = {temperature_unit(text) for text in (file_unit, user_unit) if text is not None}
-    if not units:
-        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
-    if len(units) > 1:
-        raise InputError(
-            f"the file says {file_unit}, but the unit given is {user_unit}; leave it out, or mend the file."
-        )
-    return units.pop()
-
-
-def _is_nested(file_nested, order, remarks):
-    if order is None:
-        if file_nested is None:
-            remarks.append(
-                "the file does not say the order of its pixels: taken as RING (--order to change it)."
-            )
-        return bool(file_nested)
-    nested = is_nested(str(order), "order")
-    if file_nested is not None and file_nested != nested:
-        raise InputError(
-            f"the file says {'NESTED' if file_nested else 'RING'}, but the order given is {order}."
-        )
-    return nested

@@ -1,26 +1,28 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
-import re
 from pathlib import Path
 
-import h5py
 import numpy as np
-from astropy import units as u
 
-from himap.cubes import fits
-from himap.cubes.raw import RawCube
+from himap.cubes import fits, hdf5
+from himap.cubes.raw import HELD, RawCube, check_cube_room
 from himap.errors import InputError
-from himap.maps import sphere
-from himap.maps.healpix_files import is_nested
-from himap.reading import read_array, read_numbers
+from himap.maps.healpix_files import ENDINGS
+from himap.maps.shapes import pixels_last, sphere_sizes
+from himap.reading import mapped_array, read_array, read_numbers, regular_file
+from himap.removal.hi_prior import LINE
 
 __all__ = ["read_freqs", "read_raw"]
 
-_HDF5 = (".h5", ".hdf5", ".hdf")
+_ROUNDING = 1e-6  # relative: edges that two channels share are the same
+_REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 
-def read_raw(path, *, maps_name=None, freqs_name=None):
+def read_raw(path, *, maps_name=None, freqs_name=None, held=HELD, aside=()):
     """The `RawCube` of an HDF5 or FITS file, of a folder of FITS files (one for each channel), or of .npy.
+
+    FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
+    folder may have a range of channels.
 
     Parameters
     ----------
@@ -28,144 +30,102 @@ def read_raw(path, *, maps_name=None, freqs_name=None):
         File or folder.
     maps_name, freqs_name
         Datasets of an HDF5 file; found by their shapes and names unless given.
+    held
+        Cubes in float32 that the caller will hold at once: they must fit into memory.
+    aside
+        Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
 
     Raises
     ------
     InputError
-        No such file, another format, or a file that does not hold one cube of HEALPix maps.
+        No such file, another format, a file that does not hold one cube, or too large a one.
     """
-    path = Path(path)
-    if not path.exists():
-        raise InputError(f"there is no file {path}.")
-    if path.is_dir():
-        return fits.maps_of_folder(path)
-    readers = {
-        _HDF5: lambda: _hdf5(path, maps_name, freqs_name),
-        fits.ENDINGS: lambda: fits.maps_of_file(path),
-    }
-    readers[(".npy",)] = lambda: _npy(path)
-    for suffixes, reader in readers.items():
+    is_folder = _is_folder(path)
+    path = Path(path) if is_folder else regular_file(path)
+    kind = "folder" if is_folder else _kind(path)
+    if kind != "hdf5" and (maps_name is not None or freqs_name is not None):
+        raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
+    if kind == "hdf5":
+        names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": aside}
+        return hdf5.maps_of_file(path, **names, held=held)
+    readers = {"folder": fits.maps_of_folder, "fits": fits.maps_of_file, "npy": _npy}
+    return readers[kind](path, held=held)
+
+
+def _is_folder(path):
+    try:
+        return bool(str(path)) and Path(path).is_dir()
+    except (OSError, ValueError, RuntimeError):  # no name that a file can have
+        return False
+
+
+def _kind(path):
+    endings = {"hdf5": hdf5.ENDINGS, "fits": ENDINGS, "npy": (".npy",)}
+    for kind, suffixes in endings.items():
         if path.name.lower().endswith(suffixes):
-            if suffixes is not _HDF5 and (maps_name or freqs_name):
-                raise InputError(f"names of datasets are for HDF5 files; {path} is none.")
-            return reader()
+            return kind
     raise InputError(
         f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
     )
 
 
 def read_freqs(path):
-    """Frequencies of a .npy file or a text file with one number a line, (n,), in MHz."""
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"there is no file of frequencies {path}.")
-    return read_numbers(path).ravel()
+    """Frequencies that a file tells, (n,), in MHz, and what it tells, in words.
+
+    Parameters
+    ----------
+    path
+        A .npy file or a text file with one number a line, the centre of a channel. Or a table of the edges of
+        channels that adjoin each other, as those of CRIME and CoLoRe, of which the means are taken: lower and
+        upper; before them the number of the channel, from 1, or nothing; behind them the redshifts of the
+        upper and the lower edge, or nothing.
+
+    Raises
+    ------
+    InputError
+        Another table: which of its columns is meant cannot be known.
+    """
+    numbers = read_numbers(regular_file(path, "file of frequencies"))
+    if numbers.ndim == 1 or 1 in numbers.shape:
+        return numbers.ravel(), "what was given"
+    edges = _edges(numbers) if numbers.ndim == 2 else None
+    if edges is None:
+        raise InputError(
+            f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
+            "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
+            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line."
+        )
+    return edges.mean(axis=1), f"the edges of channels in {path}"
 
 
-def _npy(path):
-    maps = read_array(path)
-    if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not _sphere_sizes(maps.shape):
+def _edges(table):
+    """Lower and upper edges, (n, 2), of a table that is exactly one of those of `read_freqs`, or None."""
+    n_rows, n_columns = table.shape
+    if n_columns not in (2, 3, 5):
+        return None
+    first = 0 if n_columns == 2 else 1
+    if first and not np.array_equal(table[:, 0], np.arange(1, n_rows + 1)):
+        return None
+    edges = table[:, first : first + 2]
+    lower, upper = edges.T
+    adjoin = any(
+        np.allclose(end[:-1], start[1:], rtol=_ROUNDING, atol=0)
+        for start, end in ((lower, upper), (upper, lower))
+    )
+    if not (adjoin and (lower > 0).all() and (lower < upper).all()):
+        return None
+    redshifts = LINE / edges[:, ::-1] - 1
+    if n_columns == 5 and not np.allclose(table[:, 3:], redshifts, rtol=0, atol=_REDSHIFT):
+        return None
+    return edges
+
+
+def _npy(path, *, held):
+    maps = mapped_array(path)
+    if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
         raise InputError(
             f"{path} must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2, "
             f"got {maps.dtype} {maps.shape}."
         )
-    return RawCube(maps=pixels_last(maps))
-
-
-def _hdf5(path, maps_name, freqs_name):
-    try:
-        with h5py.File(path, "r") as file:
-            arrays = {}
-            file.visititems(lambda name, item: arrays.update({name: item} if _is_numeric(item) else {}))
-            maps = arrays[_the_maps(path, arrays, maps_name)]
-            values = pixels_last(maps[...])
-            name = _the_freqs(path, arrays, freqs_name, len(values))
-            return RawCube(
-                maps=values,
-                freqs=None if name is None else _in_mhz(arrays[name][...], _attribute(arrays[name], "unit")),
-                unit=_attribute(maps, "unit") or _attribute(file, "unit"),
-                nested=is_nested(_attribute(maps, "order") or _attribute(file, "order")),
-            )
-    except OSError as error:
-        raise InputError(f"{path} cannot be read as HDF5 ({error}).") from None
-
-
-def _is_numeric(item):
-    return isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu"
-
-
-def _sphere_sizes(shape):
-    """The numbers among `shape` that are those of the pixels of a sphere."""
-    return [n for n in shape if sphere.is_n_pix(n)]
-
-
-def pixels_last(maps):
-    """`maps` as (n_channels, n_pix): the larger of the two sizes that a sphere can have is the pixels."""
-    sizes = _sphere_sizes(maps.shape)
-    return maps if sizes and maps.shape[1] == max(sizes) else maps.T
-
-
-def _the_maps(path, arrays, name):
-    if name is not None:
-        if name not in arrays:
-            raise InputError(f"{path} has no dataset {name}; it has {_listing(arrays)}.")
-        if arrays[name].ndim != 2 or not _sphere_sizes(arrays[name].shape):
-            raise InputError(
-                f"{name} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, "
-                f"got {arrays[name].shape}."
-            )
-        return name
-    fitting = [dataset for dataset, item in arrays.items() if item.ndim == 2 and _sphere_sizes(item.shape)]
-    if len(fitting) != 1:
-        listing = f"{len(fitting)} are: {', '.join(fitting)}" if fitting else f"it has {_listing(arrays)}"
-        raise InputError(
-            f"{path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but {listing}. "
-            "Name it with --maps."
-        )
-    return fitting[0]
-
-
-def _the_freqs(path, arrays, name, n_channels):
-    if name is not None:
-        if name not in arrays or arrays[name].shape != (n_channels,):
-            raise InputError(
-                f"{path} must have a dataset {name} of {n_channels} frequencies; it has {_listing(arrays)}."
-            )
-        return name
-    lines = [dataset for dataset, item in arrays.items() if item.shape == (n_channels,)]
-    for tells in (_is_called_frequency, lambda dataset: _is_frequency(_attribute(arrays[dataset], "unit"))):
-        matches = [dataset for dataset in lines if tells(dataset)]
-        if len(matches) == 1:
-            return matches[0]
-    return None
-
-
-def _is_called_frequency(name):
-    return re.fullmatch(r"freq\w*|nus?|nu_\w+|\w*_mhz", name.rpartition("/")[2], re.IGNORECASE)
-
-
-def _is_frequency(unit):
-    try:
-        return unit is not None and u.Unit(unit).is_equivalent(u.Hz)
-    except ValueError:
-        return False
-
-
-def _listing(arrays):
-    return "; ".join(f"{name} {item.shape}" for name, item in arrays.items()) or "no arrays of numbers"
-
-
-def _attribute(item, start):
-    """The text of the attribute whose name starts like `start`, or None."""
-    for name, value in item.attrs.items():
-        if name.lower().startswith(start):
-            return value.decode() if isinstance(value, bytes) else str(value)
-    return None
-
-
-def _in_mhz(values, unit):
-    """Frequencies of a file in MHz; without a unit they are taken to be that."""
-    try:
-        return np.asarray(values, dtype=float) * u.Unit(unit or "MHz").to(u.MHz)
-    except (ValueError, u.UnitConversionError):
-        raise InputError(f"frequencies must be in Hz, MHz or GHz, the file says {unit!r}.") from None
+    check_cube_room(path, maps.size, maps.dtype.itemsize, held)
+    return RawCube(maps=pixels_last(read_array(path)))

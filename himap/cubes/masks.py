@@ -4,7 +4,8 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.maps import sphere
-from himap.maps.healpix_files import read_maps, to_ring
+from himap.maps.healpix_files import ENDINGS, read_maps, to_ring
+from himap.reading import regular_file
 
 __all__ = ["read_mask"]
 
@@ -22,9 +23,18 @@ def read_mask(path, nside):
     Raises
     ------
     InputError
-        No such file, another nside, values between 0 and 1, or nothing kept.
+        No such file, no order of pixels, another nside, values between 0 and 1, or nothing kept.
     """
+    if not regular_file(path, "mask").name.lower().endswith(ENDINGS):
+        raise InputError(
+            f"the mask {path} must be a FITS file ({', '.join(ENDINGS)}); healpy.write_map writes one."
+        )
     file = read_maps(path, n_maps=1)
+    if file.nested is None:
+        raise InputError(
+            f"the mask {path} must say ORDERING = RING or NESTED in its header; write it again with "
+            "healpy.write_map."
+        )
     values = np.nan_to_num(file.maps[0], nan=0.0)
     if sphere.nside_of(values) != nside:
         raise InputError(

@@ -19,7 +19,7 @@ _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a work
 _ROOM = 1.01  # of the box beyond the band
 
 
-def read_mocks(cube, paths, **reading):
+def read_mocks(cube, paths, *, told=None, **reading):
     """The maps of mocks from files, one after the other, (n_channels, n_seen) float32, mK.
 
     Parameters
@@ -28,6 +28,8 @@ def read_mocks(cube, paths, **reading):
         The `Cube` that they are put into.
     paths
         Files as `read_cube` takes them, one for each mock, with the beam of the cube.
+    told
+        Called with what the user should know of a file, a sentence.
     reading
         As in `read_truth`, for what the files do not say.
 
@@ -37,7 +39,9 @@ def read_mocks(cube, paths, **reading):
         When a file is read: one of another nside, of other channels, or that does not see what the cube does.
     """
     for path in paths:
-        mock = read_truth(path, **reading)
+        mock = read_truth(path, beside=cube, **reading)
+        for remark in mock.remarks if told else ():
+            told(f"{path}: {remark}")
         try:
             check_truth(cube, mock)
         except InputError as error:
@@ -80,7 +84,7 @@ def made_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
 
 def _made(cube, beams, survey, seed, sigma):
     rng = np.random.default_rng(seed)
-    maps = hi_maps(survey, rng)
+    maps = hi_maps(survey, rng)[np.abs(survey.freqs[:, None] - cube.freqs).argmin(axis=0)]
     for channel, window in zip(progress(maps, "mock"), beams, strict=True):
         lmax = min(3 * cube.nside, len(window)) - 1
         alm = sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT)
@@ -95,24 +99,33 @@ def _made(cube, beams, survey, seed, sigma):
 def mock_survey(cube, *, seed=1):
     """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
 
+    Channels that the file of the cube has, and the cube not, are in it where the others are uneven without.
+
     Raises
     ------
     InputError
         Channels that are not evenly spaced, or a band outside what `Survey` takes.
     """
-    steps = np.diff(cube.freqs)
-    if steps.max() > _UNEVEN * steps.min():
+    whole = len(cube.freqs) == len(cube.layout.freqs) or _even(cube.freqs)
+    freqs = cube.freqs if whole else np.sort(cube.layout.freqs)
+    if not _even(freqs):
+        steps = np.diff(cube.freqs)
         raise InputError(
             f"mocks can be made for evenly spaced channels, and these are {steps.min():g} to {steps.max():g} "
             "MHz apart; give mocks of your own (--mocks FILE)."
         )
-    half = cube.channel_width / 2
-    low, high = float(cube.freqs[0]) - half, float(cube.freqs[-1]) + half
+    half = float(freqs[-1] - freqs[0]) / (len(freqs) - 1) / 2
+    low, high = float(freqs[0]) - half, float(freqs[-1]) + half
     cells = int(np.clip(4 * cube.nside, *_CELLS))
-    options = {"nside": cube.nside, "n_channels": len(cube.freqs), "freq_min": low, "freq_max": high}
+    options = {"nside": cube.nside, "n_channels": len(freqs), "freq_min": low, "freq_max": high}
     try:
         reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
         size = max(Survey().box_size, 2 * _ROOM * reach)
         return Survey(**options, box_cells=cells, box_size=size, seed=seed)
     except InputError as error:
         raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None
+
+
+def _even(freqs):
+    steps = np.diff(freqs)
+    return steps.max() <= _UNEVEN * steps.min()

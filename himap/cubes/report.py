@@ -5,73 +5,51 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.cubes import page
+from himap.cubes import image_views, page, sphere_views
+from himap.cubes.image_pixels import ImagePixels
+from himap.cubes.pixels import SpherePixels
+from himap.cubes.sphere_views import spectra_figure
 from himap.errors import InputError
-from himap.figures import comparisons, plotting, styles
+from himap.figures import plotting, styles
 from himap.figures.tables import Table
-from himap.measures.difference import difference
-from himap.measures.power_spectra import (
-    angular_power,
-    angular_power_pair,
-    frequency_power,
-    masked_alms,
-    recovered_angular_power,
-)
-from himap.measures.results import Comparison, PowerSpectra
 from himap.removal.covariance import channel_covariance
 
 __all__ = [
-    "SpectraBeside",
     "check_truth",
     "compared",
     "maps_figure",
     "modes_figure",
     "spectra_figure",
     "spectra_of",
+    "views_of",
     "write_report",
 ]
 
+_ALIKE = 1e-5  # relative: the same maps but for rounding
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
 
 
+_VIEWS = {SpherePixels: sphere_views, ImagePixels: image_views}
+
+
+def views_of(cube):
+    """The module that judges and shows cubes with pixels such as those of `cube`."""
+    return _VIEWS[type(cube.layout.pixels)]
+
+
 def spectra_of(cleaned):
-    """The `PowerSpectra` of a `CleanedCube`; with a mask C_l are decoupled."""
-    cube = cleaned.cube
-    return PowerSpectra(
-        angular=angular_power(cube.on_sphere(cleaned.residual), mask=_mask_of(cube)),
-        frequency=frequency_power(cleaned.residual, cube.channel_width),
-    )
+    """The power spectra of a `CleanedCube`.
 
-
-class SpectraBeside:
-    """`spectra_of` cubes that differ from a first one by a few spectra, without analysing each anew.
-
-    Parameters
-    ----------
-    first
-        A `CleanedCube`; the others are the same cube, cleaned in another way.
+    Returns
+    -------
+    PowerSpectra or PlaneSpectra
+        Of HEALPix maps C_l, decoupled with a mask, and P(k_nu); of images P(k_perp, k_par) and P(k_nu).
     """
-
-    def __init__(self, first):
-        self._mask = _mask_of(first.cube)
-        self._maps = first.cube.on_sphere(first.residual)
-        self._alms = masked_alms(self._maps, mask=self._mask)
-
-    def __call__(self, cleaned):
-        maps = cleaned.cube.on_sphere(cleaned.residual)
-        more = difference(maps, self._maps, mask=self._mask)
-        return PowerSpectra(
-            angular=recovered_angular_power(self._alms, more, mask=self._mask),
-            frequency=frequency_power(cleaned.residual, cleaned.cube.channel_width),
-        )
-
-
-def _mask_of(cube):
-    return None if cube.whole_sky else cube.mask
+    return views_of(cleaned.cube).spectra_of(cleaned)
 
 
 def compared(cleaned, truth):
-    """Both spectra of a `CleanedCube` beside those of the truth, a `Comparison`.
+    """The spectra of a `CleanedCube` beside those of the truth.
 
     Parameters
     ----------
@@ -80,22 +58,21 @@ def compared(cleaned, truth):
     truth
         A `Cube` of what a perfect cleaning would leave, with the same channels.
 
+    Returns
+    -------
+    Comparison or PlaneComparison
+
     Raises
     ------
     InputError
-        A truth of another resolution, other channels, or that does not see what was cleaned.
+        A truth of other pixels, other channels, or that does not see what was cleaned.
     """
     cube = cleaned.cube
     check_truth(cube, truth)
-    cubes = cleaned.residual, truth.maps[:, cube.mask[truth.mask]]
-    recovered, true = (cube.on_sphere(maps) for maps in cubes)
-    mask = _mask_of(cube)
-    angular = angular_power_pair(true, difference(recovered, true, mask=mask), mask=mask)
-    recovered, true = (
-        PowerSpectra(angular=power, frequency=frequency_power(maps, cube.channel_width))
-        for power, maps in zip(angular, cubes, strict=True)
-    )
-    return Comparison.of(recovered, true, l_top=2 * cube.nside)
+    true = truth.maps[:, cube.mask[truth.mask]]
+    if cube.missing is not None:
+        true = np.where(cube.missing, 0, true)
+    return views_of(cube).compared(cleaned, true)
 
 
 def check_truth(cube, truth):
@@ -104,12 +81,13 @@ def check_truth(cube, truth):
     Raises
     ------
     InputError
-        It has another resolution or other channels, or does not see what the cube does.
+        It has another resolution or other channels, does not see what the cube does, or is the cube itself.
     """
-    if truth.nside != cube.nside or len(truth.freqs) != len(cube.freqs):
+    pixels, others = cube.layout.pixels, truth.layout.pixels
+    if not pixels.same(cube.mask, others, truth.mask) or len(truth.freqs) != len(cube.freqs):
         raise InputError(
-            f"the truth must have the channels and the nside of the cube, {len(cube.freqs)} and "
-            f"{cube.nside}; got {len(truth.freqs)} and {truth.nside}."
+            f"the truth must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
+            f"{pixels.size(cube.mask)}; got {len(truth.freqs)} and {others.size(truth.mask)}."
         )
     differs = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
     if differs.any():
@@ -120,6 +98,14 @@ def check_truth(cube, truth):
         )
     if (cube.mask & ~truth.mask).any():
         raise InputError("the truth must see all pixels of the cube.")
+    seen = cube.mask[truth.mask]
+    if all(
+        np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0)
+        for true, pixels in zip(truth.maps, cube.maps, strict=True)
+    ):
+        raise InputError(
+            "the truth is the cube itself: give what a perfect cleaning would leave, HI and noise."
+        )
 
 
 def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
@@ -140,17 +126,18 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
     """
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
-    parts = [*_head(cleaned), *_spectra_part(spectra), *more, *_modes_part(cleaned), *_maps_part(cleaned)]
+    spectra_part = views_of(cleaned.cube).spectra_part(cleaned, spectra)
+    parts = [*_head(cleaned), *spectra_part, *more, *_modes_part(cleaned), *_maps_part(cleaned)]
     Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
 
 def _head(cleaned):
-    cube, method = cleaned.cube, cleaned.method
+    cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
-        "sky": f"nside {cube.nside}, {cube.mask.mean():.1%} seen",
+        "sky": f"{pixels.grid} {pixels.size(cube.mask)}, {cube.mask.mean():.1%} seen",
         "rms of what came": f"{_rms(cube.maps):.4g} mK",
         "rms of what is left": f"{_rms(cleaned.residual):.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
@@ -165,55 +152,11 @@ def _rms(maps):
     return float(np.sqrt(np.mean([pixels.var(dtype=np.float64) for pixels in maps])))
 
 
-def spectra_figure(spectra):
-    """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
-    style = {"label": "cleaned", "color": styles.BLUE}
-    if isinstance(spectra, Comparison):
-        panels = [comparisons.panel(kind, [(style, spectra)]) for kind in ("angular", "frequency")]
-        return plotting.spectrum(panels)
-    values = {
-        "angular": (spectra.angular.degrees, spectra.angular.mean),
-        "frequency": (spectra.frequency.k, spectra.frequency.power),
-    }
-    panels = []
-    for kind, (x, y) in values.items():
-        labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
-        curves = {"curves": [(x[x > 0], y[x > 0], style)]}
-        panels.append(labels | curves | {"xscale": "log", "yscale": "log"})
-    return plotting.lines(panels)
-
-
-def _spectra_part(spectra):
-    text = (
-        "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
-        "was taken. A bump at one k is a ripple of the instrument. A rise towards the largest multipoles, "
-        "after a method that uses the beam, means that the beam is not that of the cube."
-    )
-    parts = [
-        "<h2>Spectra</h2>",
-        page.figure(spectra_figure(spectra), "Angular and frequency power spectrum", text),
-    ]
-    if isinstance(spectra, Comparison):
-        rows = [
-            ("C/C0, l < 10", _mean(spectra.degrees, spectra.angular_ratio, 0, 10)),
-            ("C/C0, beyond", _mean(spectra.degrees, spectra.angular_ratio, 10, np.inf)),
-            ("P/P0, k < 0.03 / MHz", _mean(spectra.k, spectra.frequency_ratio, 0, 0.03)),
-            ("P/P0, beyond", _mean(spectra.k, spectra.frequency_ratio, 0.03, np.inf)),
-        ]
-        parts += ["<h3>Over the truth</h3>", Table([], rows).html()]
-    return parts
-
-
-def _mean(x, values, low, high):
-    inside = (x > low) & (x < high)
-    return f"{values[inside].mean():.3f}" if inside.any() else "no such scale"
-
-
 def modes_figure(cleaned):
     """Eigenvalues of the channel covariance before and after, and the mixing matrix."""
     cube = cleaned.cube
     before, after = (
-        np.linalg.eigvalsh(channel_covariance(maps))[::-1] for maps in (cube.maps, cleaned.residual)
+        np.linalg.eigvalsh(channel_covariance(maps))[::-1] for maps in (cleaned.maps, cleaned.residual)
     )
     numbers = np.arange(1, len(before) + 1)
     mixing = cleaned.separation.mixing
@@ -262,13 +205,7 @@ def _modes_part(cleaned):
 
 def maps_figure(cleaned):
     """What is left in the channel in the middle, and its rms over channels."""
-    cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
-    maps = {
-        f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
-        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
-    }
-    spans = {title: tuple(np.percentile(pixels, (1, 99))) for title, pixels in maps.items()}
-    return plotting.sky_maps({title: _with_gaps(cube, pixels) for title, pixels in maps.items()}, span=spans)
+    return views_of(cleaned.cube).maps_figure(cleaned)
 
 
 def _maps_part(cleaned):
@@ -277,9 +214,3 @@ def _maps_part(cleaned):
         "foreground; lines of sight whose rms stands out can be left out of the spectra."
     )
     return ["<h2>What is left</h2>", page.figure(maps_figure(cleaned), "Maps of the residual", text)]
-
-
-def _with_gaps(cube, pixels):
-    out = np.full(len(cube.mask), np.nan)
-    out[cube.mask] = pixels
-    return out

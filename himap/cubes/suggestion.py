@@ -19,9 +19,10 @@ import numpy as np
 
 from himap.cubes import page
 from himap.cubes.cleaning import Basis, clean_cube, method_for
-from himap.cubes.report import SpectraBeside
+from himap.cubes.report import views_of
 from himap.errors import InputError
 from himap.figures import plotting, styles
+from himap.instrument.beams.base import gaussian_widths
 from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
 from himap.progress import progress
 from himap.removal.blurred_mixture import BlurredMixture
@@ -45,13 +46,16 @@ class Suggestion:
     criterion
         BIC over the number of pixels and channels, less its least, (n,).
     change
-        Largest relative change of C_l and P(k), in the mean over scales, to the next n_s, (n - 1,).
+        Largest relative change of C_l (of images P(k_perp, k_par)) and P(k), in the mean over scales, to the
+        next n_s, (n - 1,).
     stable
         The first number from which the spectra hardly move to the next, or None.
     method, knows_beam
         Name of the method that it is for, and whether that uses the beam.
     at_one_resolution
         Whether the eigenvalues are those of maps at one resolution.
+    widths
+        Least and largest FWHM of the beam that the method was told, degrees, or None.
     """
 
     n_sources: np.ndarray
@@ -64,6 +68,7 @@ class Suggestion:
     method: str
     knows_beam: bool
     at_one_resolution: bool
+    widths: tuple[float, float] | None = None
 
     @property
     def best(self):
@@ -71,14 +76,26 @@ class Suggestion:
         return int(self.n_sources[self.criterion.argmin()])
 
     @property
+    def criterion_alone(self):
+        """Whether the criterion decides, for a method that knows the beam.
+
+        It is of what that method leaves. So it does where the spectra hardly move with one source more than
+        it says, or where the eigenvalues are not at one resolution and have what the beam adds.
+        """
+        moves = self.change[self.n_sources[:-1] == self.best]
+        return self.knows_beam and (not self.at_one_resolution or bool((moves < STABLE).any()))
+
+    @property
     def range(self):
         """(low, high): the number that the criterion and the eigenvalues agree on, or from one to the other.
 
-        None where no spectrum is stable, or the criterion falls to the last number that was tried.
+        Twice that of the criterion where this decides alone. None where no spectrum is stable, or it falls to
+        the last number that was tried.
         """
-        if self.stable is None or (self.best == self.n_sources[-1] and self.n_bright >= self.best):
+        bright = self.best if self.criterion_alone else self.n_bright
+        if self.stable is None or (self.best == self.n_sources[-1] and bright >= self.best):
             return None
-        views = np.clip([self.best, self.n_bright], *self.n_sources[[0, -1]])
+        views = np.clip([self.best, bright], *self.n_sources[[0, -1]])
         return int(views.min()), int(views.max())
 
 
@@ -88,7 +105,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     Recommended is what the least criterion and the eigenvalues that stand out say, one number where they
     agree; none where no number leaves both spectra as they are with one more, to 10 %. It is for this method
     and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of the maps at the
-    resolution of the worst channel, to l = 2 nside.
+    resolution of the worst channel, to l = 2 nside, and where they disagree the criterion decides
+    (`Suggestion.criterion_alone`).
 
     Parameters
     ----------
@@ -119,12 +137,12 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     # Refused now, not after the others.
     knows_beam = method_for(cube, method, n_sources=int(counts[-1]), **parameters).needs_beams
     basis = Basis(cube, peaks=peaks)
-    variances, spectra, spectra_of = [], [], None
+    variances, spectra, spectra_of, views = [], [], None, views_of(cube)
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
-        spectra_of = spectra_of or SpectraBeside(cleaned)
+        spectra_of = spectra_of or views.SpectraBeside(cleaned)
         variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
-        spectra.insert(0, _scales(spectra_of(cleaned), cube.nside))
+        spectra.insert(0, views.scales(cube, spectra_of(cleaned)))
     change = changes(spectra)
     # The edge of a part of the sky would stand out too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
@@ -140,7 +158,14 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         method=method,
         knows_beam=knows_beam,
         at_one_resolution=at_one,
+        widths=_widths(beams) if knows_beam else None,
     )
+
+
+def _widths(beams):
+    """Least and largest FWHM of b_l, (n_channels, n_l), degrees."""
+    widths = np.rad2deg(gaussian_widths(beams))
+    return float(widths.min()), float(widths.max())
 
 
 def _eigenvalues(cube, basis, beams):
@@ -152,12 +177,6 @@ def _eigenvalues(cube, basis, beams):
     return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
 
 
-def _scales(spectra, nside):
-    """C_l for 2 <= l <= 2 nside, and P(k) for k > 0."""
-    inside = (spectra.angular.degrees >= 2) & (spectra.angular.degrees <= 2 * nside)
-    return spectra.angular.mean[inside], spectra.frequency.power[1:]
-
-
 def advice(suggestion):
     """The recommendation of a `Suggestion` in words, and what one source more would change."""
     if suggestion.range is None:
@@ -167,15 +186,23 @@ def advice(suggestion):
             f"as they are with one more: try larger ones{other}."
         )
     low, high = suggestion.range
-    numbers = f"{low}, by both criteria" if low == high else f"{low} to {high}, and look at the page of each"
+    if low < high:
+        numbers = f"{low} to {high}, and look at the page of each"
+    elif suggestion.criterion_alone and low != suggestion.n_bright:
+        numbers = f"{low}, by what this method leaves"
+    else:
+        numbers = f"{low}, by both criteria"
+    method, only = suggestion.method, "this method alone: ask again for one that knows the beam"
+    if suggestion.widths is not None:
+        least, most = suggestion.widths
+        method = f"{method} with a beam of {least:.3g} to {most:.3g} deg FWHM"
+        only = "this method and beam alone: ask again for others"
+    sentences = [f"For {method}, consider n_sources = {numbers}."]
     last = np.flatnonzero(suggestion.n_sources == high)[0]
-    if last == len(suggestion.change):
-        return f"For {suggestion.method}, consider n_sources = {numbers}."
-    more = suggestion.change[last]
-    return (
-        f"For {suggestion.method}, consider n_sources = {numbers}. One more than {high} changes a spectrum "
-        f"by {more:.1%} in the mean over its scales."
-    )
+    if last < len(suggestion.change):
+        more = f"{suggestion.change[last]:.1%} in the mean over its scales"
+        sentences.append(f"One more than {high} changes a spectrum by {more}.")
+    return " ".join([*sentences, f"It is for {only}."])
 
 
 def views_figure(suggestion):

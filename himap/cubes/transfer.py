@@ -67,6 +67,7 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
         No mock, or one of another shape than the cube.
     """
     cube, method, without = cleaned.cube, cleaned.method, cleaned.separation
+    cube.check_sphere()
     method_for(cube, method)
     mask = None if cube.whole_sky else cube.mask
     recoveries = []

@@ -13,12 +13,14 @@ import numpy as np
 
 from himap import __version__
 from himap.errors import InputError
-from himap.maps.healpix_files import write_maps
 from himap.outputs import check_free, whole_files
+from himap.reading import there_is
 
 __all__ = ["OUTPUTS", "check_cube_output", "check_page", "files_of", "save_cleaned", "write_cleaned"]
 
 OUTPUTS = (".h5", ".fits", ".npy")
+
+_AROUND = 20_000  # bytes of HDF5 around the maps, and of the mixing matrix
 
 
 def check_cube_output(path, *, overwrite, inputs=(), endings=(".html",)):
@@ -54,19 +56,28 @@ def check_page(path, *, overwrite, inputs=(), endings=()):
 
 
 def _check_place(paths, overwrite, inputs=()):
-    folder = Path(os.path.realpath(paths[0].parent))
+    folder = _real(paths[0].parent)
     try:  # what the permissions promise is not always so
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
+        for path in paths:
+            _real(path).exists()  # raises for a name that none can have
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
         raise InputError(
-            f"the output {paths[0]} cannot be written ({error.strerror}): is {folder} a folder that can be?"
+            f"the output {paths[0]} cannot be written ({reason}): is {folder} a folder that can be, and the "
+            "name one that a file can have?"
         ) from None
-    originals = {os.path.realpath(path) for path in inputs}
+    originals = {_real(path) for path in inputs if there_is(path)}
     for path in paths:
-        if originals & {os.path.realpath(path), str(folder)}:
+        if originals & {_real(path), folder}:
             raise InputError(f"{path} would change what it is made from; choose another output.")
     check_free(paths, overwrite=overwrite)
+
+
+def _real(path):
+    """Where links lead to; also for a loop of links, which leads nowhere."""
+    return Path(os.path.realpath(path))
 
 
 def files_of(path):
@@ -79,9 +90,10 @@ def files_of(path):
 def save_cleaned(cleaned, path, *, overwrite=False):
     """Write a `CleanedCube`: residual, foreground and mixing matrix.
 
-    Channels, pixels and units are as in the file that the cube came from; pixels that were not seen are NaN
-    (in FITS: UNSEEN). An HDF5 file holds it all; beside FITS and .npy there are NAME_foreground and
-    NAME_mixing.txt.
+    Channels, pixels and units are as in the file that the cube came from, and so is the header of an image;
+    pixels that were not seen are NaN (of HEALPix in FITS: UNSEEN). Of a voxel that was missing the residual
+    is NaN, the foreground what was found of it. An HDF5 file holds it all; beside FITS and .npy there are
+    NAME_foreground and NAME_mixing.txt.
 
     Returns
     -------
@@ -111,14 +123,8 @@ def write_cleaned(cleaned, paths):
         if target.suffix == ".npy":
             np.save(target, maps)
         else:
-            write_maps(
-                target,
-                maps,
-                names=[f"{name} {freq:.10g} MHz" for freq in cube.layout.freqs],
-                unit=cube.layout.unit,
-                nested=cube.layout.nested,
-                cards=[("METHOD", cleaned.method.name), ("HIMAP", __version__)],
-            )
+            cards = [("METHOD", cleaned.method.name), ("HIMAP", __version__)]
+            cube.layout.pixels.write(target, maps, cube.layout, name=name, cards=cards)
     header = "frequency [MHz], then the columns of the mixing matrix"
     np.savetxt(table, np.column_stack([cube.freqs, cleaned.separation.mixing]), header=header)
 
@@ -129,21 +135,30 @@ def _named(path, ending):
 
 def _as_given(cleaned):
     """(name, cube as in the file) of what is written, one at a time."""
-    for name, maps in (("residual", cleaned.residual), ("foreground", cleaned.foreground)):
+    for name, maps in (("residual", cleaned.told), ("foreground", cleaned.foreground)):
         yield name, cleaned.cube.layout.as_given(maps, cleaned.cube.mask)
 
 
 def _write_hdf5(cleaned, path):
     cube, mixing = cleaned.cube, cleaned.separation.mixing
+    n_voxels = len(cube.freqs) * len(cube.mask)
+    _reserve(path, n_voxels * (cleaned.residual.itemsize + cube.maps.itemsize))
     with _plain_errors(), h5py.File(path, "w") as file:
         for name, maps in _as_given(cleaned):
             file.create_dataset(name, data=maps).attrs["unit"] = cube.layout.unit
         file.create_dataset("freqs", data=cube.layout.freqs).attrs["unit"] = "MHz"
         file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
-        file.attrs["ordering"] = "NESTED" if cube.layout.nested else "RING"
+        file.attrs.update(cube.layout.pixels.attributes())
         file.attrs["method"] = cleaned.method.name
         file.attrs["parameters"] = json.dumps(asdict(cleaned.method))
         file.attrs["himap"] = __version__
+
+
+def _reserve(path, n_bytes):
+    """Refuse a file that the disk has no room for, before HDF5 finds out: it tells that in tracebacks."""
+    if hasattr(os, "posix_fallocate"):  # macOS has none
+        with open(path, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, n_bytes + _AROUND)
 
 
 @contextmanager

@@ -45,13 +45,15 @@ def show(numbers):
     return _Numbers([], [_row(name, entry) for name, entry in numbers.items()], align="lr")
 
 
-def show_table(rows):
+def show_table(rows, *, head=""):
     """A table with a column for each quantity, to end a notebook cell with.
 
     Parameters
     ----------
     rows
         {name: {column: entry}}, entries as in `show`. A row may lack columns.
+    head
+        Stands above the names.
 
     Raises
     ------
@@ -63,7 +65,7 @@ def show_table(rows):
     for name, entries in rows.items():
         numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in entries.items()}
         cells.append([name, *(" ".join(numbers.get(column, ())).strip() for column in columns)])
-    return Table(["", *columns], cells, align="l" + "r" * len(columns))
+    return Table([head, *columns], cells, align="l" + "r" * len(columns))
 
 
 def quote(**numbers):

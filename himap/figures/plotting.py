@@ -165,25 +165,24 @@ def spectrum(panels, *, band=0.1):
 
 def _ratios(panel):
     """[(style, x, ratio)] of the curves of a panel of `spectrum`, where they are shown."""
+    return [
+        (style, x[_shown(panel, x)], (recovered / true)[_shown(panel, x)])
+        for style, x, recovered, true in panel["curves"]
+    ]
+
+
+def _shown(panel, x):
+    """Which of `x` a panel of `spectrum` shows."""
     low, high = panel.get("x_limits", (0, np.inf))
-    found = []
-    for style, x, recovered, true in panel["curves"]:
-        shown = (x > 0) & (x >= low) & (x <= high)
-        found.append((style, x[shown], (recovered / true)[shown]))
-    return found
+    return (x > 0) & (x >= low) & (x <= high)
 
 
 def _spectrum_panel(top, bottom, panel, limits, band):
     """One spectrum and its ratio."""
-    low, high = panel.get("x_limits", (0, np.inf))
-
-    def shown(x):
-        return (x > 0) & (x >= low) & (x <= high)
-
-    x, y = panel["true"]
-    top.loglog(x[shown(x)], y[shown(x)], **_TRUTH)
+    x, y = (values[_shown(panel, panel["true"][0])] for values in panel["true"])
+    top.loglog(x, y, **_TRUTH)
     for style, at, recovered, _ in panel["curves"]:
-        inside = shown(at)
+        inside = _shown(panel, at)
         top.plot(at[inside], recovered[inside], **style)
     top.set_title(panel["title"])
     bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
@@ -192,7 +191,7 @@ def _spectrum_panel(top, bottom, panel, limits, band):
         bottom.plot(at, ratio, **style)
     bottom.set(xlabel=panel["xlabel"], xscale="log")
     _ratio_axis(bottom, limits)
-    _plain_ticks(bottom.xaxis, x[shown(x)])
+    _plain_ticks(bottom.xaxis, x)
 
 
 def _plain_ticks(axis, values):

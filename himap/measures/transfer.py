@@ -21,6 +21,7 @@ __all__ = [
     "ANGULAR_BANDS",
     "DEFINITIONS",
     "FREQUENCY_BANDS",
+    "JUDGED",
     "CylindricalPower",
     "Recovery",
     "TransferFunction",
@@ -37,6 +38,9 @@ ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
 
 FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, math.inf))
 """Bands of k, 1/MHz."""
+
+JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
+"""Those by which cleanings are judged: below are few multipoles, and slow modes are lost with any beam."""
 
 _PARTS = {"cross": ("common", "put_in"), "auto": ("came_back", "put_in")}
 

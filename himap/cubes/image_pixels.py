@@ -1,0 +1,207 @@
+"""Pixels of images in the plane, with world coordinates (WCS) that say where on the sky they are."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from astropy.io import fits
+from astropy.wcs import WCS
+
+from himap.cubes.pixels import Pixels
+from himap.errors import InputError
+from himap.reading import regular_file
+
+__all__ = ["IMAGES", "ImagePart", "ImagePixels", "world_of"]
+
+IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
+"""What an image is in, as astropy opens it."""
+
+_STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
+_SAME = 1e-6  # of a pixel, or degrees: world coordinates that are written twice are the same
+
+
+def world_of(hdu, file):
+    """The `WCS` of an HDU of an open file, which may have more axes than the array."""
+    world = WCS(hdu.header, fobj=file)
+    world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
+    return world
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePart:
+    """One image cube as it lies in an HDU of a file.
+
+    Attributes
+    ----------
+    header
+        Of the HDU.
+    shape
+        Of its array, in the order of numpy.
+    full_shape
+        The same with the axes of length one that only its world coordinates have.
+    order
+        Axes of that: frequency, the two of the sky as they come, and those of length one.
+    """
+
+    header: fits.Header
+    shape: tuple[int, ...]
+    full_shape: tuple[int, ...]
+    order: tuple[int, ...]
+
+    @property
+    def n_channels(self):
+        return self.full_shape[self.order[0]]
+
+    @property
+    def sky_shape(self):
+        return tuple(self.full_shape[axis] for axis in self.order[1:3])
+
+    def channels_first(self, data):
+        """Its array as (n_channels, n_pix)."""
+        return data.reshape(self.full_shape).transpose(self.order).reshape(self.n_channels, -1)
+
+    def hdu(self, maps, kind, *, unit, cards, history):
+        """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header."""
+        sorted_shape = [self.full_shape[axis] for axis in self.order]
+        data = maps.reshape(sorted_shape).transpose(np.argsort(self.order)).reshape(self.shape)
+        header = self.header.copy(strip=True)
+        for key in _STALE:
+            header.remove(key, ignore_missing=True)
+        if not str(header.get("BUNIT") or "").strip():
+            header["BUNIT"] = unit
+        for key, value in cards:
+            header[key] = value
+        header.add_history(history)
+        return kind(data=data, header=header)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePixels(Pixels):
+    """The pixels of an image, row by row as they are in the file.
+
+    Attributes
+    ----------
+    parts
+        The `ImagePart` of each image cube that the channels came from.
+    celestial
+        World coordinates of the two axes of the sky, which all parts share.
+    shape
+        (n_y, n_x).
+    """
+
+    area: ClassVar[str] = "the image"
+    grid: ClassVar[str] = "axes of the sky"
+    whole_sky: ClassVar[bool] = False
+    parts: tuple[ImagePart, ...]
+    celestial: WCS
+    shape: tuple[int, int]
+
+    def check(self, maps):
+        if maps.shape[1] != np.prod(self.shape):
+            raise InputError(f"images of {self.shape} pixels must have as many, got {maps.shape[1]}.")
+
+    def sorted(self, pixels):
+        return pixels
+
+    def as_given(self, pixels):
+        return pixels
+
+    def shaped(self, maps):
+        return maps.reshape(-1, *self.shape)
+
+    def described(self, mask, unit):
+        rows, columns = np.rad2deg(self.pixel_angles())
+        return f"images in {unit}, {self.size(mask)} of {columns:.3g} x {rows:.3g} deg"
+
+    def size(self, mask):
+        (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
+        return f"{x} and {y}, {n_x} x {n_y} pixels"
+
+    def same(self, mask, other, other_mask):
+        return isinstance(other, ImagePixels) and self.shape == other.shape and self.same_sky(other.celestial)
+
+    def same_sky(self, celestial):
+        """Whether two axes of the sky are these."""
+        mine, theirs = self.celestial, celestial
+        texts = ((*one.wcs.ctype, one.wcs.radesys, one.wcs.equinox) for one in (mine, theirs))
+        if [str(text) for text in next(texts)] != [str(text) for text in next(texts)]:
+            return False
+        scale = np.abs(mine.pixel_scale_matrix).max()
+        numbers = (
+            (mine.pixel_scale_matrix, theirs.pixel_scale_matrix, _SAME * scale),
+            (mine.wcs.crpix, theirs.wcs.crpix, _SAME),
+            (mine.wcs.crval, theirs.wcs.crval, _SAME * scale),
+            ([mine.wcs.lonpole, mine.wcs.latpole], [theirs.wcs.lonpole, theirs.wcs.latpole], _SAME),
+        )
+        return mine.wcs.get_pv() == theirs.wcs.get_pv() and all(
+            np.allclose(one, two, rtol=0, atol=atol) for one, two, atol in numbers
+        )
+
+    def nside(self, mask):
+        raise InputError(
+            "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
+            "--beam, --mocks and the like out, or put the cube on HEALPix, as reproject_to_healpix of the "
+            "package reproject does."
+        )
+
+    def read_mask(self, path, mask):
+        values = np.nan_to_num(self.one_image(path, "mask"))
+        if not np.isin(values, (0, 1)).all():
+            raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
+        return values > 0
+
+    def one_image(self, path, kind):
+        """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, or is of other axes of the sky, or of more than one channel.
+        """
+        path = regular_file(path, kind)
+        try:
+            with fits.open(path, memmap=False) as file:
+                hdu = next((hdu for hdu in file if isinstance(hdu, IMAGES) and hdu.shape), None)
+                if hdu is None:
+                    raise ValueError(f"it holds no image, and one of {self.size(None)} is needed")
+                celestial, shape = world_of(hdu, file).celestial, hdu.shape
+                fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
+                values = hdu.data.reshape(-1) if fits_here else None
+        except Exception as error:  # astropy raises nearly anything for a file that is something else
+            raise InputError(
+                f"the {kind} {path} cannot be read as an image in FITS ({type(error).__name__}: {error})."
+            ) from None
+        if not (fits_here and self.same_sky(celestial)):
+            raise InputError(
+                f"the {kind} {path} must be one image with the axes of the cube, {self.size(None)}, got "
+                f"{', '.join(celestial.wcs.ctype) or 'no axes of the sky'}, {shape[::-1]} pixels; reproject "
+                "it to the header of the cube."
+            )
+        return values
+
+    def attributes(self):
+        return {
+            "axes": "frequency, then those of the sky as in numpy",
+            "wcs": self.celestial.to_header_string(),
+        }
+
+    def write(self, path, maps, layout, *, name, cards):
+        many = len(self.parts) > 1
+        history = f"{name} of foreground removal, " + ", ".join(f"{key} = {value}" for key, value in cards)
+        hdus, start = [fits.PrimaryHDU()] if many else [], 0
+        for part in self.parts:
+            own = maps[start : start + part.n_channels]
+            kind = fits.ImageHDU if many else fits.PrimaryHDU
+            hdus.append(part.hdu(own, kind, unit=layout.unit, cards=cards, history=history))
+            start += part.n_channels
+        fits.HDUList(hdus).writeto(path)
+
+    def pixel_angles(self):
+        """Height and width of the pixel in the middle of the image, rad."""
+        middle = (np.array(self.shape[::-1]) - 1) / 2
+        steps = np.array([[0, -0.5], [0, 0.5], [-0.5, 0], [0.5, 0]])
+        world = self.celestial.all_pix2world(middle + steps, 0)
+        lon, lat = np.deg2rad(world[:, [self.celestial.wcs.lng, self.celestial.wcs.lat]].T)
+        unit = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
+        chords = np.linalg.norm(unit[1::2] - unit[::2], axis=1)
+        return 2 * np.arcsin(chords / 2)

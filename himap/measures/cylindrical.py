@@ -1,0 +1,196 @@
+"""Power over wavenumbers across and along the line of sight, of a box that is seen as flat.
+
+P(k) = V / (N <w^2>) |sum_x w(x) T(x) exp(-i k x)|^2, with N cells of volume V and weights w: 0 where a line
+of sight is not seen, and along it a taper where one is asked for. White noise of variance s^2 has P = s^2 V.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import fft
+from scipy.signal import windows
+
+from himap.checks import real_array
+from himap.errors import InputError
+
+__all__ = ["CylindricalPower", "cell_of", "cylindrical_power"]
+
+_PER_DECADE = 8  # bins
+_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
+
+
+@dataclass(frozen=True, kw_only=True)
+class CylindricalPower:
+    """Power in bins of k_perp > 0 and k_par > 0.
+
+    Attributes
+    ----------
+    k_perp, k_par
+        Mean over the modes of each bin, h/Mpc, (n_perp,) and (n_par,).
+    perp_edges, par_edges
+        Of the bins, one more than these.
+    power
+        (n_par, n_perp), mK^2 (Mpc/h)^3.
+    n_modes
+        How many modes a bin has, (n_par, n_perp); of the two k that differ in their sign the one of k_par > 0
+        is counted, and at the Nyquist k_par both.
+    """
+
+    k_perp: np.ndarray
+    k_par: np.ndarray
+    perp_edges: np.ndarray
+    par_edges: np.ndarray
+    power: np.ndarray
+    n_modes: np.ndarray
+
+    def upto(self, k):
+        """The same in the bins that end below k_perp = `k`, the first at least."""
+        n = max(1, np.searchsorted(self.perp_edges, k, side="right") - 1)
+        return replace(
+            self,
+            k_perp=self.k_perp[:n],
+            perp_edges=self.perp_edges[: n + 1],
+            power=self.power[:, :n],
+            n_modes=self.n_modes[:, :n],
+        )
+
+
+def cylindrical_power(maps, cell, *, mask=None, taper=False):
+    """The `CylindricalPower` of maps, less the mean of every channel.
+
+    Modes with k_perp = 0, which those means are, and with k_par = 0 are left out, and so is what lies beyond
+    the bin of the smaller of the Nyquist wavenumbers across.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_y, n_x), mK; what the mask leaves out may be anything.
+    cell
+        Sides of a cell along these axes, Mpc/h: along the line of sight, and across.
+    mask
+        (n_y, n_x) bool, True where seen; None for all.
+    taper
+        Whether lines of sight fade towards both ends as a Blackman-Harris window, which keeps what is bright
+        and smooth along them to its own k_par.
+
+    Returns
+    -------
+    CylindricalPower
+
+    Raises
+    ------
+    InputError
+        Maps of another shape, or too few cells for a mode along or across; a bad cell or mask.
+    """
+    maps, seen = _checked(maps, cell, mask)
+    n_channels, n_y, n_x = maps.shape
+    along = windows.blackmanharris(n_channels, sym=False) if taper else np.ones(n_channels)
+    along = along.astype(maps.dtype)
+    weighted = np.zeros_like(maps)
+    for channel, weight, out in zip(maps, along, weighted, strict=True):
+        out[seen] = weight * (channel[seen] - channel[seen].mean(dtype=np.float64))
+    modes = fft.rfftn(weighted, axes=(1, 2, 0), workers=-1)
+    weight = np.mean(along**2, dtype=np.float64) * seen.mean()
+    return _binned(modes, n_channels, cell, np.prod(cell) / (maps.size * weight))
+
+
+def _checked(maps, cell, mask):
+    maps = real_array("maps", maps)
+    if maps.ndim != 3 or min(maps.shape) < 2:
+        raise InputError(
+            f"maps must have shape (n_channels, n_y, n_x), two or more of each, for modes along and across; "
+            f"got {maps.shape}."
+        )
+    sides = np.asarray(cell, dtype=float)
+    if sides.shape != (3,) or not (np.isfinite(sides) & (sides > 0)).all():
+        raise InputError(f"a cell must have three sides above zero, in Mpc/h, got {cell!r}.")
+    seen = np.ones(maps.shape[1:], dtype=bool) if mask is None else np.asarray(mask)
+    if seen.shape != maps.shape[1:] or seen.dtype != bool or not seen.any():
+        raise InputError(
+            f"the mask must be True where seen and False elsewhere, of shape {maps.shape[1:]}, and True "
+            f"somewhere; got {seen.dtype} {seen.shape}."
+        )
+    if not np.isfinite(maps[:, seen]).all():
+        raise InputError("maps must be finite where the mask is True.")
+    return maps.astype(np.result_type(maps.dtype, np.float32), copy=False), seen
+
+
+def _binned(modes, n_channels, cell, norm):
+    """Means over bins of `norm` |modes|^2, (n_par, n_y, n_x) as `rfftn` has them."""
+    d_par, d_y, d_x = cell
+    k_par = 2 * np.pi * fft.rfftfreq(n_channels, d_par)
+    k_y, k_x = (2 * np.pi * fft.fftfreq(*of) for of in zip(modes.shape[1:], (d_y, d_x), strict=True))
+    par = _Bins(k_par, k_par[1], k_par[-1])
+    perp = _Bins(np.hypot(k_y[:, None], k_x), min(abs(k_y[1]), abs(k_x[1])), min(-k_y.min(), -k_x.min()))
+    total = np.zeros((len(par.counts), len(perp.counts)))
+    for plane, row in zip(modes, par.places, strict=True):
+        if 0 <= row < len(total):
+            total[row] += perp.sums(plane.real**2 + plane.imag**2)
+    n_modes = np.outer(par.counts, perp.counts)
+    return CylindricalPower(
+        k_perp=perp.mean,
+        k_par=par.mean,
+        perp_edges=perp.edges,
+        par_edges=par.edges,
+        power=norm * np.divide(total, n_modes, out=np.full(total.shape, np.nan), where=n_modes > 0),
+        n_modes=n_modes,
+    )
+
+
+class _Bins:
+    """Bins of wavenumbers `k`, of any shape, with those that each has.
+
+    Edges lie at halves between multiples of `step`, evenly in the logarithm where there are many of these.
+    """
+
+    def __init__(self, k, step, top):
+        edges = [0.5]
+        while edges[-1] * step < top:
+            edges.append(max(edges[-1] + 1, np.floor(edges[-1] * 10 ** (1 / _PER_DECADE)) + 0.5))
+        self.edges = np.array(edges) * step
+        self.places = np.digitize(k, self.edges) - 1
+        self._inside = (self.places >= 0) & (self.places < len(edges) - 1)
+        self.counts = self.sums(np.ones(k.shape)).astype(int)
+        empty = np.full(len(self.counts), np.nan)
+        self.mean = np.divide(self.sums(k), self.counts, out=empty, where=self.counts > 0)
+
+    def sums(self, values):
+        """Of values, one for each k, over every bin."""
+        inside = self._inside
+        return np.bincount(self.places[inside], values[inside], minlength=len(self.edges) - 1)
+
+
+def cell_of(freqs, angles, *, cosmology=None):
+    """Sides of a voxel in Mpc/h, along the line of sight and across, (3,), and the redshift they are at.
+
+    Across they are the comoving distance to the middle of the band times the angles; along, the mean
+    distance of two channels.
+
+    Parameters
+    ----------
+    freqs
+        Channel centres, MHz, ascending and evenly spaced.
+    angles
+        Height and width of a pixel, rad.
+    cosmology
+        A `Cosmology`, the paper's unless given.
+
+    Raises
+    ------
+    InputError
+        Channels that are not evenly spaced, or from which no 21 cm line is seen, or from beyond redshift 5.
+    """
+    from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow: most who clean do without
+
+    cosmology = Cosmology() if cosmology is None else cosmology
+    steps = np.diff(freqs)
+    if steps.max() > _UNEVEN * steps.min():
+        raise InputError(
+            f"channels must be evenly spaced, and these are {steps.min():g} to {steps.max():g} MHz apart."
+        )
+    if freqs[-1] >= FREQ_21CM:
+        raise InputError(f"channels must be below {FREQ_21CM:.1f} MHz to show 21 cm, got {freqs[-1]:g} MHz.")
+    z = float(redshift(0.5 * (freqs[0] + freqs[-1])))
+    far, near = cosmology.comoving_distance(redshift(freqs[[0, -1]]))
+    along = (far - near) / (len(freqs) - 1)
+    return np.array([along, *(cosmology.comoving_distance(z) * np.asarray(angles))]), z
