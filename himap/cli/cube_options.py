@@ -6,9 +6,19 @@ import click
 
 from himap.cli.shared import named_values
 from himap.companion.parameters import parse_texts
-from himap.errors import InputError
+from himap.errors import InputError, plain_text
+from himap.reading import is_file, regular_file
 
-__all__ = ["Methods", "cube_and_beams", "cube_options", "method_parameters", "mock_options"]
+__all__ = [
+    "Methods",
+    "cube_and_beams",
+    "cube_options",
+    "inputs_of",
+    "method_parameters",
+    "mock_options",
+    "tell",
+    "weight_options",
+]
 
 
 class _Registered(click.Option):
@@ -53,9 +63,15 @@ _MOCKS = [
         "--mocks",
         metavar="N|FILE",
         multiple=True,
-        help="Mocks of HI to put in: how many, or a file.",
+        help="Mocks that correct spectra: how many, or a file.",
     ),
     click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
+]
+
+
+_WEIGHTS = [
+    click.option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
+    click.option("--flags", metavar="FILE", help="1 where a voxel is bad."),
 ]
 
 
@@ -69,6 +85,7 @@ def _with_options(options):
 
 
 cube_options, mock_options = _with_options(_OPTIONS), _with_options(_MOCKS)
+weight_options = _with_options(_WEIGHTS)
 
 
 def method_parameters(pairs):
@@ -79,26 +96,56 @@ def method_parameters(pairs):
     return parameters
 
 
-def cube_and_beams(path, remover, beam, dish, mask, reading):
-    """The cube, with its remarks told, and its beams, None where none are named."""
+def inputs_of(names, pairs):
+    """The names of all files that a command reads, or of what may be such, for outputs to spare.
+
+    Of `names` those that are given, and values of parameters (NAME=VALUE) where there is a file of that name.
+
+    Raises
+    ------
+    InputError
+        One of those is there, but cannot be read, such as a pipe.
+    """
+    values = method_parameters(pairs).values()
+    named = [regular_file(value) for value in values if isinstance(value, str) and is_file(value)]
+    return [name for name in (*names, *named) if name is not None]
+
+
+def tell(sentence):
+    """Say a sentence beside the output, whatever the names in it."""
+    click.echo(plain_text(sentence), err=True)
+
+
+def cube_and_beams(path, remover, beam, dish, mask, reading, *, weighed=None, peaks=True):
+    """The cube, with its remarks told, and its beams, None where none are named.
+
+    `weighed` are weights and flags as of `read_cube`; with these, pixels are left out of which too many
+    channels are missing for the method, and with `peaks` for the masking of peaks.
+    """
     import numpy as np
 
     from himap.cubes.beams import beams_of
+    from himap.cubes.cleaning import check_pixels, with_enough_channels
     from himap.cubes.cube import read_cube
-    from himap.cubes.masks import read_mask
     from himap.instrument.beams.base import gaussian_widths
 
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
     if beam is None and remover.needs_beams:
         raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
-    cube = read_cube(path, **reading)
+    weighed = {name: file for name, file in (weighed or {}).items() if file is not None}
+    if weighed:
+        remover.check_weights(None)
+    cube = read_cube(path, **reading, **weighed)
+    check_pixels(cube, remover)
     if mask is not None:
-        cube = cube.within(read_mask(mask, cube.nside))
-    for remark in cube.remarks:
-        click.echo(remark, err=True)
+        cube = cube.within(cube.layout.pixels.read_mask(mask, cube.mask))
+    if weighed:
+        cube = with_enough_channels(cube, remover, peaks=peaks)
+    for sentence in (cube.taken, *cube.remarks):
+        tell(sentence)
     beams = None if beam is None else beams_of(cube, beam, dish=dish)
     if beams is not None:
         widths = np.rad2deg(gaussian_widths(beams))
-        click.echo(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.", err=True)
+        tell(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
     return cube, beams

@@ -5,15 +5,24 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 
 import time
 import warnings
-from pathlib import Path
 
 import click
 
-from himap.cli.cube_options import Methods, cube_and_beams, cube_options, method_parameters, mock_options
+from himap.cli.cube_options import (
+    Methods,
+    cube_and_beams,
+    cube_options,
+    inputs_of,
+    method_parameters,
+    mock_options,
+    tell,
+    weight_options,
+)
 from himap.cli.shared import debug
-from himap.errors import InputError
+from himap.errors import InputError, plain_text
 from himap.figures.tables import Table
 from himap.outputs import whole_file, whole_files
+from himap.reading import there_is
 
 __all__ = ["clean", "suggest", "transfer"]
 
@@ -25,12 +34,13 @@ __all__ = ["clean", "suggest", "transfer"]
 @click.option(
     "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
 )
+@click.option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page.")
 @mock_options
+@weight_options
 @cube_options
 @debug
 def clean(output, overwrite, **options):
-    """Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy. With --mocks spectra are
-    corrected for what is lost, on the page and in a .csv.
+    """Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
 
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
@@ -40,12 +50,12 @@ def clean(output, overwrite, **options):
     started = time.monotonic()
     endings = (".html", ".csv") if options["mocks"] else (".html",)
     output = check_cube_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
-    cleaned, write = _cleaned(**options)
+    cleaned, writers = _cleaned(**options)
     outputs = files_of(output)
     files = [*outputs, *map(output.with_suffix, endings)]
     with whole_files(*files) as temporary:  # all of them or none
         write_cleaned(cleaned, temporary[: len(outputs)])
-        write(*temporary[len(outputs) :])
+        _write(writers, temporary[len(outputs) :])
     _tell(cleaned, files, started)
 
 
@@ -55,6 +65,7 @@ def clean(output, overwrite, **options):
 @click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave.")
 @click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv.")
 @mock_options
+@weight_options
 @cube_options
 @debug
 def transfer(output, overwrite, **options):
@@ -69,37 +80,59 @@ def transfer(output, overwrite, **options):
     started = time.monotonic()
     options["mocks"] = options["mocks"] or ("10",)
     page = check_page(output, overwrite=overwrite, inputs=_inputs(options), endings=(".csv",))
-    cleaned, write = _cleaned(**options)
+    cleaned, writers = _cleaned(**options)
     files = [page, page.with_suffix(".csv")]
     with whole_files(*files) as temporary:
-        write(*temporary)
+        _write(writers, temporary)
     _tell(cleaned, files, started)
 
 
 def _inputs(options):
     """The names of files, or what may be such, in the options of a command."""
-    names = [options[name] for name in ("path", "truth", "beam", "freqs", "mask")]
-    return [name for name in (*names, *options["mocks"]) if name is not None]
+    names = [options[name] for name in ("path", "truth", "beam", "freqs", "mask", "weights", "flags")]
+    return inputs_of([*names, *options["mocks"]], options["pairs"])
 
 
-def _cleaned(path, method, beam, dish, pairs, truth, mask, keep_peaks, mocks, mock_noise, **reading):
-    """A `CleanedCube`, and a function that writes its page, and its spectra where there are mocks."""
+def _cleaned(
+    path,
+    method,
+    beam,
+    dish,
+    pairs,
+    truth,
+    mask,
+    keep_peaks,
+    mocks,
+    mock_noise,
+    weights,
+    flags,
+    patches=False,
+    **reading,
+):
+    """A `CleanedCube`, and {ending: function that writes} its page, and its spectra where there are mocks."""
     from himap.cubes import corrected_report
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.cube import read_truth
+    from himap.cubes.patches import patches_part
     from himap.cubes.report import check_truth, compared, spectra_of, write_report
     from himap.cubes.transfer import correct, measure_transfer
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     remover = create(method, **method_parameters(pairs))
-    cube, beams = cube_and_beams(path, remover, beam, dish, mask, reading)
+    weighed = {"weights": weights, "flags": flags}
+    cube, beams = cube_and_beams(
+        path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
+    )
     method_for(cube, remover)  # before the truth is read
-    true = None if truth is None else read_truth(truth, **reading)
+    true = None if truth is None else read_truth(truth, beside=cube, **reading)
     if true is not None:
+        for remark in true.remarks:
+            tell(f"The truth: {remark}")
         check_truth(cube, true)  # before the work
     put_in = _mocks(cube, beams, mocks, mock_noise, reading)
     peaks, more, corrected = not keep_peaks, [], None
+    patches = patches and cube.layout.pixels.whole_sky  # the page of an image has it anyway
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
         cleaned = clean_cube(cube, remover, beams=beams, peaks=peaks)
@@ -111,13 +144,19 @@ def _cleaned(path, method, beam, dish, pairs, truth, mask, keep_peaks, mocks, mo
             more = corrected_report.corrected_part(corrected, len(found.recoveries), comparison)
             header = corrected_report.HEADER[: 3 if true is None else None]
             click.echo(Table(header, corrected_report.corrected_rows(corrected, comparison), align="lrrrr"))
+    if patches:
+        more = [*more, *patches_part(cleaned, true)]
+    shown = spectra if comparison is None else comparison
+    writers = {".html": lambda page: write_report(cleaned, page, spectra=shown, more=more)}
+    if corrected is not None:
+        writers[".csv"] = lambda table: corrected_report.write_spectra(corrected, table, comparison)
+    return cleaned, writers
 
-    def write(page, table=None):
-        write_report(cleaned, page, spectra=spectra if comparison is None else comparison, more=more)
-        if table is not None:
-            corrected_report.write_spectra(corrected, table, comparison)
 
-    return cleaned, write
+def _write(writers, paths):
+    """Each of `paths` by the function of its ending."""
+    for path in paths:
+        writers[path.suffix](path)
 
 
 def _mocks(cube, beams, words, noise, reading):
@@ -131,20 +170,21 @@ def _mocks(cube, beams, words, noise, reading):
                 "--mocks is one number, or a file for each mock; --mock-noise belongs to a number."
             )
         return None
+    cube.check_sphere()
     if numbers:
         return made_mocks(cube, beams, int(numbers[0]), noise=noise)
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
     for word in words:
-        if not Path(word).exists():
+        if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    return read_mocks(cube, words, **reading)
+    return read_mocks(cube, words, told=tell, **reading)
 
 
 def _tell(cleaned, files, started):
     for remark in cleaned.remarks:
-        click.echo(remark, err=True)
-    click.echo("  ".join(map(str, files)) + f"  ({time.monotonic() - started:.0f} s)")
+        tell(remark)
+    click.echo(plain_text("  ".join(map(str, files))) + f"  ({time.monotonic() - started:.0f} s)")
 
 
 @click.command()
@@ -167,7 +207,8 @@ def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, outp
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
-    page = None if output is None else check_page(output, overwrite=overwrite)
+    inputs = inputs_of([path, beam, reading["freqs"], mask], pairs)
+    page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
     parameters = method_parameters(pairs)
     if "n_sources" in parameters:
         raise InputError(
@@ -176,7 +217,12 @@ def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, outp
     cube, beams = cube_and_beams(path, create(method, **parameters), beam, dish, mask, reading)
     most = min(10, len(cube.freqs) - 1) if most is None else most
     if most <= least:
-        raise InputError(f"--to must be more than --from, got {most} and {least}.")
+        raise InputError(f"--to must be more than --from, got {most} and {least} sources.")
+    if least < 1 or most > len(cube.freqs):
+        raise InputError(
+            f"--from must be at least 1, --to at most the number of channels, {len(cube.freqs)}; got {least} "
+            f"and {most} sources."
+        )
     counts = range(least, most + 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)
@@ -192,4 +238,4 @@ def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, outp
     if page is not None:
         with whole_file(page) as temporary:
             suggestion.write_suggestion(result, temporary)
-        click.echo(page)
+        click.echo(plain_text(str(page)))

@@ -14,6 +14,7 @@ from himap.cli.sensitivity import sensitivity
 from himap.cli.shared import (
     SETTINGS,
     Commands,
+    check_alone,
     debug,
     json_output,
     judging_parameters,
@@ -150,9 +151,10 @@ def _values(names, preset, texts, *, some_accept):
     "-o", "--output", help="Where to write the JSON; default results/claims_PRESET_PARAMETERS.json."
 )
 @overwrite_option
+@click.option("--check", metavar="FILE", help="Judge one realisation of a ledger again, and mark it.")
 @workers
 @debug
-def claims(preset, pairs, output, overwrite):
+def claims(preset, pairs, output, overwrite, check):
     """Evaluate every claim of the paper on five seeds, print the ledger, and write it as JSON.
 
     The first seed is also judged with the noise level that SDecGMCA is told 0.1 % lower and higher;
@@ -167,15 +169,21 @@ def claims(preset, pairs, output, overwrite):
     from himap.companion.staleness import ledger_code
     from himap.instrument.beams.oscillating import Oscillating
     from himap.paper import ledger, ledger_table
+    from himap.paper.checking import check_ledger
     from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
     chosen, given = judging_parameters(pairs, preset, own=_CLAIMS)
     preset = chosen["preset"]
     name = copy_name("claims", preset, given, suffix=".json")
-    path = json_output(output, name, overwrite=overwrite)
     started = time.monotonic()
     oscillating = Oscillating(ripple=chosen.pop("ripple"))
-    nudges = ledger.NUDGES if chosen.pop("nudged") else ()
+    nudges = ledger.NUDGES if chosen.pop("nudged") and check is None else ()
+    if check is None:
+        path = json_output(output, name, overwrite=overwrite)
+    else:
+        check_alone(output, overwrite)
+        ledger.read_ledger(check)  # fails now
+        chosen["n_realisations"] = 1
     skies = ledger.realisations(**chosen, oscillating=oscillating)
     entries = ledger.evaluate(skies, nudges=nudges)
     about = Provenance.of(
@@ -185,8 +193,13 @@ def claims(preset, pairs, output, overwrite):
         parameters={"n_realisations": len(skies)} | provenance_parameters(given),
         started=started,
     )
-    code = ledger_code(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since
-    ledger.write_ledger(entries, path, asdict(about) | {"code": code})
+    # The code that ran, whatever was edited in the hours since.
+    about = asdict(about) | {"code": ledger_code(CodeTree(loaded=True))}
+    if check is not None:
+        check_ledger(entries, check, about)
+        click.echo(f"{check}: {len(entries)} claims on one realisation are the same with today's code.")
+        return
+    ledger.write_ledger(entries, path, about)
     colours = {REPRODUCED: "green", IN_PART: "yellow", FAILED: "red", INAPPLICABLE: "bright_black"}
     rows = [
         [id, beam, click.style(verdict, fg=colours[entry.verdict]), *others]

@@ -7,6 +7,7 @@ import click
 
 from himap.checks import whole_number
 from himap.cli.shared import (
+    check_alone,
     debug,
     json_output,
     judging_parameters,
@@ -16,7 +17,6 @@ from himap.cli.shared import (
 )
 from himap.companion.notebook_files import copy_name
 from himap.companion.parameters import Parameter
-from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
@@ -89,8 +89,7 @@ def _record(
         notebook=chapter,
     )
     if check is not None:
-        if output is not None or overwrite:
-            raise InputError("--check writes into the record that it checks; leave -o out, and --overwrite.")
+        check_alone(output, overwrite)
         read_record(row, check)  # fails now
         _, rows, _ = measure(chosen | {"n_realisations": 1})
         check_record(rows, check, code_of(CodeTree(loaded=True)))

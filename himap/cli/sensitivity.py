@@ -5,9 +5,9 @@ import warnings
 
 import click
 
-from himap.cli.cube_options import Methods, cube_and_beams, cube_options, method_parameters
+from himap.cli.cube_options import Methods, cube_and_beams, cube_options, inputs_of, method_parameters
 from himap.cli.shared import debug
-from himap.errors import InputError
+from himap.errors import InputError, plain_text
 from himap.figures.tables import Table
 from himap.outputs import whole_file
 
@@ -42,7 +42,7 @@ def sensitivity(
     from himap.removal.base import SeparationWarning
 
     started = time.monotonic()
-    inputs = [name for name in (path, beam, reading["freqs"], mask) if name is not None]
+    inputs = inputs_of([path, beam, reading["freqs"], mask], pairs)
     page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
     remover = create(method, **method_parameters(pairs))
     if not remover.needs_beams:
@@ -60,4 +60,4 @@ def sensitivity(
     if page is not None:
         with whole_file(page) as temporary:
             measured.write_sensitivity(found, temporary)
-        click.echo(f"{page}  ({time.monotonic() - started:.0f} s)")
+        click.echo(f"{plain_text(str(page))}  ({time.monotonic() - started:.0f} s)")

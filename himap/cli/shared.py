@@ -6,18 +6,20 @@ from pathlib import Path
 
 import click
 
+from himap.checks import whole_number
 from himap.companion import reproduce
 from himap.companion.kernels import changed_environment
 from himap.companion.notebook_files import check_output
 from himap.companion.notebooks import find
 from himap.companion.parameters import check_parameters, parse_texts
-from himap.errors import InputError
+from himap.errors import InputError, shortened
 from himap.products.memory import LIMIT_VARIABLE, parse_size
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
 __all__ = [
     "SETTINGS",
     "Commands",
+    "check_alone",
     "debug",
     "json_output",
     "judging_parameters",
@@ -30,6 +32,8 @@ __all__ = [
 
 _JUDGING = "15_claims"  # the notebook whose parameters commands share that judge claims
 
+_MOST_SOURCES = 10_000
+
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
@@ -37,7 +41,6 @@ class _BadInput(click.ClickException):
     exit_code = 2
 
 
-_LONGEST_MESSAGE = 4000  # characters; one that lists all parameters of a notebook has 3000
 _NOTEBOOK_PACKAGES = {
     "IPython",
     "ipykernel",
@@ -63,8 +66,8 @@ class Commands(click.Group):
             if context.meta.get("debug"):
                 raise
             if isinstance(error, InputError):
-                raise _BadInput(_shortened(str(error))) from None
-            text = f"{_shortened(str(error))}\nAdd --debug for the traceback."
+                raise _BadInput(shortened(str(error))) from None
+            text = f"{shortened(str(error))}\nAdd --debug for the traceback."
             raise click.ClickException(text) from None
         except ModuleNotFoundError as error:
             name = (error.name or "").partition(".")[0]
@@ -74,15 +77,6 @@ class Commands(click.Group):
                 f"this needs the packages for notebooks, and {name} is not there: "
                 "pip install 'himap[notebooks]'."
             ) from None
-
-
-def _shortened(message):
-    """A message that fits a few screens: an error of a notebook may quote all that it was given."""
-    n_left = len(message) - _LONGEST_MESSAGE
-    if n_left <= 0:
-        return message
-    half = _LONGEST_MESSAGE // 2
-    return f"{message[:half]} [... {n_left} characters more ...] {message[-half:]}"
 
 
 def _remember_debug(context, parameter, value):
@@ -153,6 +147,12 @@ def json_output(output, name, *, overwrite):
     return check_output(path, suffix=".json", overwrite=overwrite)
 
 
+def check_alone(output, overwrite):
+    """Refuse outputs beside --check."""
+    if output is not None or overwrite:
+        raise InputError("--check writes into the file that it checks; leave -o out, and --overwrite.")
+
+
 def named_values(pairs):
     """{name: text} of texts NAME=VALUE."""
     texts = {}
@@ -196,6 +196,8 @@ def judging_parameters(pairs, preset, *, own, without=(), more=(), notebook=_JUD
     ]
     declared += more
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
+    for name in given.keys() & {"n_sources_min", "n_sources_max"}:
+        whole_number(name, given[name], 1, _MOST_SOURCES)  # before so many are counted
     return {parameter.name: parameter.default for parameter in declared} | given, given
 
 

@@ -154,11 +154,11 @@ def check_parameters(declared, given, preset=None):
         survey = {name: given.pop(name) for name in fields_given}
     unknown = [name for name in given if name not in known]
     if unknown:
-        raise InputError(_unknown(unknown, known) + describe_parameters(declared))
+        raise _Listing(_unknown(unknown, known), declared)
     try:
         values = {name: known[name].convert(value) for name, value in given.items()}
     except InputError as error:
-        raise InputError(f"{error}; the parameters are:\n{describe_parameters(declared)}") from None
+        raise _Listing(f"{error}; the parameters are:", declared) from None
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
     if survey or "survey" in values:
@@ -182,12 +182,23 @@ def describe_parameters(declared):
     return "\n".join(lines)
 
 
+class _Listing(InputError):
+    """An error with the parameters that there are below its paragraph, one a line."""
+
+    def __init__(self, message, declared):
+        super().__init__(message)
+        self._listing = describe_parameters(declared)
+
+    def __str__(self):
+        return f"{super().__str__()}\n{self._listing}"
+
+
 def _unknown(unknown, known):
     choices = list(known) + list(_SURVEY_FIELDS) * ("survey" in known)
     close = [match for name in unknown for match in difflib.get_close_matches(name, choices, n=1)]
     hint = f" (did you mean {', '.join(close)}?)" if close else ""
     plural = "s" if len(unknown) > 1 else ""
-    return f"unknown parameter{plural} {', '.join(unknown)}{hint}; the parameters are:\n"
+    return f"unknown parameter{plural} {', '.join(unknown)}{hint}; the parameters are:"
 
 
 def _parse(text, kinds):

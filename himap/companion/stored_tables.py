@@ -11,6 +11,7 @@ from himap.products.provenance import Provenance, duration
 
 __all__ = [
     "differing",
+    "endurance_table",
     "failed_table",
     "growth_table",
     "ledgers_table",
@@ -23,6 +24,16 @@ __all__ = [
 ]
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
+_DISTURBED = {
+    "run_killed": ("`himap run` killed", "kills"),
+    "claims_killed": ("`himap claims` killed, with two processes", "kills"),
+    "clean_killed": ("`himap clean` killed", "kills"),
+    "four_processes": ("one of four `himap run` on one cache killed; processes", "processes"),
+    "full_disk_run": ("disk full under `himap run`", "full_disks"),
+    "full_disk_clean": ("disk full under `himap clean`", "full_disks"),
+    "dead_worker": ("a process that works for `himap claims` killed", "workers_killed"),
+}
+"""{name in `benchmarks.endurance`: (in words, which of its counts says how often)}"""
 
 
 def short(value, digits=2):
@@ -78,6 +89,26 @@ def growth_table(found):
     names = list(next(iter(ways.values())))
     rows = [[name, *(f"{way[name]['exponent']:.2f}" for way in ways.values())] for name in names]
     head = ["Step", "with nside", "with channels"]
+    return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
+
+
+def endurance_table(found):
+    """What disturbed commands came to, of what ``python -m benchmarks.endurance`` wrote, as Markdown.
+
+    A count that ought to be zero and is not is bold.
+    """
+    rows = []
+    for name, counts in found["found"].items():
+        text, times = _DISTURBED[name]
+        failed = sum(counts.get(key, 0) for key in ("reruns_that_failed", "processes_that_failed"))
+        if "told_in_a_sentence" in counts or "done_all_the_same" in counts:  # a count of zero is left out
+            failed += (
+                counts["finished"] - counts.get("told_in_a_sentence", 0) - counts.get("done_all_the_same", 0)
+            )
+        left = sum(n for key, n in counts.items() if key.startswith("left_") or key == "processes_left")
+        lost = (failed, counts.get("other_results", 0), left)
+        rows.append([text, f"{counts.get(times, 0)}", *(f"**{n}**" if n else "0" for n in lost)])
+    head = ["What was done", "Times", "Failed", "Other results", "Left behind"]
     return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
 
 
@@ -194,7 +225,7 @@ def picture(folder, name, results=None):
     place = os.path.relpath(results or RESULTS, notebooks_folder())
     row = stored_figure(folder, name, results)
     shown, made = _picture(f"{place}/{folder}/{name}.png", row)
-    return f"{shown}\n\n*Fig. {row['paper']}: {made[1:]}"
+    return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again: {made[1:]}"
 
 
 def _picture(path, row):

@@ -14,7 +14,7 @@ from himap.instrument.beams.rippled import Rippled
 from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.difference import FAINT
-from himap.measures.transfer import bands, recovery
+from himap.measures.transfer import JUDGED, bands, recovery
 from himap.paper import pipeline, plan
 from himap.paper.mocks import own_recovery
 from himap.products.parallel import make_all
@@ -24,7 +24,6 @@ from himap.removal.beam_projection import on_sky
 __all__ = [
     "HEADER",
     "KINDS",
-    "WORST_OF",
     "BeamError",
     "by_error",
     "evaluate",
@@ -192,9 +191,6 @@ def _rows(case, remover, kind, error, found):
     return rows
 
 
-WORST_OF = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
-"""The bands that are judged: below are few multipoles, and slow wavelengths are lost with any beam."""
-
 HEADER = (
     "method",
     "what is wrong",
@@ -212,7 +208,7 @@ def by_error(rows):
     """{(method, n_sources, kind, error): {band: means over skies of (ratio, kept, excess)}}, as judged."""
     found = {}
     for row in rows:
-        if row.band in WORST_OF:
+        if row.band in JUDGED:
             key = (row.method, row.n_sources, row.kind, row.error)
             found.setdefault(key, {}).setdefault(row.band, []).append((row.ratio, row.kept, row.excess))
     return {

@@ -6,9 +6,8 @@ import numpy as np
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap.measures import how_many
-from himap.measures.transfer import TransferFunction, bands
+from himap.measures.transfer import JUDGED, TransferFunction, bands
 from himap.paper import cleaned, pipeline
-from himap.paper.beam_errors import WORST_OF
 from himap.paper.mocks import own_recovery, recovered
 from himap.products.store import product
 from himap.removal.blurred_mixture import BlurredMixture
@@ -114,5 +113,5 @@ def views_of(case, removers, mocks):
 def _in_bands(recovery, spectra):
     """Means of two spectra, "angular" and "frequency", in the judged bands, (n_bands,)."""
     found = bands(recovery.put_in.degrees, recovery.put_in.k)
-    judged = [pair for band, pair in found.items() if band in WORST_OF]
+    judged = [pair for band, pair in found.items() if band in JUDGED]
     return np.array([getattr(spectra, kind)[inside].mean() for kind, inside in judged])

@@ -47,7 +47,7 @@ CONCLUSIONS = (
     ),
     Conclusion(
         name="The number of sources",
-        says="It is critical, and 5 to 7 is the best balance.",
+        says="The number of sources is critical, and 5 to 7 is the best balance.",
         claims=("N1", "N2", "N4"),
     ),
     Conclusion(

@@ -2,6 +2,7 @@
 
 import math
 
+from himap.figures.numbers import quoted
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
@@ -44,6 +45,8 @@ HEADER = (
 )
 """Of the columns of `plain_rows`."""
 
+_MANY, _SHOWN = 1e3, 0.005  # from where on numbers have commas, and the share of them that is shown
+
 
 def plain_rows(outcomes):
     """Rows of text, one for each of {label: `Outcome`}, columns as in `HEADER`.
@@ -75,7 +78,8 @@ def _furthest(values):
     there = [value for value in values if math.isfinite(value)]
     if not there:
         return "–"
-    return f"{max(there, key=lambda value: abs(math.log(value)) if value > 0 else math.inf):.3g}"
+    furthest = max(there, key=lambda value: abs(math.log(value)) if value > 0 else math.inf)
+    return f"{furthest:.3g}" if furthest < _MANY else quoted((furthest, _SHOWN * furthest))
 
 
 def standing(outcomes):

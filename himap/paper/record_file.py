@@ -2,17 +2,16 @@
 
 import json
 from dataclasses import astuple, fields
-from pathlib import Path
 
 from himap.errors import InputError
 from himap.outputs import whole_file
-from himap.products.provenance import environment
+from himap.paper.checking import marked, same
+from himap.reading import regular_file, there_is
 
 __all__ = ["check_record", "read_record", "write_record"]
 
 _FORMAT = 2
 _DIGITS = 4  # of a number: more than two machines agree on
-_SAME = 1e-3  # relative, and absolute below 1
 
 
 def write_record(rows, path, about):
@@ -47,18 +46,16 @@ def read_record(kind, path):
     InputError
         No such file, or another kind of file.
     """
+    if not there_is(path):
+        raise InputError(f"there is no stored record {path}; `himap record {kind.command}` writes it.")
     try:
-        content = json.loads(Path(path).read_text())
+        content = json.loads(regular_file(path, "record").read_text())
         if content["format"] != _FORMAT:
             raise ValueError(f"format {content['format']!r}, not {_FORMAT}")
         columns, about = content["columns"], dict(content["about"])
         rows = [kind(**dict(zip(columns, row, strict=True))) for row in content[_key(kind)]]
         if not rows:
             raise ValueError("no row")
-    except FileNotFoundError:
-        raise InputError(
-            f"there is no stored record {path}; `himap record {kind.command}` writes it."
-        ) from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path} is not a file that `himap record {kind.command}` wrote ({error})."
@@ -90,20 +87,10 @@ def check_record(rows, path, code):
             f"{path} has {len(own)} rows of the seed {rows[0].seed}, {len(rows)} were measured: give the "
             "parameters that it was made with."
         )
-    other = [pair for pair in zip(own, rows, strict=True) if not _same(*map(astuple, pair))]
+    other = [pair for pair in zip(own, rows, strict=True) if not same(*map(astuple, pair))]
     if other:
         raise InputError(
             f"{len(other)} of {len(rows)} rows of one sky are not those of {path} any more, such as "
             f"{other[0][1]} in the place of {other[0][0]}; measure all of it again."
         )
-    made = environment()
-    checked = {"code": code, "commit": made["commit"], "dirty": made["dirty"]}
-    write_record(stored, path, about | {"checked": checked})
-
-
-def _same(one, other):
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
-    if isinstance(one, float) and isinstance(other, float):
-        return abs(one - other) <= _SAME * max(1, abs(one))
-    return one == other
+    write_record(stored, path, marked(about, code))

@@ -144,13 +144,14 @@ def skies_and_methods(*, beams, methods, n_realisations=20, **options):
     """
     if not isinstance(beams, list | tuple) or not beams or len(set(beams)) < len(beams):
         raise InputError(f"beams must be a list of names, each once, got {beams!r}.")
-    skies = [{} for _ in range(n_realisations)] if isinstance(n_realisations, int) else []
+    skies = []
     for place, beam in enumerate(beams):
         own = []
         for pair in methods:
             one = _of_beam(pair, place, len(beams))
             own += [one] if one not in own else []
         cases, removers = cases_and_methods(beam=beam, methods=own, n_realisations=n_realisations, **options)
+        skies = skies or [{} for _ in cases]
         for sky, case in zip(skies, cases, strict=True):
             sky[case] = removers
     return skies

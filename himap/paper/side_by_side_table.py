@@ -3,14 +3,14 @@
 import numpy as np
 
 from himap.figures import styles
-from himap.paper.beam_errors import WORST_OF
+from himap.measures.transfer import JUDGED
 from himap.paper.side_by_side import band_means, furthest
 from himap.paper.side_by_side_figures import labels_of
 
 __all__ = ["distance", "overview", "signed"]
 
 
-def distance(records, beam, method, n_sources, *, corrected=False, of=WORST_OF):
+def distance(records, beam, method, n_sources, *, corrected=False, of=JUDGED):
     """How far the mean over skies of the worst band is from 1, of the record where that is most; signed.
 
     Parameters
@@ -45,7 +45,7 @@ def signed(value):
     return f"{percent:+.{digits}f} %".replace("-", "−")
 
 
-def overview(records, *, of=WORST_OF):
+def overview(records, *, of=JUDGED):
     """(header, rows) of texts: each method, as it leaves each beam and corrected; as `distance`."""
     labels = labels_of(records[0])
     beams = list(dict.fromkeys(beam for beam, *_ in labels))

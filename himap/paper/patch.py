@@ -1,0 +1,180 @@
+"""A patch of sky as a telescope in single-dish mode sees it: uneven hits, channels and voxels that are lost.
+
+Place and size are near those of MeerKLASS (MeerKLASS Collaboration 2025, Cunnington et al. 2023): dishes
+scan to and fro at one elevation while the sky drifts by, rising or setting, so that a block of observation
+covers a parallelogram, sheared to one side or to the other. How often, and what is lost, follows a seed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from astropy.coordinates import SkyCoord
+
+from himap.checks import checked_fields, parameter
+from himap.instrument.noise import noise_sigma
+from himap.maps import sphere
+from himap.measures.power_spectra import angular_power, frequency_power
+from himap.paper import pipeline
+from himap.removal.beam_projection import on_sky
+
+__all__ = ["Patch", "PatchPower", "interpolated", "noise_by_hits", "patch_sky"]
+
+_SHEAR = 0.7  # deg of right ascension by deg of declination, of scans in azimuth at mid elevations
+_EDGE = 0.5  # deg over which the hits of a block fall at its sides
+_LEAST = 0.05  # of the most hits: pixels with fewer are outside
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A box of right ascension and declination, observed in blocks; angles in deg.
+
+    A block has a weight between 0.4 and 1 for the dishes and scans that are good, and its hits are
+    w f(u) f(v): u the right ascension more (rising) or less (setting) 0.7 times the declination from the
+    centre, times cos(dec), v the declination, f one inside of the block, with sides that fall as a logistic
+    function over 0.5 deg. A block is half as wide as the patch, anywhere in it.
+    """
+
+    ra: float = parameter(347.5, "right ascension of the centre, deg", minimum=0, maximum=360)
+    dec: float = parameter(-30.0, "declination of the centre, deg", minimum=-70, maximum=70)
+    width: float = parameter(35.0, "width in right ascension, deg", minimum=5, maximum=120)
+    height: float = parameter(10.0, "height in declination, deg", minimum=2, maximum=40)
+    n_blocks: int = parameter(40, "blocks of observation, half of them rising", minimum=2)
+    n_channels: int = parameter(3, "channels that are lost altogether", minimum=0)
+    n_bursts: int = parameter(40, "bursts, each in a few channels while some of the sky drifts by", minimum=0)
+    voxels: float = parameter(0.02, "share of single voxels that are lost", minimum=0, maximum=0.5)
+    seed: int = parameter(21, "seed of all of these", minimum=0)
+
+    def __post_init__(self):
+        checked_fields(self)
+
+    @property
+    def box(self):
+        """(lowest, highest) right ascension and declination, deg, as figures take it."""
+        ra, dec = self.ra - 360 * (self.ra > 180), self.dec
+        half = self.width / 2, self.height / 2
+        return (ra - half[0] - 2, ra + half[0] + 2), (dec - half[1] - 2, dec + half[1] + 2)
+
+    def offsets(self, nside):
+        """Right ascension and declination of all pixels from the centre, deg, each (n_pix,)."""
+        places = SkyCoord(*sphere.pixel_vectors(nside).T, frame="galactic", representation_type="cartesian")
+        equatorial = places.icrs.represent_as("unitspherical")
+        ra, dec = equatorial.lon.deg, equatorial.lat.deg
+        return (ra - self.ra + 180) % 360 - 180, dec - self.dec
+
+    def hits(self, nside):
+        """Hits of the pixels, (n_pix,), the most of them 1; 0 outside."""
+        rng = np.random.default_rng(self.seed)
+        ra, dec = self.offsets(nside)
+        squeeze = np.cos(np.deg2rad(self.dec))
+        total = np.zeros(len(ra))
+        for block in range(self.n_blocks):
+            across = (ra + (-1) ** block * _SHEAR * dec) * squeeze
+            middle = rng.uniform(-0.25, 0.25) * self.width * squeeze
+            total += rng.uniform(0.4, 1) * _inside(across - middle, self.width * squeeze / 2)
+        total *= _inside(dec, self.height) * _inside(ra * squeeze, self.width * squeeze)
+        total /= total.max()
+        return np.where(total > _LEAST, total, 0)
+
+    def flags(self, nside, n_channels):
+        """Voxels that are lost to interference, (n_channels, n_pix) bool.
+
+        Some channels altogether; bursts, each in one to four channels while 2 to 10 deg of right ascension
+        drift by; and single voxels.
+        """
+        rng = np.random.default_rng([self.seed, 1])
+        lost = rng.random((n_channels, 12 * nside**2)) < self.voxels
+        lost[rng.choice(n_channels, min(self.n_channels, n_channels - 2), replace=False)] = True
+        ra, dec = self.offsets(nside)
+        for burst in range(self.n_bursts):
+            first, length = rng.integers(n_channels), rng.integers(1, 5)
+            middle, width = rng.uniform(-0.5, 0.5) * self.width, rng.uniform(2, 10)
+            drifting = np.abs(ra + (-1) ** burst * _SHEAR * dec - middle) < width / 2
+            lost[first : first + length, drifting] = True
+        return lost
+
+
+def _inside(offset, width):
+    """One within half of a width of 0, with soft sides."""
+    return 1 / (1 + np.exp(np.clip((np.abs(offset) - width / 2) / (_EDGE / 4), -50, 50)))
+
+
+def patch_sky(case):
+    """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, whole sky."""
+    survey = case.survey
+    foreground = on_sky(pipeline.foreground_seen(case), survey.nside).cube()
+    windows = case.beam.of_survey(survey).total
+    alms = pipeline.hi_alms_of_sky(survey.sky)
+    seen = (sphere.multiply_beam(alm, window) for alm, window in zip(alms, windows, strict=True))
+    return foreground, sphere.synthesise_cube(seen, survey.nside, n_channels=len(alms), label="HI")
+
+
+def noise_by_hits(survey, hits, rng):
+    """Noise of every channel, mK, (n_channels, n_pix) float32: `noise_sigma` at the mean of the hits.
+
+    `survey` has the time, the dishes and the share of the sky of the patch; the deviation is that times
+    (mean of hits / hits)^1/2, and 0 where there are none.
+    """
+    spread = np.zeros(len(hits))
+    spread[hits > 0] = np.sqrt(hits[hits > 0].mean() / hits[hits > 0])
+    maps = rng.standard_normal((survey.n_channels, len(hits)), dtype=np.float32)
+    maps *= noise_sigma(survey)[:, None].astype(np.float32)
+    maps *= spread.astype(np.float32)
+    return maps
+
+
+def interpolated(maps, missing):
+    """Maps (n_channels, n_pix) with missing voxels by straight lines between the channels around them."""
+    out, places = maps.copy(), np.arange(len(maps))
+    for pixel in np.flatnonzero(missing.any(axis=0)):
+        gaps = missing[:, pixel]
+        if not gaps.all():
+            out[gaps, pixel] = np.interp(places[gaps], places[~gaps], maps[~gaps, pixel])
+    return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatchPower:
+    """Both spectra of cubes of a patch, pixels with the weights of their hits, 0 where voxels are missing.
+
+    Gaps take power, and of a spectrum and the one that it is held against they take the same.
+
+    Attributes
+    ----------
+    weights
+        Of the pixels, between 0 and 1, (n_pix,).
+    seen
+        Voxels that are not missing, (n_channels, n_pix) bool.
+    channel_width
+        MHz.
+    bin_width
+        Multipoles in a bin.
+    """
+
+    weights: np.ndarray
+    seen: np.ndarray
+    channel_width: float
+    bin_width: int
+
+    def __call__(self, maps):
+        """{"angular": (l, C_l), "frequency": (k, P(k))} of maps (n_channels, n_pix), l and k above 0."""
+        maps = np.where(self.seen, maps, np.zeros((), maps.dtype))
+        angular = angular_power(maps, mask=self.weights, bin_width=self.bin_width)
+        frequency = frequency_power(maps, self.channel_width, mask=self.weights)
+        return {
+            "angular": (angular.degrees[1:], angular.mean[1:]),
+            "frequency": (frequency.k[1:], frequency.power[1:]),
+        }
+
+    def share(self, mocks, returned):
+        """The transfer function: {kind: power that what came back has in common with mocks, over theirs}.
+
+        Both are lists of maps. What they have in common is a quarter of the power of the sum less that of the
+        difference.
+        """
+        both = []
+        for mock, back in zip(mocks, returned, strict=True):
+            plus, minus, own = self(mock + back), self(mock - back), self(mock)
+            both.append({kind: ((plus[kind][1] - minus[kind][1]) / 4, own[kind][1]) for kind in own})
+        return {
+            kind: sum(one[kind][0] for one in both) / sum(one[kind][1] for one in both) for kind in both[0]
+        }
