@@ -10,9 +10,9 @@ import pytest
 from himap.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Misjudged, Oscillating, Rippled
 from himap.measures.power_spectra import angular_power
+from himap.measures.transfer import JUDGED
 from himap.paper import beam_errors, cleaned, pipeline
 from himap.paper.beam_errors import (
-    WORST_OF,
     BeamError,
     by_error,
     evaluate,
@@ -36,7 +36,7 @@ def made_up(error, excess, *, kind="width", method="beam_subspace", n_sources=3,
     common = {"seed": seed, "method": method, "n_sources": n_sources, "kind": kind, "error": error}
     return [
         BeamError(band=band, ratio=0.9 + more, kept=0.9, excess=more, **common)
-        for band, more in zip(WORST_OF, [0.0] * (len(WORST_OF) - 1) + [excess], strict=True)
+        for band, more in zip(JUDGED, [0.0] * (len(JUDGED) - 1) + [excess], strict=True)
     ]
 
 
@@ -150,7 +150,7 @@ class TestJudged:
         ((key, means),) = by_error(rows).items()
         assert key == ("beam_subspace", 3, "width", 0.1)
         assert most_excess(means) == pytest.approx(0.3)
-        other = [row for row in made_up(0.1, 5.0) if row.band == WORST_OF[-1]]
+        other = [row for row in made_up(0.1, 5.0) if row.band == JUDGED[-1]]
         assert most_excess(by_error([*rows, BeamError(**asdict(other[0]) | {"band": "C/C0, 2-4"})])[key]) < 1
 
     def test_tolerated_between_two_errors(self):
@@ -172,13 +172,13 @@ class TestJudged:
             "width",
             "0.003",
             "1.4",
-            WORST_OF[-1],
+            JUDGED[-1],
             "0.900",
             "50.00%",
-            WORST_OF[-1],
+            JUDGED[-1],
         )
         (line,) = summary(made_up("meerkat", 0.0, kind="beam"))
-        assert line[:5] == ("beam_subspace 3", "beam", "meerkat", "0.9", WORST_OF[0])
+        assert line[:5] == ("beam_subspace 3", "beam", "meerkat", "0.9", JUDGED[0])
 
 
 def test_figure():

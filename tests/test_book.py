@@ -151,6 +151,12 @@ def test_every_page_is_whole_and_fits_a_phone(html, visit):
         page.close()
 
 
+def test_authors_end_with_et_al(html, book):
+    """Where there are more than are named, in citations, what they show when pointed at, and the list."""
+    assert not [path.name for path, page in book.items() if re.search("[A-Z][\\w-]+,? and others", page)]
+    assert "Chapman <em>et al.</em> 2012" in book[html / "notebooks" / "05_fastica.html"]
+
+
 def test_equations_are_typeset(visit):
     page = visit("notebooks/13_dimmed_galaxy.html")
     page.wait_for_selector("mjx-container")

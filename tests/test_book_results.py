@@ -17,6 +17,7 @@ from himap.companion.notebooks import find
 from himap.companion.stored import RESULTS, extrapolated, read_stored, times_of_all
 from himap.companion.stored_tables import (
     differing,
+    endurance_table,
     failed_table,
     ledgers_table,
     of_chapter,
@@ -115,6 +116,17 @@ def test_the_whole_is_the_sum_of_its_parts():
     assert sum(number(row[1]) for row in rows) == pytest.approx(seconds / 60, rel=0.02)
 
 
+def test_what_disturbances_led_to():
+    counts = {"kills": 34, "finished": 9, "reruns_that_failed": 0, "other_results": 0, "left_in_the_cache": 0}
+    disk = {"full_disks": 4, "finished": 4}
+    disk |= {"told_in_a_sentence": 3, "processes_left": 2}
+    about = read_stored("scaling")["about"]
+    text = endurance_table({"about": about, "found": {"run_killed": counts, "full_disk_clean": disk}})
+    _, killed, full = tables(text)[0]
+    assert killed[1:] == ["34", "0", "0", "0"]
+    assert full[1:] == ["4", "**1**", "0", "**2**"]
+
+
 def test_exponents_are_those_of_the_figure():
     _, *rows = tables(markdown("19_scale"))[3]
     found = read_stored("scaling")["found"]
@@ -141,7 +153,7 @@ def test_a_larger_survey_costs_what_the_exponents_say():
     assert times.pop("HI light cone") == times.pop("observations, three beams") == 1
     assert times.pop("all measures") == 18 and "BeamSubspace" not in times and set(times.values()) == {3}
     assert sum(row["core_hours"] for row in rows) == pytest.approx(hours)
-    _, *shown, (*_, total, _) = tables(markdown("19_scale"))[4]
+    _, *shown, (*_, total, _) = tables(markdown("19_scale"))[-1]
     assert number(total) == pytest.approx(hours, abs=1)
     for cells, row in zip(shown, rows, strict=True):
         assert cells[0] == row["step"] and int(cells[2]) == row["times"]

@@ -42,10 +42,25 @@ class TestClaims:
 
         def evaluate(skies, nudges):
             seen.append((skies, nudges))
-            return [entry(REPRODUCED, IN_PART), entry(FAILED, id="N1")]
+            return [entry(*(REPRODUCED, IN_PART)[: len(skies)]), entry(FAILED, id="N1")]
 
         monkeypatch.setattr(ledger, "evaluate", evaluate)
         return himap_command, seen
+
+    def test_check(self, command):
+        """One realisation, without nudges, that was the first of the ledger."""
+        himap_command, seen = command
+        words = ["claims", "--preset", "ci"]
+        assert himap_command(*words, "-p", "n_realisations=2", "-p", "seed=0", "-o", "a.json")[0] == 0
+        code, out, err = himap_command(*words, "-p", "seed=0", "--check", "a.json")
+        assert (code, err) == (0, "") and "a.json: 2 claims on one realisation are the same" in out
+        assert len(seen[1][0]) == 1 and seen[1][1] == ()
+        assert json.loads(Path("a.json").read_text())["about"]["checked"]["code"] == ledger_code()
+        for more, message in ((["-o", "b.json"], "leave -o out"), (["--overwrite"], "leave -o out")):
+            code, _, err = himap_command(*words, "--check", "a.json", *more)
+            assert code == 2 and message in err
+        code, _, err = himap_command(*words, "--check", "none.json")
+        assert code == 2 and "there is no ledger none.json" in err
 
     def test_table_and_file(self, command):
         himap_command, seen = command

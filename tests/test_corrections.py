@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -176,6 +177,11 @@ class TestFile:
     def test_a_missing_file(self, tmp_path):
         with pytest.raises(InputError, match="`himap record corrections` writes it"):
             read_record(Correction, Path(tmp_path, "none.json"))
+
+    def test_a_pipe_is_not_waited_for(self, tmp_path):
+        os.mkfifo(tmp_path / "pipe")
+        with pytest.raises(InputError, match="must be a file that is on disk, got a pipe"):
+            read_record(Correction, tmp_path / "pipe")
 
 
 def test_a_method_without_a_number_of_sources(tmp_path):

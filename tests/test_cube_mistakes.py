@@ -223,7 +223,7 @@ class TestTruth:
         assert np.array_equal(read_truth("shuffled.npy", freqs="nu.txt", unit="mK").maps, maps)
 
     def test_another_frequency_is_named(self, maps, here):
-        write_hdf5("t.h5", maps, freqs=FREQS + 1e-9)
+        write_hdf5("t.h5", maps / 1000, freqs=FREQS + 1e-9)
         write_hdf5("u.h5", maps, freqs=FREQS + 3)
         words = ["clean", "good.h5", "--method", "pca", "-o", "c.h5", "--truth"]
         done = himap(*words, "u.h5")

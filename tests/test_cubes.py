@@ -53,7 +53,7 @@ class TestReading:
         hp.write_map(path, nested / 1e3, nest=True, column_units="K", dtype=np.float64)
         cube = read_cube(path, freqs=FREQS[shuffled])
         assert cube.maps == pytest.approx(maps, rel=1e-6)
-        assert cube.layout.nested and cube.layout.unit == "K"
+        assert cube.layout.pixels.nested and cube.layout.unit == "K"
 
     def test_folder_of_fits_with_frequencies_in_their_names(self, maps, tmp_path):
         for freq, row in zip(FREQS, maps, strict=True):
@@ -170,7 +170,8 @@ class TestCleaning:
 
     def test_what_is_written_adds_up(self, maps, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", maps / 1e3, unit="K", ordering="RING")
-        options = ["--method", "polynomial", "-p", "order=4", "--truth", path]
+        truth = write_hdf5(tmp_path / "t.h5", maps / 1e6, unit="K", ordering="RING")
+        options = ["--method", "polynomial", "-p", "order=4", "--truth", truth]
         done = himap("clean", path, *options, "-o", tmp_path / "c.h5")
         assert done.exit_code == 0, done.output
         with h5py.File(tmp_path / "c.h5") as file:

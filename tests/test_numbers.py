@@ -74,6 +74,7 @@ def test_a_number_of_another_width_leaves_the_rest_of_the_html():
 
 
 def test_a_table_has_a_column_for_each_quantity():
+    assert show_table({"PCA": {"C": 1}}, head="bands").header == ["bands", "C"]
     table = show_table({"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}})
     lines = repr(table).splitlines()
     assert lines[0].split() == ["C", "n", "P"]

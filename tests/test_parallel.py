@@ -1,8 +1,10 @@
 """Products made several at a time."""
 
 import os
+import time
 
 import numpy as np
+import psutil
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
@@ -98,3 +100,25 @@ def test_a_process_that_is_killed_is_one_clear_error(lab, monkeypatch):
     with pytest.raises(InputError, match=r"one of 2 processes was killed as it made lab_\w+\.dying.*--jobs"):
         make_all(lab.dying, [(1,), (2,)], "test")
     assert make_all(lab.slow, [(1,), (2,)], "test") == 2
+
+
+def test_processes_end_with_the_one_that_asked(lab, monkeypatch, tmp_path):
+    """Killed, it leaves nobody that goes on for hours."""
+    monkeypatch.setenv(JOBS_VARIABLE, "2")
+    gate = str(tmp_path / "never")
+    code = "from himap.products.parallel import make_all\n"
+    asking = lab.start(f"{code}make_all(lab.slow, [(1, {gate!r}), (2, {gate!r})], 'test')")
+    _wait_until(lambda: lab.computed() == ["slow", "slow"])
+    working = psutil.Process(asking.pid).children(recursive=True)
+    asking.kill()
+    asking.wait()
+    assert len(working) >= 2
+    _, alive = psutil.wait_procs(working, timeout=60)
+    assert not alive
+
+
+def _wait_until(there):
+    deadline = time.monotonic() + 60
+    while not there():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

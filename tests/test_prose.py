@@ -21,8 +21,10 @@ PAGES = {
 DEFINED = {
     "README.md": {
         "ten thousand times": "how much brighter the Galaxy is, as everybody says",
+        "100 MHz": "bands where the sky is bright",
     },
     "book/intro.md": {
+        "2511.13328": "the paper's number at arXiv",
         "0.1 %": "how much lower and higher the noise level is",
     },
     "book/conventions.md": {
@@ -154,6 +156,8 @@ DEFINED = {
         "68 %": "share within one standard deviation of a Gaussian",
     },
     "notebooks/21_beam_errors.py": {
+        "10 K": "a foreground, in an exercise",
+        "0.1 mK": "HI, in an exercise",
         "0.14 %": "the paper's ripple",
         "1 %": "a line that is drawn, and what is tolerated",
         "0.1 %": "end of an axis",
@@ -173,6 +177,9 @@ DEFINED = {
         "5 %": "what the axis of ratios shows",
         "10 %": "a grey band",
         "1 %": "the error of the beam that is looked up",
+    },
+    "notebooks/26_a_survey.py": {
+        "100 %": "what is lost altogether",
     },
     "notebooks/22_how_many.py": {
         "10 %": "what counts as stable",

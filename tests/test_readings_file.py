@@ -169,6 +169,8 @@ class TestTables:
         assert [found[sign] for sign, *_ in MARKS.values()] == ["0", "1", "2", "1"]
         assert found["C/C0, 2 to 4"] == "0.02"  # a factor of 50, where 1.25 is one of 1.25
         assert (found["C/C0, 5 to 9"], found["C/C0, 10 to 19"], found["bump"]) == ("3", "–", "30")
+        far = plain_rows({"default": outcome({"D1": FAILED}, runs=[run(bump=90_910.0), run(bump=2.0)])})
+        assert far[0][-1] == "90,900"
 
     def test_a_row_for_each_choice(self):
         rows = option_rows(OUTCOMES)

@@ -224,6 +224,7 @@ def test_refreshing_executes_once_and_writes_the_same_file_again(folder, tmp_pat
         ("2.1", "2.2", "its text changed"),
         ("comments only", "comments", "its text changed"),
         ("# %%\n# A cell of comments only.\n", "", "its text changed"),
+        ("# %%\nprint(made", '# %% tags=["hide-input"]\nprint(made', "its text changed"),
         ("scale: float = 1.0", "scale: float = 2.0", "its code, or code that it uses, changed"),
         ("from himap.errors", "import himap\nfrom himap.errors", "its code, or code that it uses, changed"),
     ],

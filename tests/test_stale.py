@@ -26,7 +26,7 @@ from himap.products.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).parent
 
-CHAPTERS = {f"{n:02}" for n in range(26)}
+CHAPTERS = {f"{n:02}" for n in range(27)}
 SKIES = CHAPTERS - {"00", "16", "18", "19"}  # those show what is stored
 JUDGING = {"ledger", "readings"}
 RECORDS = {"corrections", "beam_errors", "side_by_side", "suggestions"}
@@ -34,7 +34,7 @@ STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
-ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24", "25"} | RECORDS  # take any method by its name
+ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24", "25", "26"} | RECORDS  # take any method by its name
 BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
 ANY_BEAM = SKIES - {"01", "02", "10", "15"} | RECORDS  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
@@ -117,6 +117,9 @@ OTHERS = {
     ("paper/beam_errors.py", "tolerated"): {"21", "25"},
     ("paper/harmless.py", "parts"): {"23"},
     ("paper/masked.py", "compared"): {"24"},
+    ("paper/patch.py", "Patch.hits"): {"26"},
+    ("removal/weighted_pca.py", "weighted_components"): {"03", "04", "05", "06"} | ALL_SIX | ANY_METHOD,
+    ("figures/patches.py", None): {"26"},
     ("measures/expected.py", "expected_recovery"): {"23"},
     ("paper/choice.py", "views_of"): {"22", "suggestions"},
     ("paper/suggestions.py", "summary"): {"22"},

@@ -1,14 +1,16 @@
 """How many sources to remove: what `suggest` and `himap suggest` say of skies where it is known."""
 
 from dataclasses import replace
-from functools import partial
 
+import healpy as hp
 import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
-from himap.cubes import beams_of, clean_cube, cleaning, read_cube, report, suggestion
+from himap.cubes import beams_of, clean_cube, cleaning, read_cube, report, sphere_views, suggestion
+from himap.instrument.beams import named
 from himap.maps import sphere
+from himap.paper.study import Study
 
 
 @pytest.fixture
@@ -29,6 +31,7 @@ class TestSuggestion:
         assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
         assert found.range == (n_components, n_components)
         assert f"For pca, consider n_sources = {n_components}, by both" in suggestion.advice(found)
+        assert suggestion.advice(found).endswith("this method alone: ask again for one that knows the beam.")
 
     @pytest.mark.parametrize("share", [0, 0.3])
     def test_spectra_beside_those_of_another_number(self, share, maps, rng, tmp_path):
@@ -37,7 +40,7 @@ class TestSuggestion:
         np.save(tmp_path / "a.npy", maps)
         cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = report.SpectraBeside(three)
+        beside = sphere_views.SpectraBeside(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
             found, expected = beside(cleaned), report.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE
@@ -52,7 +55,11 @@ class TestSuggestion:
         calls = []
         for name in ("mask_peaks", "analysed"):
             work = getattr(cleaning, name)
-            counted = partial(lambda name, work, *args: calls.append(name) or work(*args), name, work)
+
+            def counted(*args, name=name, work=work, **options):
+                calls.append(name)
+                return work(*args, **options)
+
             monkeypatch.setattr(cleaning, name, counted)
         suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 4), beams=beams_of(cube, "evolving"))
         assert sorted(calls) == ["analysed", "mask_peaks"]
@@ -71,6 +78,45 @@ class TestSuggestion:
         knowing = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 5), beams=windows)
         assert blind.n_bright > 3
         assert knowing.n_bright == 2 and knowing.range == (2, 2)
+        assert "For beam_subspace with a beam of 10 to 16 deg FWHM, consider n_sources = 2, by both" in (
+            suggestion.advice(knowing)
+        )
+        assert suggestion.advice(knowing).endswith("this method and beam alone: ask again for others.")
+
+    def test_on_a_part_of_the_sky_the_criterion_alone_counts_for_a_method_that_knows_the_beam(self, tmp_path):
+        """There eigenvalues have what the beam adds, as for PCA."""
+        observation = Study(preset="ci").observed(named("oscillating"))
+        n_pix = observation.maps.shape[1]
+        latitudes = hp.pix2ang(sphere.nside_of(observation.maps), np.arange(n_pix), lonlat=True)[1]
+        np.save(tmp_path / "a.npy", np.where(np.abs(latitudes) > 15, observation.maps, np.nan))
+        cube = read_cube(tmp_path / "a.npy", freqs=observation.freqs, unit="mK", order="RING")
+        beams = beams_of(cube, "oscillating")
+        found = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 7), beams=beams)
+        assert found.n_bright > found.best and found.range == (found.best, found.best)
+        advice = f"consider n_sources = {found.best}, by what this method leaves."
+        assert advice in suggestion.advice(found)
+
+    @pytest.mark.parametrize(
+        ("knows_beam", "change", "expected"),
+        [(True, 0.03, (4, 4)), (True, 0.2, (3, 4)), (False, 0.03, (3, 4))],
+    )
+    def test_where_the_views_differ(self, knows_beam, change, expected):
+        """The criterion, of what a method leaves, decides where the spectra hardly move after its number."""
+        found = suggestion.Suggestion(
+            n_sources=np.arange(2, 7),
+            eigenvalues=np.ones(24),
+            line=np.ones(24),
+            n_bright=3,
+            criterion=np.array([5, 0.2, 0, 0.1, 0.2]),
+            change=np.array([1, 0.3, change, 0.02]),
+            stable=5,
+            method="sdecgmca",
+            knows_beam=knows_beam,
+            at_one_resolution=knows_beam,
+        )
+        assert found.range == expected
+        told = "4, by what this method leaves." if expected == (4, 4) else "3 to 4, and look at the page"
+        assert f"consider n_sources = {told}" in suggestion.advice(found)
 
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
         falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))

@@ -1,5 +1,7 @@
 """What template files may be, and what a change of resolution does to them."""
 
+import os
+
 import healpy as hp
 import numpy as np
 import pytest
@@ -300,7 +302,7 @@ def test_small_scales_of_the_408_mhz_map_are_those_published(real_sky):
     assert 0.5 < added[high].std() / (0.0599 * 12 ** (0.782 - 1)) < 2
 
 
-@pytest.mark.parametrize("name", ["1p5GHz", "1,5GHz", "0p408GHz", "1.4e3MHz"])
+@pytest.mark.parametrize("name", ["1p5GHz", "1,5GHz", "0p408GHz", "1.4e3MHz", "408_5MHz", "400-410MHz"])
 def test_numbers_that_would_be_read_in_part_are_refused(folder, name):
     (folder / "synchrotron_408MHz.fits").rename(folder / f"synchrotron_{name}.fits")
     with pytest.raises(InputError, match="synchrotron intensity: none"):
@@ -313,3 +315,24 @@ def test_template_that_cannot_be_read(folder):
     galaxy = Galaxy(source="templates", template_dir=str(folder))
     with pytest.raises(InputError, match="cannot be read"):
         galaxy.digest()
+
+
+def test_a_header_that_contradicts_the_name(folder):
+    path = folder / "synchrotron_408MHz.fits"
+    for freq in (408.0, 4.08e8, 0.408):
+        fits.setval(path, "FREQ", value=freq, ext=1)
+        assert components(folder)[0].freq_ref == pytest.approx(408)
+    fits.setval(path, "FREQ", value=1420.0, ext=1)
+    with pytest.raises(
+        InputError, match=r"synchrotron_408MHz.fits says 408 MHz, and FREQ in its header 1420"
+    ):
+        components(folder)
+
+
+def test_a_pipe_is_not_waited_for(folder):
+    (folder / "synchrotron_408MHz.fits").unlink()
+    os.mkfifo(folder / "synchrotron_408MHz.fits")
+    galaxy = Galaxy(source="templates", template_dir=str(folder))
+    for read in (galaxy.digest, lambda: components(folder)):
+        with pytest.raises(InputError, match="must be a file that is on disk, got a pipe or a device"):
+            read()

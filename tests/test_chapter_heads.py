@@ -1,0 +1,145 @@
+"""The head of every chapter: the claims that it tests, with the stored verdicts, and what it costs."""
+
+import io
+import json
+import re
+import shutil
+from html import unescape
+from pathlib import Path
+
+import nbformat
+import pytest
+from sphinx.application import Sphinx
+
+from himap.companion.notebooks import notebooks
+from himap.paper.claims import CLAIMS
+from himap.paper.ledger import RECORDED, read_ledger
+from himap.paper.ledger_table import BADGES
+
+ROOT = Path(__file__).resolve().parents[1]
+CHAPTERS = notebooks(ROOT / "notebooks")
+
+
+@pytest.fixture(autouse=True)
+def extensions(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
+
+
+def head(chapter):
+    """The lines of the quotation below the title."""
+    first = next(cell.source for cell in chapter.node.cells if cell.cell_type == "markdown")
+    return [line[2:] for line in first.splitlines() if line.startswith("> ")]
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda one: one.name)
+def test_every_chapter_says_what_it_needs_tests_and_costs(chapter):
+    lines = head(chapter)
+    assert re.search(r"^- \*\*Read first\*\*: \S", lines[0])
+    assert f"- **Time and memory**: {{cost}}`{chapter.name}`." in lines
+    own = [id for id, claim in CLAIMS.items() if claim.notebook == chapter.name]
+    tested = [line for line in lines if line.startswith("- **Tests**")]
+    named = re.findall(r"\{claim\}`(\w+)`", " ".join(tested))
+    assert named == own, "the claims whose `notebook` this is, in the order of the ledger"
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=lambda one: one.name)
+def test_code_that_draws_is_folded_and_parameters_are_not(chapter):
+    code = [cell for cell in chapter.node.cells if cell.cell_type == "code"]
+    drawing = [cell for cell in code if "figure" in cell.metadata.get("mystnb", {})]
+    folded = [cell for cell in code if "hide-input" in cell.metadata.get("tags", [])]
+    long = [cell.source for cell in drawing if cell not in folded and len(cell.source.splitlines()) > 3]
+    assert not long, long
+    assert not any("parameters" in cell.metadata["tags"] for cell in folded)
+
+
+def rendered(page):
+    """{id: (address, statement, verdict)} of the claims named on a page."""
+    pattern = r'<a class="reference internal" href="([^"]*)" title="([^"]*)">(\w+)</a>\xa0'
+    pattern += r'<span class="himap-verdict">([^<]*)</span>'
+    found = re.findall(pattern, page)
+    return {id: (address, unescape(title), said) for address, title, id, said in found}
+
+
+def test_verdicts_are_those_of_the_ledger(html):
+    entries = {entry.claim["id"]: entry for entry in read_ledger(RECORDED)[0]}
+    ledger = (html / "notebooks" / "15_claims.html").read_text()
+    seen = {}
+    for chapter in CHAPTERS:
+        seen |= rendered((html / "notebooks" / f"{chapter.name}.html").read_text())
+    assert seen.keys() == CLAIMS.keys()
+    for id, (address, title, said) in seen.items():
+        assert said == f"{BADGES[entries[id].verdict][0]} {entries[id].label}"
+        assert title == entries[id].claim["statement"]
+        assert address == f"15_claims.html#claim-{id}" and f'id="claim-{id}"' in ledger
+
+
+def small_page(folder, text, ledger=RECORDED):
+    """(the page of a book of one page, errors) with a ledger, or none."""
+    results = folder / "source" / "book" / "results"
+    results.mkdir(parents=True)
+    if ledger:
+        shutil.copy(ledger, results / "claims_laptop.json")
+    (folder / "source" / "index.md").write_text(f"# One page\n\n{text}\n")
+    warnings = io.StringIO()
+    settings = {"extensions": ["myst_parser", "chapter_heads"], "html_theme": "basic"}
+    app = Sphinx(
+        *(folder / "source", None, folder / "html", folder / "trees", "html", settings),
+        status=None,
+        warning=warnings,
+    )
+    app.build()
+    return (folder / "html" / "index.html").read_text(), re.findall("ERROR: .*", warnings.getvalue())
+
+
+def test_a_claim_without_the_ledger_page_is_plain_and_without_a_ledger_its_name(tmp_path):
+    page, said = small_page(tmp_path / "a", "See {claim}`D1`.")
+    assert re.search(r'See D1\xa0<span class="himap-verdict">\S [\w ]+</span>', page) and not said
+    page, said = small_page(tmp_path / "b", "See {claim}`D1`.", ledger=None)
+    assert "<p>See D1.</p>" in page and not said
+
+
+def test_a_claim_that_is_none_is_told(tmp_path):
+    assert "the ledger has no claim 'Z9'" in small_page(tmp_path, "See {claim}`Z9`.")[1][0]
+
+
+def chapter_file(folder, *, seconds, parameters):
+    """A notebook that was executed, with one figure."""
+    cells = [
+        nbformat.v4.new_code_cell(parameters, metadata={"tags": ["parameters"]}),
+        nbformat.v4.new_code_cell("1", metadata={"mystnb": {"figure": {"name": "fig-a"}}}),
+    ]
+    execution = {} if seconds is None else {"seconds": seconds}
+    node = nbformat.v4.new_notebook(cells=cells, metadata={"himap_run": {"execution": execution}})
+    nbformat.write(node, folder / "01_a.ipynb")
+    return folder / "01_a.ipynb"
+
+
+def stored(folder, **seconds):
+    """Stored figures of several runs, {name of the folder: seconds}."""
+    for name, value in seconds.items():
+        (folder / name).mkdir()
+        rows = [
+            {"name": "fig-a", "execution": {"seconds": value}},
+            {"name": "fig-b", "execution": {"seconds": 1}},
+        ]
+        (folder / name / "figures.json").write_text(json.dumps({"figures": rows}))
+
+
+def test_the_cost_is_what_was_measured_and_what_is_asked_for(tmp_path):
+    from chapter_heads import cost
+
+    path = chapter_file(tmp_path, seconds=12.3, parameters='preset: str = "laptop"  # size')
+    assert cost(path, tmp_path).startswith("12 s and up to 2.1 GB at laptop; what")
+    stored(tmp_path, real=600, synthetic=1200)
+    assert "; 10 to 20 min and up to 13.4 GB at the paper’s size; " in cost(path, tmp_path)
+    stored(tmp_path, third=7200)
+    assert "; 10 min to 2.0 h and up to" in cost(path, tmp_path)
+
+
+def test_the_cost_of_what_shows_stored_results_or_never_ran(tmp_path):
+    from chapter_heads import cost
+
+    path = chapter_file(tmp_path, seconds=5, parameters="results: str | None = None  # folder")
+    assert cost(path, tmp_path) == "5.0 s, for it shows what is stored"
+    path = chapter_file(tmp_path, seconds=None, parameters='preset: str = "quick"  # size')
+    assert cost(path, tmp_path).startswith("an unknown time and up to 0.7 GB at quick")

@@ -1,0 +1,349 @@
+"""What files say in the ways of other programs is honoured, and what was taken from them is said."""
+
+import os
+import resource
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+from click.testing import CliRunner
+from hostile_files import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
+
+from himap.cli.main import main
+from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes.cube import read_truth
+from himap.cubes.masks import read_mask
+from himap.cubes.mocks import read_mocks
+from himap.errors import InputError
+from himap.maps.healpix_files import read_maps
+from himap.memory import LIMIT_VARIABLE
+from himap.reading import read_numbers, regular_file
+
+
+@pytest.fixture
+def maps():
+    return good_maps()
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def himap(*words):
+    return CliRunner().invoke(main, [str(word) for word in words])
+
+
+class TestHDF5:
+    @pytest.mark.parametrize("name", ["freq", "Freqs", "frequency", "frequencies", "nu", "nus", "freq_mhz"])
+    def test_names_of_frequencies(self, name, maps):
+        write_hdf5("a.h5", freqs_name=f"index_map/{name}", more={"freq_weights": np.ones(24)})
+        cube = read_cube("a.h5")
+        assert np.array_equal(cube.freqs, FREQS) and cube.freqs_from == f"the dataset index_map/{name}"
+
+    def test_the_unit_in_a_name(self):
+        write_hdf5("a.h5", freqs_name="nu_ghz", freqs=FREQS / 1e3)
+        assert read_cube("a.h5").freqs == pytest.approx(FREQS)
+
+    def test_frequencies_that_stand_there_twice(self):
+        write_hdf5("a.h5", more={"sky/nu": FREQS})
+        assert np.array_equal(read_cube("a.h5").freqs, FREQS)
+        with h5py.File("a.h5", "a") as file:
+            file["sky/nu"][0] += 1
+        assert read_cube("a.h5", freqs_name="sky/nu").freqs[0] == FREQS[0] + 1
+
+    @pytest.mark.parametrize("key", ["_FillValue", "missing_value"])
+    @pytest.mark.parametrize("value", [-999.9, 1e20, 0.0])
+    def test_missing_values(self, key, value, maps):
+        maps[:, :7] = value
+        write_hdf5("a.h5", maps, **{key: value})
+        cube = read_cube("a.h5")
+        assert not cube.mask[:7].any() and cube.mask[7:].all() and np.array_equal(cube.maps, maps[:, 7:])
+
+    def test_packed_integers(self, maps):
+        """As netCDF packs: the missing value is compared before the scale is applied."""
+        packed = np.round((maps - 5000) / 0.5).astype(np.int16)
+        packed[:, 3] = -32768
+        attributes = {"scale_factor": np.array([0.5]), "add_offset": 5000.0, "_FillValue": np.int16(-32768)}
+        write_hdf5("a.h5", packed, **attributes)
+        cube = read_cube("a.h5")
+        assert cube.maps == pytest.approx(np.delete(maps, 3, axis=1), abs=0.26) and not cube.mask[3]
+
+    def test_packed_frequencies(self):
+        write_hdf5("a.h5", freqs=np.arange(24))
+        with h5py.File("a.h5", "a") as file:
+            file["freqs"].attrs.update(scale_factor=5.0, add_offset=950.0)
+        assert read_cube("a.h5").freqs == pytest.approx(FREQS)
+
+    def test_other_attributes_that_begin_like_these(self, maps):
+        write_hdf5("a.h5", order_of_fit=3, unit_of_weights="1/K")
+        assert np.array_equal(read_cube("a.h5").maps, maps)
+
+    def test_microkelvin_in_latin_1(self, maps):
+        write_hdf5("a.h5", 1e3 * maps, said={"order": "RING"}, units=np.bytes_("\u00b5K".encode("latin-1")))
+        assert read_cube("a.h5").maps == pytest.approx(maps, rel=1e-6)
+
+    def test_a_dataset_of_a_type_that_numpy_does_not_have(self, maps):
+        write_hdf5("a.h5")
+        with h5py.File("a.h5", "a") as file:
+            h5py.h5d.create(file.id, b"when", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((24,)))
+        assert np.array_equal(read_cube("a.h5").maps, maps)
+
+    @pytest.mark.skipif(np.longdouble == np.float64, reason="no longer floats here")
+    def test_longer_floats(self, maps):
+        write_hdf5("a.h5", maps.astype(np.longdouble))
+        np.save("a.npy", maps.astype(np.longdouble))
+        for cube in (read_cube("a.h5"), read_cube("a.npy", freqs=FREQS, unit="mK", order="RING")):
+            assert np.array_equal(cube.maps, maps) and cube.maps.dtype == np.float32
+
+
+class TestFITS:
+    def write(self, columns, **cards):
+        table = fits.BinTableHDU.from_columns(columns)
+        table.header.update({"PIXTYPE": "HEALPIX", "ORDERING": "RING", "NSIDE": NSIDE} | cards)
+        table.writeto("a.fits")
+
+    def test_null_is_compared_before_scaling(self):
+        whole = np.arange(N_PIX, dtype=np.int16)
+        self.write([fits.Column("T", "I", array=whole)], TNULL1=8, TSCAL1=0.5, TZERO1=3.5)
+        expected = np.where(whole == 8, np.nan, 0.5 * whole + 3.5)  # which is 8 for another one
+        assert np.array_equal(read_maps("a.fits").maps[0], expected, equal_nan=True)
+
+    def test_unsigned_integers(self):
+        whole = np.arange(N_PIX, dtype=np.uint16) + 40_000
+        self.write([fits.Column("T", "I", bzero=32768, array=whole)])
+        assert np.array_equal(read_maps("a.fits").maps[0], whole)
+
+    def test_bad_data_in_columns_of_two_precisions(self):
+        one, two = np.ones(N_PIX, np.float32), np.ones(N_PIX)
+        one[5] = two[5] = -999.9
+        self.write([fits.Column("A", "E", array=one), fits.Column("B", "D", array=two)], BAD_DATA=-999.9)
+        found = read_maps("a.fits").maps
+        assert np.isnan(found[:, 5]).all() and np.isfinite(np.delete(found, 5, axis=1)).all()
+
+    def test_another_table_that_holds_no_map(self, maps):
+        write_fits("a.fits", maps[:2], column_names=["900 MHz", "910 MHz"])
+        beam = fits.BinTableHDU.from_columns([fits.Column("BL", "D", array=np.ones(50))])
+        fits.append("a.fits", beam.data, beam.header)
+        assert np.array_equal(read_cube("a.fits").maps, maps[:2])
+
+    def test_many_pixels_a_row(self, rng):
+        pixels = rng.standard_normal(N_PIX).astype(np.float32)
+        self.write([fits.Column("T", "64E", array=pixels.reshape(-1, 64))])
+        assert np.array_equal(read_maps("a.fits").maps[0], pixels)
+
+
+class TestSaid:
+    def test_what_was_taken(self, maps):
+        write_folder("folder", ["bw20MHz_900MHz", "bw20MHz_910MHz"])
+        done = himap("clean", "folder", "--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.h5")
+        said = "2 channels from 900 to 910 MHz, told by the names of its files; maps of nside 4 in mK, RING."
+        assert done.exit_code == 0 and said in done.output
+
+    def test_remarks_on_truth_and_mocks(self, maps):
+        write_hdf5("a.h5")
+        np.save("t.npy", maps / 100)
+        reading = ["--freqs", "nu.txt", "--unit", "mK", "--truth", "t.npy", "--mocks", "t.npy"]
+        np.savetxt("nu.txt", FREQS)
+        done = himap("clean", "a.h5", *reading, "--method", "pca", "-p", "n_sources=2", "-o", "c.h5")
+        assert done.exit_code == 0, done.output
+        for name in ("The truth", "t.npy"):
+            assert f"{name}: the file does not say the order of its pixels: taken as RING" in done.output
+
+    def test_mocks_without_a_listener(self, maps):
+        write_hdf5("a.h5")
+        np.save("t.npy", maps / 100)
+        (mock,) = read_mocks(read_cube("a.h5"), ["t.npy"], freqs=FREQS, unit="mK")
+        assert mock == pytest.approx(maps / 100)
+
+    def test_names_that_are_no_text(self):
+        """Bytes that are no UTF-8: the cube is read and written, and its name shown in a way that can be."""
+        write_hdf5("a.h5")
+        name = os.fsdecode(b"c\xff\x1b.h5")
+        done = himap("clean", "a.h5", "--method", "pca", "-p", "n_sources=2", "-o", name)
+        assert done.exit_code == 0 and "c\\udcff\\x1b.h5" in done.output, done.output
+        assert os.path.exists(name) and read_cube(name, maps_name="residual").freqs[0] == 950
+
+
+class TestBright:
+    """A sky of 2e5 K, as at 60 MHz: float32 rounds it by 4 mK."""
+
+    @pytest.fixture
+    def bright(self, rng):
+        freqs = np.linspace(50, 70, 24)
+        amplitudes = 1e8 * np.exp(0.5 * rng.standard_normal((2, N_PIX))) * [[1], [0.3]]
+        sky = (freqs[:, None] / 60) ** np.array([-2.5, -2.1]) @ amplitudes
+        return freqs, sky + rng.standard_normal((24, N_PIX))
+
+    def read(self, freqs, maps, name="a.h5"):
+        write_hdf5(name, maps, freqs=freqs)
+        return read_cube(name)
+
+    @pytest.mark.parametrize("peaks", [False, True])
+    def test_nothing_is_rounded_away(self, bright, peaks):
+        """Against PCA by singular values of the maps as they are, in float64."""
+        freqs, maps = bright
+        cube = self.read(freqs, maps)
+        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=peaks)
+        lines = maps - maps.mean(axis=1, keepdims=True)
+        axes = np.linalg.svd(lines, full_matrices=False)[0][:, :2]
+        assert cube.maps.dtype == np.float64
+        assert cleaned.residual == pytest.approx(lines - axes @ (axes.T @ lines), abs=1e-4)
+
+    @pytest.mark.parametrize("method", ["fastica", "gmca", "beam_subspace"])
+    def test_by_other_methods(self, bright, method):
+        """What is left is HI but for what two sources of 24 channels take; in float32 it is 4 mK off."""
+        freqs, maps = bright
+        cube = self.read(freqs, maps)
+        left = clean_cube(cube, method, beams=np.ones((24, 3 * NSIDE)), n_sources=2).residual
+        assert 0.8 < left.std() < 1.05
+
+    @pytest.mark.parametrize("ending", ["h5", "npy", "fits"])
+    def test_what_is_written_adds_up(self, bright, ending):
+        freqs, maps = bright
+        cleaned = clean_cube(self.read(freqs, maps), "pca", n_sources=2)
+        written = save_cleaned(cleaned, f"c.{ending}")
+        if ending == "h5":
+            with h5py.File("c.h5") as file:
+                residual, foreground = file["residual"][...], file["foreground"][...]
+        else:
+            load = np.load if ending == "npy" else lambda path: read_maps(path).maps
+            residual, foreground = (load(path) for path in written[:2])
+        assert residual.dtype == np.float32 and foreground.dtype == np.float64
+        assert residual + foreground == pytest.approx(maps, abs=1e-6)
+
+    def test_memory_is_not_doubled_where_it_is_not_needed(self, bright):
+        freqs, maps = bright
+        assert self.read(freqs, maps / 1e4).maps.dtype == np.float32
+        assert self.read(freqs, maps.astype(np.float32)).maps.dtype == np.float32
+
+    def test_by_a_fit_of_the_total(self, bright):
+        """Against least squares of Legendre polynomials, in float64."""
+        freqs, maps = bright
+        left = clean_cube(self.read(freqs, maps), "polynomial", order=6, n_sigma=4.5, peaks=False).residual
+        basis = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(freqs)), 6)
+        assert left == pytest.approx(maps - basis @ np.linalg.lstsq(basis, maps)[0], abs=1e-4)
+
+    def test_equations_that_cannot_be_solved(self, bright, monkeypatch):
+        from himap.removal.pca import PCA
+
+        def fail(*_, **__):
+            raise np.linalg.LinAlgError("Matrix is not positive definite")
+
+        monkeypatch.setattr(PCA, "_separate", fail)
+        with pytest.raises(InputError, match="pca cannot solve its equations for these maps"):
+            clean_cube(self.read(*bright), "pca")
+
+
+class TestRoom:
+    @pytest.mark.parametrize("name", ["a.h5", "a.npy", "a.fits", "folder"])
+    def test_cubes_that_do_not_fit(self, name, maps, monkeypatch):
+        """Known before they are read: by shape, whatever they hold."""
+        write_hdf5("a.h5")
+        np.save("a.npy", maps)
+        write_fits("a.fits", maps, column_names=[f"{freq:g} MHz" for freq in FREQS])
+        write_folder("folder", ["900MHz", "910MHz"])
+        reading = {"freqs": FREQS, "unit": "mK"} if name == "a.npy" else {}
+        assert read_cube(name, **reading).nside == NSIDE
+        monkeypatch.setenv(LIMIT_VARIABLE, "20 kB")
+        with pytest.raises(InputError, match=rf"{name}.* needs about .* GB, and 2e-05 GB may be used"):
+            read_cube(name, **reading)
+        done = himap("suggest", name, *(["--unit", "mK"] if reading else []))
+        assert done.exit_code == 2 and LIMIT_VARIABLE in done.output
+
+    def test_a_truth_needs_less(self, maps, monkeypatch):
+        write_hdf5("a.h5")
+        monkeypatch.setenv(LIMIT_VARIABLE, f"{int(0.5e9 + 13 * maps.size)}")
+        assert read_truth("a.h5").nside == NSIDE
+        with pytest.raises(InputError, match="GB may be used"):
+            read_cube("a.h5")
+
+
+class TestUnreadable:
+    @pytest.fixture
+    def locked(self, here):
+        """A file and a folder that may not be read; root, who may read all, is another for a while."""
+        write_hdf5("a.h5")
+        write_folder("folder", ["900MHz"])
+        for path in (here / "a.h5", here / "folder"):
+            path.chmod(0)
+        user = os.geteuid()
+        if not user:
+            os.seteuid(65534)
+        yield
+        os.seteuid(user)
+        for path in (here / "a.h5", here / "folder"):
+            path.chmod(0o700)
+
+    @pytest.mark.parametrize("name", ["a.h5", "folder"])
+    def test_permissions(self, name, locked):
+        with pytest.raises(
+            InputError, match=rf"the (file|folder) {name} cannot be read \(Permission denied\)"
+        ):
+            read_cube(name)
+
+    def test_a_mask_and_a_beam(self, locked):
+        for read in (lambda: read_mask("a.h5", NSIDE), lambda: read_numbers("a.h5")):
+            with pytest.raises(InputError, match="Permission denied"):
+                read()
+
+    def test_devices(self):
+        with pytest.raises(InputError, match="the table /dev/null must be a file that is on disk"):
+            regular_file("/dev/null", "table")
+
+
+class TestFullDisk:
+    """The room for a file ends: no output is left, and the one that did not fit is named."""
+
+    @pytest.mark.parametrize("name", ["c.h5", "c.npy", "c.fits"])
+    def test_the_cube(self, name, here):
+        write_hdf5("a.h5", np.tile(good_maps(), (1, 64)))
+        before = sorted(here.iterdir())
+        cleaned = clean_cube(read_cube("a.h5"), "pca", n_sources=2)
+        with pytest.raises(InputError, match=rf"^{name} cannot be written"), self.little_room(100_000):
+            save_cleaned(cleaned, name)
+        assert sorted(here.iterdir()) == before
+
+    def test_the_page(self, here):
+        write_hdf5("a.h5")
+        write_hdf5("m.h5", good_maps() / 100)
+        before = sorted(here.iterdir())
+        words = ["clean", "a.h5", "--method", "pca", "-p", "n_sources=2", "--mocks", "m.h5", "-o", "c.h5"]
+        with self.little_room(70_000):
+            done = himap(*words)
+        assert done.exit_code == 2 and "Error: c.html cannot be written" in done.output, done.output
+        assert sorted(here.iterdir()) == before
+
+    @staticmethod
+    def little_room(n_bytes):
+        class Room:
+            def __enter__(self):
+                self.before = resource.getrlimit(resource.RLIMIT_FSIZE)
+                resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, self.before[1]))
+
+            def __exit__(self, *_):
+                resource.setrlimit(resource.RLIMIT_FSIZE, self.before)
+
+        return Room()
+
+
+def test_messages_are_short_and_plain():
+    error = InputError("\x1b[2J" + "x" * 100_000 + " give another.")
+    assert (
+        len(str(error)) < 4100 and str(error).startswith("\\x1b[2J") and str(error).endswith("give another.")
+    )
+    assert str(InputError("one\ntwo")) == "one two"
+
+
+def test_a_mask_in_healpix_order(maps):
+    write_fits("m.fits", hp.reorder(np.arange(N_PIX) < 9, r2n=True).astype(np.float32), nest=True)
+    assert np.array_equal(read_mask("m.fits", NSIDE), np.arange(N_PIX) < 9)
+
+
+def test_a_mask_in_another_format(here):
+    np.save("m.npy", np.ones(N_PIX))
+    with pytest.raises(InputError, match=r"mask m.npy must be a FITS file .*healpy.write_map writes one"):
+        read_mask("m.npy", NSIDE)

@@ -1,0 +1,313 @@
+"""Weights and flags of cubes of one's own: read by strict rules, cleaned with, written and refused."""
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
+
+from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
+from himap.cubes.cleaning import with_enough_channels
+from himap.cubes.cube import read_truth
+from himap.cubes.report import compared, spectra_of
+from himap.errors import InputError
+from himap.measures.power_spectra import frequency_power
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+
+SAID = {"unit": "mK", "order": "RING"}
+SHAPE = (len(FREQS), N_PIX)
+
+
+@pytest.fixture
+def maps(rng):
+    return power_law_maps(rng)
+
+
+@pytest.fixture
+def hits(rng):
+    """Of pixels; a fifth of the sky has none."""
+    hits = rng.integers(1, 50, N_PIX).astype(float)
+    hits[: N_PIX // 5] = 0
+    return hits
+
+
+@pytest.fixture
+def flags(rng):
+    """5 % of the voxels, and one channel altogether."""
+    flags = rng.random(SHAPE) < 0.05
+    flags[7] = True
+    return flags
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch, maps):
+    monkeypatch.chdir(tmp_path)
+    write_hdf5(tmp_path / "cube.h5", maps, **SAID)
+    return tmp_path
+
+
+def nested(rows):
+    return hp.reorder(rows, r2n=True)
+
+
+def write_fits(path, rows, **options):
+    hp.write_map(path, rows, dtype=np.float64, **options)
+
+
+class TestReading:
+    def test_what_a_cube_holds_then(self, maps, hits, flags):
+        cube = read_cube("cube.h5", weights=hits, flags=flags)
+        kept = np.arange(len(FREQS)) != 7
+        weights = np.where(flags, 0, hits)[kept][:, hits > 0]
+        assert np.array_equal(cube.mask, hits > 0) and np.array_equal(cube.weights, weights)
+        assert np.array_equal(cube.maps, np.where(weights > 0, maps[kept][:, hits > 0], 0))
+        assert np.array_equal(cube.missing, weights == 0)
+        one, some, missing, *_ = cube.remarks
+        assert one.startswith("1 of 24 channels see nothing") and "80.0% of the sky is seen in some" in some
+        assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
+
+    @pytest.mark.parametrize("kind", ["npy", "npy turned", "ring.fits", "nested.fits", "h5", "own.h5"])
+    def test_all_formats_say_the_same(self, kind, maps, hits, flags):
+        weights, bad = np.where(flags, 0, hits) + 0.5 * (hits > 0), flags.copy()
+        expected = read_cube("cube.h5", weights=weights, flags=flags)
+        names = f"w.{kind}", f"f.{kind}"
+        if kind.startswith("npy"):
+            names = "w.npy", "f.npy"
+            for name, rows in zip(names, (weights, bad), strict=True):
+                np.save(name, rows.T if "turned" in kind else rows)
+        elif kind.endswith("fits"):
+            for name, rows in zip(names, (weights, bad.astype(float)), strict=True):
+                rows = nested(rows) if "nested" in kind else rows
+                write_fits(name, rows, nest="nested" in kind)
+        else:
+            names = ("cube.h5", "cube.h5") if kind == "own.h5" else names
+            for name, word, rows in zip(names, ("weights", "flags"), (weights, bad), strict=True):
+                with h5py.File(name, "a") as file:
+                    file[f"beside/{word}"] = rows
+        cube = read_cube("cube.h5", weights=names[0], flags=names[1])
+        assert np.array_equal(cube.weights, expected.weights) and np.array_equal(cube.maps, expected.maps)
+        assert np.array_equal(cube.mask, expected.mask)
+
+    @pytest.mark.parametrize("order", ["RING", "NESTED"])
+    def test_a_cube_in_another_order(self, maps, hits, order):
+        """Arrays are in the order of the cube, FITS in its own; channels in the order of the file."""
+        shuffled = np.random.default_rng(2).permutation(len(FREQS))
+        own = nested if order == "NESTED" else np.array
+        np.save("other.npy", own(maps[shuffled]))
+        weights = np.arange(1, 25)[:, None] * hits
+        expected = read_cube("cube.h5", weights=weights)
+        write_fits("w.fits", weights[shuffled])
+        for given in (own(weights[shuffled]), "w.fits"):
+            cube = read_cube("other.npy", freqs=FREQS[shuffled], unit="mK", order=order, weights=given)
+            assert np.array_equal(cube.weights, expected.weights) and np.array_equal(cube.mask, hits > 0)
+            assert np.array_equal(cube.maps, expected.maps)
+
+    def test_unseen_pixels_of_fits(self, hits):
+        """Have no weight, and are bad."""
+        write_fits("w.fits", np.where(hits > 0, hits, hp.UNSEEN))
+        write_fits("f.fits", np.where(hits > 0, 0, hp.UNSEEN))
+        assert np.array_equal(read_cube("cube.h5", weights="w.fits").mask, hits > 0)
+        flagged = read_cube("cube.h5", flags="f.fits")
+        assert np.array_equal(flagged.mask, hits > 0) and flagged.weights is None
+
+    def test_voxels_that_are_nan_are_missing_alone(self, maps):
+        gaps = np.arange(24)[:, None] == np.arange(N_PIX) % 24
+        maps[gaps] = np.nan
+        write_hdf5("gaps.h5", maps, **SAID)
+        with pytest.raises(InputError, match="no pixel is seen in every .* or give weights or flags"):
+            read_cube("gaps.h5")
+        cube = read_cube("gaps.h5", weights=np.ones(N_PIX))
+        assert np.array_equal(cube.missing, gaps) and cube.whole_sky
+
+    def test_equal_weights_are_no_weights(self, maps):
+        cube = read_cube("cube.h5", weights=np.full(N_PIX, 3), flags=np.zeros(SHAPE, bool))
+        assert cube.weights is None and cube.missing is None and cube.remarks == read_cube("cube.h5").remarks
+        left = [clean_cube(one, "gmca", n_sources=2).residual for one in (cube, read_cube("cube.h5"))]
+        assert np.array_equal(*left)
+
+    def test_a_mask_too(self, hits, flags):
+        kept = np.arange(N_PIX) % 3 > 0
+        cube = read_cube("cube.h5", weights=hits, flags=flags).within(kept)
+        assert np.array_equal(cube.mask, kept & (hits > 0))
+        weights = np.delete(np.where(flags, 0, hits), 7, axis=0)[:, cube.mask]
+        assert np.array_equal(cube.weights, weights)
+
+    def test_pixels_that_too_few_channels_see(self, hits, flags):
+        hits[-4:], flags[:, -4:] = 1, True
+        flags[:3, -4:], flags[:7, -2:] = False, False
+        cube = read_cube("cube.h5", weights=hits, flags=flags)
+        with pytest.raises(InputError, match="pca needs 5 channels on a line of sight .* and 2 of"):
+            clean_cube(cube, "pca", n_sources=4, peaks=False)
+        fewer = with_enough_channels(cube, PCA(n_sources=4), peaks=False)
+        assert fewer.mask.sum() == cube.mask.sum() - 2 and "2 pixels are left out" in fewer.remarks[-1]
+        assert with_enough_channels(cube, PCA(n_sources=4)).mask.sum() == cube.mask.sum() - 4
+        clean_cube(fewer, "pca", n_sources=4, peaks=False)
+
+
+class TestCleaning:
+    @pytest.mark.parametrize("peaks", [True, False])
+    @pytest.mark.parametrize("method", [PCA(n_sources=2), Polynomial(order=3)])
+    def test_as_the_library_does(self, maps, hits, flags, method, peaks):
+        cube = read_cube("cube.h5", weights=hits, flags=flags)
+        cleaned = clean_cube(cube, method, peaks=peaks)
+        own = method.clean(cube.maps, freqs=cube.freqs, weights=cube.weights)
+        if not peaks:
+            assert np.array_equal(cleaned.residual, own.residual)
+        assert not cleaned.residual[cube.missing].any()
+        assert np.isnan(cleaned.told[cube.missing]).all() and np.isfinite(cleaned.told[~cube.missing]).all()
+        true = np.delete(maps, 7, axis=0)[:, cube.mask]
+        assert (cleaned.foreground - true)[cube.missing].std() < 2  # its noise is 1 mK
+
+    def test_weights_help_where_noise_is_uneven(self, hits, flags, rng):
+        """By hits: what is left of the foreground, where there are most of them."""
+        spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+        sky = spectra @ (1e3 * np.exp(rng.standard_normal((2, N_PIX))))
+        noise = 50 * rng.standard_normal(SHAPE) / np.maximum(hits, 1)
+        write_hdf5("noisy.h5", sky + noise, **SAID)
+        weighted = read_cube("noisy.h5", weights=np.square(hits), flags=flags)
+        plain = read_cube("noisy.h5", weights=(hits > 0), flags=flags)
+        wrong = []
+        for cube in (weighted, plain):
+            left = clean_cube(cube, "pca", n_sources=2, peaks=False).foreground
+            wrong.append((left - np.delete(sky, 7, axis=0)[:, cube.mask])[:, hits[cube.mask] > 40].std())
+        assert wrong[0] < 0.9 * wrong[1]
+
+    def test_methods_that_take_none(self, hits):
+        cube = read_cube("cube.h5", weights=hits)
+        with pytest.raises(InputError, match="fastica takes no weights and no flags; pca and polynomial do"):
+            clean_cube(cube, "fastica")
+
+    def test_written_as_it_came(self, hits, flags):
+        cube = read_cube("cube.h5", weights=hits, flags=flags)
+        cleaned = clean_cube(cube, "pca", n_sources=2)
+        save_cleaned(cleaned, "out.h5")
+        with h5py.File("out.h5") as file:
+            residual, foreground = file["residual"][()], file["foreground"][()]
+        gaps = flags | (hits == 0)
+        assert residual.shape == SHAPE and np.array_equal(np.isnan(residual), gaps)
+        assert np.array_equal(np.isnan(foreground), (hits == 0) | (np.arange(24) == 7)[:, None])
+
+    def test_a_truth_and_mocks(self, maps, hits, flags, rng):
+        """The truth is 0 where the cube is missing; a mock comes back with what is missing filled."""
+        true = rng.standard_normal(SHAPE).astype(np.float32)
+        write_hdf5("truth.h5", true, **SAID)
+        write_hdf5("both.h5", maps + true, **SAID)
+        cube = read_cube("both.h5", weights=hits, flags=flags)
+        cleaned = clean_cube(cube, "pca", n_sources=2)
+        found = compared(cleaned, read_truth("truth.h5", beside=cube))
+        kept = np.arange(24) != 7
+        zeroed = np.where(cube.missing, 0, true[kept][:, cube.mask])
+        mean = frequency_power(zeroed, cube.channel_width).power[1:].mean()
+        assert found.true_frequency.mean() == pytest.approx(mean, rel=1e-5)
+        mocks = [rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(2)]
+        transfer = measure_transfer(cleaned, mocks)
+        assert 0.7 < transfer.frequency[1:].mean() < 1
+        corrected = correct(spectra_of(cleaned), transfer)
+        assert np.isfinite(corrected["frequency"].corrected).all()
+
+
+class TestCommands:
+    def test_clean(self, hits, flags):
+        np.save("hits.npy", hits)
+        np.save("flags.npy", flags)
+        words = ("--method", "pca", "-p", "n_sources=2", "--weights", "hits.npy", "--flags", "flags.npy")
+        outcome = himap("clean", "cube.h5", *words, "-o", "out.h5")
+        assert outcome.exit_code == 0, outcome.output
+        assert "1 of 24 channels see nothing and are left out." in outcome.output
+        cleaned = clean_cube(read_cube("cube.h5", weights=hits, flags=flags), "pca", n_sources=2)
+        save_cleaned(cleaned, "own.h5")
+        with h5py.File("out.h5") as one, h5py.File("own.h5") as two:
+            assert np.array_equal(one["residual"], two["residual"], equal_nan=True)
+
+    def test_transfer(self, flags, rng):
+        """Of mocks from files, and of such that are made, the channel that is left out is left out."""
+        np.save("flags.npy", flags)
+        write_hdf5("mock.h5", rng.standard_normal(SHAPE).astype(np.float32), **SAID)
+        words = ("--method", "polynomial", "-p", "order=3", "--flags", "flags.npy", "--beam", "meerkat")
+        for n, mocks in enumerate(("mock.h5", "1")):
+            outcome = himap("transfer", "cube.h5", *words, "--mocks", mocks, "-o", f"out{n}.html")
+            assert outcome.exit_code == 0, outcome.output
+
+    def test_inputs_are_spared(self, here, hits):
+        write_fits("w.fits", hits)
+        words = ("--method", "pca", "--weights", "w.fits", "-o", "w.fits", "--overwrite")
+        outcome = himap("clean", "cube.h5", *words)
+        assert outcome.exit_code == 2 and "would change what it is made from" in outcome.output
+
+
+def bad(value, shape=SHAPE):
+    out = np.ones(shape)
+    out.flat[5] = value
+    return out
+
+
+class TestMistakes:
+    @pytest.mark.parametrize(
+        ("word", "values", "message"),
+        [
+            ("weights", bad(-1), "the weights must be finite and 0 or more; 0 means not seen; 1 are not"),
+            ("weights", bad(np.nan), "finite and 0 or more"),
+            ("weights", bad(np.inf), "finite and 0 or more"),
+            ("flags", bad(2), r"True \(or 1\) where a voxel is bad .* 1 are not"),
+            ("flags", bad(0.5), "True .* 1 are not"),
+            ("flags", bad(np.nan), "True .* 1 are not"),
+            ("weights", np.ones(12 * 8**2), r"of the pixels of the cube, \(3072,\), .* got \(1, 768\)"),
+            ("weights", np.ones((23, N_PIX)), r"all channels in its file included; got \(23, 3072\)"),
+            ("flags", np.ones((24, 24)), "n_pix = 12 nside.2, got"),
+            ("flags", np.ones(SHAPE), "needs two channels with seen pixels, got 0 of 24"),
+            ("weights", np.zeros(N_PIX), "needs two channels with seen pixels, got 0 of 24"),
+            ("weights", np.full(N_PIX, "a"), "must be real numbers"),
+        ],
+    )
+    def test_values(self, word, values, message):
+        with pytest.raises(InputError, match=message):
+            read_cube("cube.h5", **{word: values})
+        if values.dtype.kind != "U":
+            np.save("values.npy", values)
+            with pytest.raises(InputError, match=message):
+                read_cube("cube.h5", **{word: "values.npy"})
+
+    @pytest.mark.parametrize("word", ["weights", "flags"])
+    def test_files(self, word, here, hits):
+        with h5py.File("none.h5", "w") as file:
+            file["hit"] = hits
+        with h5py.File("two.h5", "w") as file:
+            file[f"a/{word}"] = file[f"b/{word}"] = np.zeros(N_PIX)
+            file[f"c/{word}"] = np.zeros(N_PIX)
+        (here / "text.txt").write_text("1\n")
+        (here / "broken.npy").write_bytes(b"\x93NUMPY")
+        mistakes = {
+            "there.npy": "there is no file of",
+            "none.h5": f"must have one dataset called {word}; it has hit",
+            "two.h5": f"must have one dataset called {word}; it has a/{word}, b/{word}, c/{word}",
+            "text.txt": "must be a .h5, .fits or .npy file",
+            "broken.npy": "is no .npy file",
+        }
+        for name, message in mistakes.items():
+            with pytest.raises(InputError, match=message):
+                read_cube("cube.h5", **{word: name})
+
+    def test_channels_in_another_order(self, hits):
+        write_fits("w.fits", np.tile(hits, (24, 1)), column_names=[f"{f:g} MHz" for f in FREQS[::-1]])
+        with pytest.raises(InputError, match="must have the channels of the cube in the order of its own"):
+            read_cube("cube.h5", weights="w.fits")
+
+    def test_a_file_of_fits_that_tells_no_order(self, hits):
+        from hostile_files import change_cards
+
+        write_fits("w.fits", hits)
+        change_cards("w.fits", "x.fits", ORDERING="''")
+        with pytest.raises(InputError, match="must say ORDERING"):
+            read_cube("cube.h5", weights="x.fits")
+
+    def test_a_mask_in_the_cube_that_nobody_named(self, flags):
+        with h5py.File("cube.h5", "a") as file:
+            file["sky/flags"] = flags
+        with pytest.raises(InputError, match="has a mask, sky/flags"):
+            read_cube("cube.h5")
+        assert read_cube("cube.h5", flags="cube.h5").missing.any()
+
+
+def test_nside_is_of_the_cube():
+    assert read_cube("cube.h5", weights=np.arange(N_PIX)).nside == NSIDE

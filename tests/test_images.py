@@ -1,0 +1,328 @@
+"""Image cubes with world coordinates: whatever their axes, the same maps come in, and go back as given."""
+
+import numpy as np
+import pytest
+from astropy.io import fits
+from astropy.wcs import WCS
+from cube_files import himap
+from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, header_of, power_law_images, write_image
+
+from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned, suggest
+from himap.cubes.image_views import PlaneSpectra
+from himap.cubes.report import check_truth, spectra_of
+from himap.errors import InputError
+from himap.measures.cylindrical import cell_of
+
+MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
+DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")
+PCA = ("--method", "pca", "-p", "n_sources=2")
+
+
+@pytest.fixture
+def maps(rng):
+    return power_law_images(rng)
+
+
+class TestReading:
+    @pytest.mark.parametrize("projection", SKY)
+    @pytest.mark.parametrize("unit", ["K", "mK", "uK"])
+    def test_frequencies_and_sky_are_those_of_astropy(self, maps, projection, unit, tmp_path):
+        scale = {"K": 1e-3, "mK": 1, "uK": 1e3}[unit]
+        axes = (*SKY[projection], FREQ)
+        path = write_image(tmp_path / "a.fits", (scale * maps).astype("f4"), axes=axes, BUNIT=unit)
+        cube = read_cube(path)
+        assert cube.maps == pytest.approx(maps.reshape(N_CHANNELS, -1), rel=1e-6)
+        wcs = WCS(fits.getheader(path))
+        freqs = wcs.all_pix2world(0, 0, np.arange(N_CHANNELS), 0)[2] / 1e6
+        assert np.allclose(cube.freqs, freqs, rtol=1e-12)
+        x, y = np.meshgrid(np.arange(N_X), np.arange(N_Y))
+        expected = wcs.all_pix2world(x, y, 0, 0)[:2]
+        assert np.allclose(cube.layout.pixels.celestial.all_pix2world(x, y, 0), expected)
+
+    @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2), (2, 0, 1)])
+    @pytest.mark.parametrize("freq", [FREQ, DOWN])
+    def test_axes_in_any_order(self, maps, order, freq, tmp_path):
+        """`order` is that of numpy, of frequency, y and x."""
+        given = maps[::-1] if freq is DOWN else maps
+        axes = [(freq, SKY["SIN"][1], SKY["SIN"][0])[axis] for axis in reversed(order)]
+        cube = read_cube(write_image(tmp_path / "a.fits", given.transpose(order), axes=axes))
+        x_first = order.index(2) < order.index(1)
+        expected = maps.transpose(0, 2, 1) if x_first else maps
+        assert np.array_equal(cube.layout.pixels.shaped(cube.maps), expected)
+        assert np.allclose(cube.freqs, MHZ)
+        celestial = cube.layout.pixels.celestial
+        assert celestial.wcs.ctype[0] == ("DEC--SIN" if x_first else "RA---SIN")
+
+    @pytest.mark.parametrize("kind", [fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU])
+    def test_stokes_of_one_in_any_hdu_in_ghz(self, maps, kind, tmp_path):
+        axes = (*SKY["CAR"], STOKES, ("FREQ", 0.98, 1.0, 0.002, "GHz"))
+        options = {"axes": axes, "kind": kind}
+        given = maps[:, None]
+        if kind is fits.CompImageHDU:  # without loss: integers, scaled
+            given = np.round(given).astype(np.int32)
+        cube = read_cube(write_image(tmp_path / "a.fits", given, **options))
+        assert np.array_equal(cube.maps, given.reshape(N_CHANNELS, -1).astype("f4"))
+        assert np.allclose(cube.freqs, MHZ)
+
+    def test_axes_that_only_the_header_has(self, maps, tmp_path):
+        """A folder with an image of two axes for each channel."""
+        for n, image in enumerate(maps):
+            axes = (*SKY["SIN"], ("FREQ", 1e6 * MHZ[n], 1.0, 1e6, "Hz"), STOKES)
+            write_image(tmp_path / f"{n}.fits", image, axes=axes, WCSAXES=4)
+        assert np.array_equal(read_cube(tmp_path).maps, maps.reshape(N_CHANNELS, -1))
+
+    def test_blank_pixels_are_masked_in_all_channels(self, maps, tmp_path):
+        maps[3, 2, 5], maps[7] = np.nan, np.nan
+        cube = read_cube(write_image(tmp_path / "a.fits", maps))
+        assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_Y * N_X - 1
+        assert not cube.mask[2 * N_X + 5] and not cube.whole_sky
+        assert "1 of 20 channels see nothing" in cube.remarks[0]
+        assert cube.remarks[1].startswith("99.5% of the image is seen in every channel")
+
+    def test_blank_and_scale_of_integers(self, maps, tmp_path):
+        stored = np.round(maps / 2).astype(np.int16)
+        stored[:, 0, 0] = -32768
+        hdu = fits.PrimaryHDU(stored, header_of((*SKY["SIN"], FREQ), BUNIT="mK"))
+        hdu.header["BLANK"], hdu.header["BSCALE"] = -32768, 2.0
+        hdu.writeto(tmp_path / "a.fits")
+        with fits.open(tmp_path / "a.fits", mode="update", do_not_scale_image_data=True) as file:
+            file[0].header["BSCALE"] = 2.0
+        cube = read_cube(tmp_path / "a.fits")
+        assert cube.mask.sum() == N_Y * N_X - 1
+        assert np.array_equal(cube.maps, 2.0 * stored.reshape(N_CHANNELS, -1)[:, 1:])
+        cleaned = clean_cube(cube, "pca", n_sources=2)
+        save_cleaned(cleaned, tmp_path / "c.fits")
+        assert not {"BLANK", "BSCALE", "BZERO"} & set(fits.getheader(tmp_path / "c.fits"))
+        found = fits.getdata(tmp_path / "c.fits").reshape(N_CHANNELS, -1)
+        assert np.isnan(found[:, 0]).all() and np.array_equal(found[:, 1:], cleaned.residual)
+
+    def test_too_large_is_refused_before_it_is_read(self, maps, tmp_path, monkeypatch):
+        path = write_image(tmp_path / "a.fits", maps)
+        monkeypatch.setenv("HIMAP_MAX_MEMORY", "500.05MB")  # of which 500 are those of the process
+        with pytest.raises(InputError, match="needs about 0.5 GB"):
+            read_cube(path)
+
+
+class TestCleaning:
+    @pytest.mark.parametrize("kind", [fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU])
+    def test_the_command_gives_the_header_back_and_the_residual_of_the_library(self, maps, kind, tmp_path):
+        """Descending frequencies, kelvin, Stokes, blank pixels, axes in another order."""
+        given = (maps[::-1] / 1e3).transpose(1, 0, 2)[None]
+        given[0, 3, :, 4] = np.nan
+        axes = (SKY["ZEA"][0], DOWN, SKY["ZEA"][1], STOKES)
+        cards = {"BUNIT": "K", "OBJECT": "a field", "RADESYS": "FK5", "EQUINOX": 2000.0, "LONPOLE": 180.0}
+        lossless = {"quantize_level": 0, "compression_type": "GZIP_2"}
+        hdu = kind(given, header_of(axes, **cards), **(lossless if kind is fits.CompImageHDU else {}))
+        hdus = [hdu] if kind is fits.PrimaryHDU else [fits.PrimaryHDU(), hdu]
+        fits.HDUList(hdus).writeto(tmp_path / "a.fits")
+        done = himap("clean", tmp_path / "a.fits", *PCA, "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        cleaned = clean_cube(read_cube(tmp_path / "a.fits"), "pca", n_sources=2)
+        index = 0 if kind is fits.PrimaryHDU else 1
+        before, after = fits.getheader(tmp_path / "a.fits", index), fits.getheader(tmp_path / "c.fits")
+        structure = {"SIMPLE", "EXTEND", "XTENSION", "PCOUNT", "GCOUNT", "EXTNAME"}
+        for key in set(before) - structure:
+            assert after[key] == before[key], key
+        more = set(after) - set(before) - structure
+        assert more == {"METHOD", "HIMAP", "HISTORY"} and after["METHOD"] == "pca"
+        found = fits.getdata(tmp_path / "c.fits")
+        assert found.shape == given.shape and found.dtype == np.dtype(">f4")
+        assert np.array_equal(np.isnan(found), np.isnan(given))
+        lines = found[0].transpose(1, 0, 2)[::-1].reshape(N_CHANNELS, -1)
+        lines = 1e3 * lines[:, ~np.isnan(lines[0])]
+        assert lines == pytest.approx(cleaned.residual, rel=1e-6, abs=1e-9)
+        foreground = fits.getdata(tmp_path / "c_foreground.fits")
+        assert np.nan_to_num(found + foreground) == pytest.approx(np.nan_to_num(given), rel=1e-6)
+        mixing = np.loadtxt(tmp_path / "c_mixing.txt")
+        assert np.allclose(mixing[:, 0], MHZ)
+        assert np.allclose(mixing[:, 1:], cleaned.separation.mixing)
+
+    @pytest.mark.parametrize("method", ["pca", "fastica", "polynomial", "parametric", "gaussian_process"])
+    def test_methods_that_take_lines_of_sight(self, maps, method, tmp_path):
+        cube = read_cube(write_image(tmp_path / "a.fits", maps))
+        assert np.isfinite(clean_cube(cube, method).residual).all()
+
+    @pytest.mark.parametrize("method", ["gmca", "gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"])
+    def test_methods_of_the_sphere_say_which_ones_work(self, maps, method, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps)
+        words = ["--method", method, "--beam", "evolving", "-o", tmp_path / "c.fits"]
+        done = himap("clean", path, *words)
+        assert done.exit_code == 2 and not (tmp_path / "c.fits").exists()
+        able = "fastica, gaussian_process, parametric, pca or polynomial"
+        assert f"{method} looks at the sphere" in done.output and able in done.output
+
+    def test_beams_and_mocks_are_of_the_sphere(self, maps, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps)
+        for words in (["--beam", "evolving"], ["--mocks", path], ["--mocks", "2"]):
+            done = himap("clean", path, *PCA, *words, "-o", tmp_path / "c.fits")
+            assert done.exit_code == 2 and "is an image in the plane" in done.output, words
+        with pytest.raises(InputError, match="is an image in the plane"):
+            measure_transfer(clean_cube(read_cube(path), "pca"), [])
+
+    def test_a_mask(self, maps, rng, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps)
+        kept = rng.random((N_Y, N_X)) > 0.3
+        write_image(tmp_path / "m.fits", kept.astype("f4"), axes=SKY["SIN"], BUNIT="")
+        done = himap("clean", path, *PCA, "--mask", tmp_path / "m.fits", "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        assert f"{kept.mean():.1%} of the image is kept by the mask" in done.output
+        found = fits.getdata(tmp_path / "c.fits")
+        assert np.isnan(found[:, ~kept]).all()
+        expected = clean_cube(read_cube(path).within(kept.ravel()), "pca", n_sources=2)
+        assert np.array_equal(found[:, kept], expected.residual)
+        write_image(tmp_path / "n.fits", kept.astype("f4"), axes=SKY["CAR"], BUNIT="")
+        with pytest.raises(InputError, match="with the axes of the cube"):
+            read_cube(path).layout.pixels.read_mask(tmp_path / "n.fits", kept)
+
+    def test_a_unit_that_is_told_is_written(self, maps, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps / 1e3, BUNIT="")
+        cleaned = clean_cube(read_cube(path, unit="K"), "pca", n_sources=2)
+        save_cleaned(cleaned, tmp_path / "c.fits")
+        assert fits.getheader(tmp_path / "c.fits")["BUNIT"] == "K"
+        assert np.allclose(1e3 * fits.getdata(tmp_path / "c.fits").reshape(20, -1), cleaned.residual)
+
+    def test_other_outputs(self, maps, tmp_path):
+        cleaned = clean_cube(read_cube(write_image(tmp_path / "a.fits", maps)), "pca", n_sources=2)
+        save_cleaned(cleaned, tmp_path / "c.npy")
+        assert np.array_equal(np.load(tmp_path / "c.npy"), cleaned.residual.reshape(maps.shape))
+        assert [path.name for path in save_cleaned(cleaned, tmp_path / "c.h5")] == ["c.h5"]
+
+    def test_float64_comes_back_so_where_the_sky_needs_it(self, maps, tmp_path):
+        cube = read_cube(write_image(tmp_path / "a.fits", 1e6 * maps.astype("f8")))
+        save_cleaned(clean_cube(cube, "pca", n_sources=1), tmp_path / "c.fits")
+        assert fits.getheader(tmp_path / "c_foreground.fits")["BITPIX"] == -64
+
+    def test_suggest(self, maps, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps)
+        done = himap("suggest", path, "--to", "5", "-o", tmp_path / "s.html")
+        assert done.exit_code == 0 and "2 eigenvalues stand above HI and noise" in done.output
+        assert suggest(read_cube(path), n_sources=range(1, 6)).best == 2
+
+
+class TestSeveralFiles:
+    def ranges(self, folder, maps, gap=0):
+        high = ("FREQ", 1e6 * (MHZ[12] + gap), 1.0, 2e6, "Hz")
+        down = ("FREQ", 1e6 * MHZ[11], 1.0, -2e6, "Hz")
+        folder.mkdir()
+        write_image(folder / "high.fits", maps[12:, None], axes=(*SKY["SIN"], STOKES, high), OBJECT="high")
+        return write_image(folder / "low.fits", maps[11::-1], axes=(*SKY["SIN"], down), OBJECT="low")
+
+    def test_ranges_are_one_cube_and_go_back_each_with_its_header(self, maps, tmp_path):
+        self.ranges(tmp_path / "in", maps)
+        done = himap("clean", tmp_path / "in", *PCA, "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        whole = write_image(tmp_path / "a.fits", maps)
+        expected = clean_cube(read_cube(whole), "pca", n_sources=2).residual.reshape(maps.shape)
+        with fits.open(tmp_path / "c.fits") as file:
+            assert [hdu.header.get("OBJECT") for hdu in file] == [None, "high", "low"]
+            assert np.array_equal(file[1].data, expected[12:, None])
+            assert np.array_equal(file[2].data, expected[11::-1])
+        assert np.allclose(read_cube(tmp_path / "c.fits").freqs, MHZ)
+
+    def test_a_gap_is_said_and_costs_the_cylindrical_spectrum(self, maps, tmp_path):
+        self.ranges(tmp_path / "in", maps, gap=50)
+        cube = read_cube(tmp_path / "in")
+        assert "channels are 2 to 52 MHz apart" in cube.remarks[0]
+        spectra = spectra_of(clean_cube(cube, "pca", n_sources=2))
+        assert spectra.cylindrical is None and "evenly spaced" in spectra.why_not
+
+    @pytest.mark.parametrize(
+        ("axes", "cards", "said"),
+        [
+            ((*SKY["SIN"], FREQ), {}, "overlap, from 980 to 1002 MHz"),
+            ((*SKY["CAR"], ("FREQ", 2e9, 1, 2e6, "Hz")), {}, "must have the same axes of the sky"),
+            ((*SKY["SIN"], ("FREQ", 2e9, 1, 2e6, "Hz")), {"BUNIT": "K"}, "must have one unit"),
+        ],
+    )
+    def test_what_does_not_fit_is_refused(self, maps, axes, cards, said, tmp_path):
+        self.ranges(tmp_path / "in", maps)
+        write_image(tmp_path / "in" / "more.fits", maps, axes=axes, **cards)
+        with pytest.raises(InputError, match=said):
+            read_cube(tmp_path / "in")
+
+    def test_what_else_a_file_holds_is_said(self, maps, tmp_path):
+        cube = fits.PrimaryHDU(maps, header_of((*SKY["SIN"], FREQ), BUNIT="mK"))
+        beams = fits.BinTableHDU.from_columns([fits.Column("BMAJ", "E", array=np.ones(3))], name="BEAMS")
+        fits.HDUList([cube, beams]).writeto(tmp_path / "a.fits")
+        assert "holds BEAMS beside the cube, which is left out" in read_cube(tmp_path / "a.fits").remarks[0]
+
+
+class TestPages:
+    @pytest.mark.parametrize("projection", SKY)
+    def test_maps_and_spectra(self, maps, projection, tmp_path):
+        axes = (*SKY[projection], FREQ)
+        maps[:, 0, 0] = np.nan
+        path = write_image(tmp_path / "a.fits", maps, axes=axes)
+        truth = write_image(tmp_path / "t.fits", maps - power_law_mean(maps), axes=axes)
+        done = himap("clean", path, *PCA, "--truth", truth, "-o", tmp_path / "c.fits")
+        assert done.exit_code == 0, done.output
+        page = (tmp_path / "c.html").read_text()
+        assert page.count("<img alt=") == 4 and "P(k_perp, k_par)" in page and "P/P0" in page
+
+    def test_the_cell_is_that_of_astropy(self, maps, tmp_path):
+        cube = read_cube(write_image(tmp_path / "a.fits", maps, axes=(*SKY["ZEA"], FREQ)))
+        rows, columns = cube.layout.pixels.pixel_angles()
+        sky = cube.layout.pixels.celestial.pixel_to_world([7, 8], [5.5, 5.5])
+        assert columns == pytest.approx(sky[0].separation(sky[1]).rad, rel=1e-9)
+        assert np.rad2deg(rows) == pytest.approx(0.5, rel=1e-3)
+        (along, *_), z = cell_of(cube.freqs, (rows, columns))
+        assert z == pytest.approx(1420.405751768 / 999 - 1)
+        hubble = 100 * np.sqrt(0.3 * (1 + z) ** 3 + 0.7)  # (km/s) / (Mpc/h)
+        assert along == pytest.approx(299792.458 * 2 * (1 + z) ** 2 / (1420.4058 * hubble), rel=1e-4)
+        assert isinstance(spectra_of(clean_cube(cube, "pca")), PlaneSpectra)
+
+    def test_a_truth_of_other_pixels(self, maps, tmp_path):
+        cubes = [
+            read_cube(write_image(tmp_path / f"{name}.fits", maps, axes=(*SKY[name], FREQ))) for name in SKY
+        ]
+        with pytest.raises(InputError, match="the channels and the axes of the sky of the cube"):
+            check_truth(*cubes[:2])
+
+
+def power_law_mean(maps):
+    return np.linspace(0.99, 1.01, N_CHANNELS)[:, None, None] * maps.mean(axis=0)
+
+
+TILTED = {"PC3_1": 0.1, "PC1_3": 0.0}
+MALFORMED = {
+    "no FREQ axis": ((*SKY["SIN"], ("LAYER", 1, 1, 1, "")), {}, "no axis FREQ"),
+    "velocities": ((*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")), {"RESTFRQ": 1.42e9}, "axis VRAD, and FREQ"),
+    "no sky": ((("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ), {}, "two axes of the sky"),
+    "Jy/beam": ((*SKY["SIN"], FREQ), {"BUNIT": "Jy/beam"}, "brightness_temperature"),
+    "no unit": ((*SKY["SIN"], FREQ), {"BUNIT": ""}, "give unit="),
+    "another unit": ((*SKY["SIN"], FREQ), {"BUNIT": "m/s"}, "must be brightness temperatures"),
+    "a sheared cube": ((*SKY["SIN"], FREQ), TILTED, "FREQ changes along axis 1 too"),
+    "frequencies of no telescope": ((*SKY["SIN"], ("FREQ", 1, 1, 1, "Hz")), {}, "looks like another unit"),
+}
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_malformed(name, maps, tmp_path):
+    axes, cards, said = MALFORMED[name]
+    path = write_image(tmp_path / "a.fits", maps, axes=axes, **cards)
+    done = himap("clean", path, *PCA, "-o", tmp_path / "c.fits")
+    assert done.exit_code == 2 and said in done.output
+    assert [path.name for path in tmp_path.iterdir()] == ["a.fits"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "said"),
+    [
+        (lambda maps: np.stack([maps] * 4), [], "4 values along STOKES"),
+        (lambda maps: maps[None, :1], [], "needs two channels"),
+        (lambda maps: np.nan * maps[None], [], "two channels with seen pixels"),
+        (lambda maps: maps[None], ["--order", "RING"], "an image has no order"),
+        (lambda maps: maps[None], ["--unit", "K"], "the file says mK"),
+    ],
+)
+def test_malformed_contents(change, words, said, maps, tmp_path):
+    path = write_image(tmp_path / "a.fits", change(maps), axes=(*SKY["SIN"], FREQ, STOKES))
+    done = himap("clean", path, *PCA, *words, "-o", tmp_path / "c.fits")
+    assert done.exit_code == 2 and said in done.output
+
+
+def test_cut_short(maps, tmp_path):
+    path = write_image(tmp_path / "a.fits", maps)
+    path.write_bytes(path.read_bytes()[:9000])
+    with pytest.raises(InputError, match="cannot be read as an image cube"):
+        read_cube(path)

@@ -1,0 +1,98 @@
+"""Flat patches of the sphere, and P(k_perp, k_par) from them."""
+
+import numpy as np
+import pytest
+from astropy.wcs import WCS
+from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
+
+from himap.cubes import read_cube
+from himap.cubes.cube import make_cube
+from himap.cubes.patches import patch_power
+from himap.cubes.raw import RawCube
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.maps.patches import patch_centres, patch_pixels
+from himap.measures.cylindrical import cell_of
+
+
+@pytest.mark.parametrize("lonlat", [(0.0, 0.0), (120.0, 60.0), (250.0, -89.0)])
+def test_cells_are_those_of_zea(lonlat):
+    """As a set: astropy's image about the same centre, turned as ours is, has the same pixels."""
+    nside, n_cells, side = 64, 30, 0.2
+    lon, lat = np.deg2rad(lonlat)
+    centre = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    found = patch_pixels(nside, centre, side, n_cells)
+    pole = np.eye(3)[np.argmin(np.abs(centre))]
+    wcs = WCS(naxis=2)
+    wcs.wcs.ctype, wcs.wcs.crval = ["GLON-ZEA", "GLAT-ZEA"], list(lonlat)
+    wcs.wcs.crpix, step = [n_cells / 2 + 0.5] * 2, np.rad2deg(side) / n_cells
+    north = np.array([-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)])
+    ours = np.cross(centre, np.cross(pole, centre) / np.linalg.norm(np.cross(pole, centre)))
+    turn = np.arctan2(np.cross(north, ours) @ centre, north @ ours)
+    wcs.wcs.cd = step * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    expected = wcs.all_pix2world(*np.meshgrid(np.arange(n_cells), np.arange(n_cells)), 0)
+    same = sphere.pixel_at(nside, *expected) == found
+    assert same.mean() > 0.995  # the rest lies on an edge between two pixels
+
+
+def test_cells_have_equal_area():
+    """Each pixel of the sphere within a patch has as many cells, but for its edge."""
+    counts = np.bincount(patch_pixels(32, np.array([0, 0, 1.0]), 0.25, 400).ravel(), minlength=12 * 32**2)
+    cells = 400**2 * (4 * np.pi / (12 * 32**2)) / 0.25**2
+    whole = counts[counts > 0.5 * cells]
+    assert np.median(whole) == pytest.approx(cells, rel=0.01)
+
+
+def test_patches_do_not_overlap_and_are_seen():
+    mask = sphere.pixel_latitude(32) > 10
+    centres, shares = patch_centres(mask, 0.25, 12, least=0.9, most=20)
+    assert len(centres) == 20 and (shares >= 0.9).all() and (np.diff(shares) <= 0).all()
+    assert (centres[:, 2] > 0).all()
+    angles = np.arccos(np.clip(centres @ centres.T, -1, 1)) + 9 * np.eye(20)
+    assert angles.min() > 0.25 * np.sqrt(2)
+    used = [set(patch_pixels(32, centre, 0.25, 40).ravel()) for centre in centres]
+    shared = sum(len(one & two) for n, one in enumerate(used) for two in used[:n])
+    assert shared == 0
+
+
+def white_cube(rng, nside, sigma, kept=None):
+    n_pix = 12 * nside**2
+    maps = (sigma * rng.standard_normal((24, n_pix))).astype("f4")
+    if kept is not None:
+        maps[:, ~kept] = np.nan
+    return make_cube(RawCube(maps=maps, freqs=FREQS, unit="mK", nested=False))
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_white_noise_of_pixels(masked, rng):
+    """sigma^2 times the volume of a voxel and the window of a square pixel, 1 - (k a)^2 / 12."""
+    nside, sigma = 64, 0.7
+    cube = white_cube(rng, nside, sigma, np.abs(sphere.pixel_latitude(nside)) > 20 if masked else None)
+    found, n_patches = patch_power(cube, cube.maps)
+    assert n_patches == 48 if not masked else 20 < n_patches <= 48
+    pixel = np.sqrt(4 * np.pi / (12 * nside**2))
+    (along, across, _), _ = cell_of(cube.freqs, (pixel, pixel))
+    expected = sigma**2 * along * across**2
+    low = found.k_perp < 0.3 * np.pi / across
+    window = 1 - (found.k_perp[low] * across) ** 2 / 12
+    ratio, n_modes = found.power[:, low] / (expected * window), found.n_modes[:, low]
+    assert np.average(ratio, weights=n_modes) == pytest.approx(1, abs=4 / np.sqrt(n_modes.sum()))
+    assert found.perp_edges[-1] <= np.pi / across
+
+
+def test_what_has_no_patch_is_refused(rng):
+    cube = white_cube(rng, 16, 1.0, sphere.pixel_latitude(16) > 85)
+    with pytest.raises(InputError, match="a patch of 14 deg of which 80% is seen"):
+        patch_power(cube, cube.maps)
+
+
+def test_on_the_page(rng, tmp_path):
+    maps = power_law_maps(rng)
+    truth = rng.standard_normal((len(FREQS), N_PIX)).astype("f4")
+    cube = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+    words = ["--truth", write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"), "--patches"]
+    done = himap("clean", cube, "--method", "pca", *words, "-o", tmp_path / "c.h5")
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "c.html").read_text()
+    assert page.count("<img alt=") == 4 and "flat patches of 14 deg" in page
+    assert read_cube(cube).whole_sky

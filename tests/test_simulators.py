@@ -1,0 +1,300 @@
+"""Cubes as the simulators of the field write them: read by the commands of the page on them.
+
+The files are made here, in formats that the public codes and their notes describe; the page links to them.
+"""
+
+import os
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
+
+from himap.cubes import read_cube
+from himap.sky.cosmology import redshift
+
+PCA = ["--method", "pca", "-p", "n_sources=2", "-o", "out.h5"]
+EDGES = np.linspace(900, 1020, 25)
+CENTRES = (EDGES[1:] + EDGES[:-1]) / 2
+STOKES = np.array(["I", "Q", "U", "V"])
+
+
+@pytest.fixture
+def maps(rng):
+    return power_law_maps(rng)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def expected(maps):
+    """What cleaning leaves of the maps, mK."""
+    write_hdf5("plain.h5", maps, unit="mK", order="RING")
+    done = himap("clean", "plain.h5", *PCA[:-1], "expected.h5")
+    assert done.exit_code == 0, done.output
+    return residual("expected.h5")
+
+
+def near(expected, maps):
+    """`expected` to the rounding of the brightest pixel in float32, in the file and in the cube."""
+    return pytest.approx(expected, rel=0, abs=float(2 * np.spacing(maps.max())))
+
+
+def residual(path):
+    with h5py.File(path) as file:
+        return file["residual"][...]
+
+
+def columns_of(maps, names, unit, **cards):
+    """A table with a pixel a row, as cfitsio writes it for both codes of D. Alonso."""
+    columns = [fits.Column(name, "1E", unit, array=m) for name, m in zip(names, maps, strict=True)]
+    table = fits.BinTableHDU.from_columns(columns, name="BINTABLE")
+    table.header.update(PIXTYPE="HEALPIX", ORDERING="RING", NSIDE=NSIDE, COORDSYS="G", **cards)
+    return table
+
+
+def write_crime(maps, names=("T",)):
+    os.mkdir("crime")
+    for number, row in enumerate(maps, 1):
+        polarised = [row] + [np.full(N_PIX, 1e6)] * (len(names) - 1)
+        columns_of(polarised, names, "mK").writeto(f"crime/test_{number:03d}.fits")
+
+
+def write_crime_table(path, columns=5):
+    lower, upper = EDGES[:-1], EDGES[1:]
+    table = np.array([np.arange(1, 25), lower, upper, redshift(upper), redshift(lower)]).T
+    np.savetxt(path, table[:, :columns], fmt=["%d", *["%f"] * (columns - 1)])
+
+
+def write_colore(maps, unit="uK"):
+    os.mkdir("colore")
+    for number, row in enumerate(maps):
+        columns_of([1e3 * row], ["map 1"], unit).writeto(f"colore/out_imap_s1_nu{number:03d}.fits")
+    np.savetxt("nus.txt", np.array([EDGES[:-1], EDGES[1:]]).T)
+
+
+def write_pysm(maps, **options):
+    os.mkdir("pysm")
+    for freq, row in zip(CENTRES, maps, strict=True):
+        stokes = np.stack([1e3 * row, np.full(N_PIX, 7e4), np.full(N_PIX, -7e4)])
+        written = {"column_units": "uK_RJ", "dtype": np.float32} | options
+        hp.write_map(f"pysm/sky_{freq:.1f}MHz.fits", stokes, **written)
+
+
+def write_cora(maps, path="map.h5", pols=STOKES, axis=("freq", "pol", "pixel"), freqs=CENTRES, told="S"):
+    words = h5py.string_dtype() if told == "O" else "S5"
+    cube = np.full((len(maps), len(pols), maps.shape[1]), 1e6)
+    cube[:, list(pols).index("I") if "I" in pols else 0] = maps / 1e3
+    table = np.zeros(len(maps), dtype=[("centre", np.float64), ("width", np.float64)])
+    table["centre"], table["width"] = freqs[::-1], 5.0
+    with h5py.File(path, "w") as file:
+        file.attrs["__memh5_distributed_file"] = True
+        dataset = file.create_dataset("map", data=cube[::-1])
+        dataset.attrs["axis"] = np.array(axis).astype(words)
+        dataset.attrs["__memh5_distributed_dset"] = True
+        file["index_map/freq"] = table
+        file["index_map/pol"] = np.array(pols).astype(words)
+        file["index_map/pixel"] = np.arange(maps.shape[1])
+
+
+def cleaned(words, *said):
+    """What cleaning leaves, in the unit of the file, and that the command says these sentences."""
+    done = himap("clean", *words, *PCA)
+    assert done.exit_code == 0, done.output
+    for sentence in said:
+        assert sentence in done.output, done.output
+    return residual("out.h5")
+
+
+class TestCRIME:
+    @pytest.mark.parametrize("columns", [3, 5])
+    def test_maps_and_table(self, columns, maps, expected):
+        write_crime(maps)
+        write_crime_table("test_nuTable.dat", columns)
+        words = ["crime", "--freqs", "test_nuTable.dat"]
+        found = cleaned(words, "24 channels from 902.5 to 1017.5 MHz, told by the edges of")
+        assert np.array_equal(found, expected)
+
+    def test_polarised_maps(self, maps, expected):
+        write_crime(maps, names=("T", "Q", "U"))
+        write_crime_table("nuTable.txt")
+        words = ["crime", "--freqs", "nuTable.txt"]
+        found = cleaned(words, "Stokes Q and U in 24 of its files are left out.")
+        assert np.array_equal(found, expected)
+
+
+class TestCoLoRe:
+    def test_maps_and_edges(self, maps, expected):
+        write_colore(maps)
+        found = cleaned(["colore", "--freqs", "nus.txt"], "maps of nside 16 in uK, RING")
+        assert found / 1e3 == near(expected, maps)
+
+    def test_a_unit_that_its_header_contradicts(self, maps):
+        write_colore(maps)
+        done = himap("clean", "colore", "--freqs", "nus.txt", "--unit", "mK", *PCA)
+        assert done.exit_code == 2 and "the file says uK, but the unit given is mK" in done.output
+
+
+class TestPySM:
+    @pytest.mark.parametrize("names", [None, ["I_STOKES", "Q_STOKES", "U_STOKES"]])
+    def test_maps_of_three_stokes_parameters(self, names, maps, expected):
+        write_pysm(maps, column_names=names)
+        found = cleaned(["pysm"], "told by the names of its files", "Stokes Q and U")
+        assert found / 1e3 == near(expected, maps)
+
+    def test_other_columns_are_no_stokes_parameters(self, maps):
+        write_pysm(maps, column_names=["I", "Q", "weights"])
+        done = himap("clean", "pysm", *PCA)
+        assert done.exit_code == 2 and "must hold one map" in done.output
+
+    def test_one_map_is_no_cube_of_three_channels(self, maps):
+        hp.write_map("a.fits", maps[:3], column_units="uK_RJ", dtype=np.float32)
+        np.savetxt("nu.txt", CENTRES[:3])
+        done = himap("clean", "a.fits", "--freqs", "nu.txt", *PCA)
+        assert done.exit_code == 2 and "Stokes parameters of one map" in done.output
+
+
+class TestGLASS:
+    def test_shells_of_overdensity(self, maps, expected):
+        """An array of shells, made to temperatures by whoever has them, is a .npy of (shells, pixels)."""
+        mean = maps.mean(axis=1, dtype=np.float64, keepdims=True)
+        delta = maps / mean - 1
+        np.save("shells.npy", mean * (1 + delta))
+        np.savetxt("nu.txt", CENTRES)
+        words = ["shells.npy", "--freqs", "nu.txt", "--unit", "mK", "--order", "RING"]
+        done = himap("clean", *words, *PCA[:-1], "out.npy")
+        assert done.exit_code == 0, done.output
+        assert np.load("out.npy") == near(expected, maps)
+
+
+class TestContainers:
+    @pytest.mark.parametrize("told", ["S", "O"])
+    def test_map(self, told, maps, expected):
+        write_cora(maps, told=told)
+        said = ("24 channels from 902.5 to 1017.5 MHz, told by index_map/freq", "polarisations Q, U, V are")
+        found = cleaned(["map.h5", "--unit", "K"], *said)
+        assert 1e3 * found[::-1] == near(expected, maps)
+
+    def test_intensity_by_its_name_alone(self, maps):
+        write_cora(maps, pols=["Q", "I"])
+        cube = read_cube("map.h5", unit="K")
+        assert cube.maps == pytest.approx(maps, rel=1e-6)
+        write_cora(maps, pols=["I"])
+        cube = read_cube("map.h5", unit="K")
+        assert cube.maps == pytest.approx(maps, rel=1e-6) and not any("left out" in r for r in cube.remarks)
+
+    def test_plain_frequencies(self, maps):
+        write_cora(maps)
+        with h5py.File("map.h5", "a") as file:
+            del file["index_map/freq"]
+            file["index_map/freq"] = CENTRES[::-1]
+        assert np.array_equal(read_cube("map.h5", unit="K").freqs, CENTRES)
+
+    def test_missing_values_of_its_maps(self, maps):
+        write_cora(maps)
+        with h5py.File("map.h5", "a") as file:
+            file["map"].attrs["_FillValue"] = float(maps[3, 7] / 1e3)
+        assert not read_cube("map.h5", unit="K", order="RING").mask[7]
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            ({"pols": ["XX", "YY"]}, "must have I once"),
+            ({"pols": ["I", "I"]}, "must have I once"),
+            ({"axis": ("pol", "freq", "pixel")}, "must have the axes (freq, pol, pixel)"),
+        ],
+    )
+    def test_others_are_refused(self, change, message, maps):
+        write_cora(maps, **change)
+        done = himap("clean", "map.h5", "--unit", "K", *PCA)
+        assert done.exit_code == 2 and message in done.output, done.output
+
+    @pytest.mark.parametrize(
+        ("name", "values", "message"),
+        [
+            ("index_map/freq", None, "no index_map/freq"),
+            ("index_map/pol", None, "no index_map/pol"),
+            ("index_map/pol", np.arange(4), "must be names of polarisations"),
+            ("index_map/pol", np.array([b"I"]), "must have 4 entries"),
+            ("index_map/freq", np.array([b"900"] * 24), "numbers, or a table with a column centre"),
+            ("index_map/freq", np.zeros(24, dtype=[("width", "f8")]), "numbers, or a table with a column"),
+            ("index_map/freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
+            ("mask", np.zeros((24, N_PIX), dtype=bool), "has a mask"),
+        ],
+    )
+    def test_an_axis_that_is_not_told(self, name, values, message, maps):
+        write_cora(maps)
+        with h5py.File("map.h5", "a") as file:
+            if name in file:
+                del file[name]
+            if values is not None:
+                file[name] = values
+        done = himap("clean", "map.h5", "--unit", "K", *PCA)
+        assert done.exit_code == 2 and message in done.output, done.output
+        assert not os.path.exists("out.h5")
+
+    def test_beside_other_maps_it_must_be_named(self, maps):
+        write_cora(maps)
+        with h5py.File("map.h5", "a") as file:
+            file["others"] = maps
+        done = himap("clean", "map.h5", "--unit", "K", *PCA)
+        assert done.exit_code == 2 and "name the one that is meant with --maps" in done.output
+        assert read_cube("map.h5", unit="K", maps_name="map").maps == pytest.approx(maps, rel=1e-6)
+
+    def test_the_unit_must_be_given(self, maps):
+        write_cora(maps)
+        done = himap("clean", "map.h5", *PCA)
+        assert done.exit_code == 2 and "--unit" in done.output
+
+
+class TestTablesOfFrequencies:
+    def test_channels_that_descend(self, maps):
+        np.save("a.npy", maps)
+        np.savetxt("nu.txt", np.array([EDGES[:-1], EDGES[1:]]).T[::-1])
+        cube = read_cube("a.npy", freqs="nu.txt", unit="mK", order="RING")
+        assert np.array_equal(cube.freqs, CENTRES) and np.array_equal(cube.maps, maps[::-1])
+
+    @pytest.mark.parametrize(
+        ("what", "table"),
+        [
+            ("centres and widths", np.array([CENTRES, np.full(24, 5.0)]).T),
+            ("centres and redshifts", np.array([CENTRES, redshift(CENTRES)]).T),
+            ("numbers and centres", np.array([np.arange(1, 25), CENTRES]).T),
+            ("numbers from 0", np.array([np.arange(24), EDGES[:-1], EDGES[1:]]).T),
+            ("edges with gaps", np.array([EDGES[:-1], EDGES[1:] - 0.1]).T),
+            ("upper and lower", np.array([EDGES[1:], EDGES[:-1]]).T),
+            ("negative edges", np.array([EDGES[:-1], EDGES[1:]]).T - 2e3),
+            ("four columns", np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], CENTRES]).T),
+            (
+                "other redshifts",
+                np.array(
+                    [np.arange(1, 25), EDGES[:-1], EDGES[1:], redshift(EDGES[:-1]), redshift(EDGES[1:])]
+                ).T,
+            ),
+            ("as many numbers as channels", CENTRES.reshape(12, 2)),
+        ],
+    )
+    def test_others_are_refused(self, what, table, maps):
+        np.save("a.npy", maps)
+        np.savetxt("nu.txt", table)
+        done = himap("clean", "a.npy", "--freqs", "nu.txt", "--unit", "mK", *PCA[:-1], "out.npy")
+        assert done.exit_code == 2 and "one frequency a line" in done.output, (what, done.output)
+
+    def test_a_cube_of_frequencies(self, maps):
+        np.save("a.npy", maps)
+        np.save("nu.npy", CENTRES.reshape(2, 3, 4))
+        done = himap("clean", "a.npy", "--freqs", "nu.npy", "--unit", "mK", *PCA[:-1], "out.npy")
+        assert done.exit_code == 2 and "table of shape (2, 3, 4)" in done.output
+
+    def test_one_row_or_column_is_a_list(self, maps):
+        np.save("a.npy", maps)
+        for shape in ((1, 24), (24, 1)):
+            np.save("nu.npy", FREQS.reshape(shape))
+            cube = read_cube("a.npy", freqs="nu.npy", unit="mK", order="RING")
+            assert np.array_equal(cube.freqs, FREQS)

@@ -1,0 +1,327 @@
+"""Weights of pixels and voxels: closed forms, slow twins, and no weights where they are equal."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial as NumpyPolynomial
+from scipy.optimize import minimize
+
+from himap.errors import InputError
+from himap.removal import available, create, weighted_pca
+from himap.removal.base import REGISTRY
+from himap.removal.pca import PCA
+from himap.removal.peaks import least_channels, mask_peaks
+from himap.removal.polynomial import Polynomial
+
+N_PIX = 300
+FREQS = np.linspace(900, 1100, 16)
+SPECTRA = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+TAKING = [name for name in available() if REGISTRY[name].takes_weights]
+OPTIONS = {"polynomial": {"order": 3}}
+
+
+@pytest.fixture
+def foreground(rng):
+    """Two power laws, mK, noise free."""
+    return SPECTRA @ (1e3 * np.exp(rng.standard_normal((2, N_PIX))))
+
+
+@pytest.fixture
+def hits(rng):
+    return rng.integers(1, 9, N_PIX)
+
+
+@pytest.fixture
+def sky(foreground, hits, rng):
+    """With noise by hits."""
+    return foreground + 3 * rng.standard_normal(foreground.shape) / np.sqrt(hits)
+
+
+@pytest.fixture
+def flags(rng):
+    """A fifth of the voxels."""
+    return rng.random((len(FREQS), N_PIX)) < 0.2
+
+
+def squares(maps, weights, separation):
+    """sum w (x - m - A s)^2, by explicit loops."""
+    total = 0.0
+    for channel, mean in enumerate(separation.means):
+        for pixel in range(maps.shape[1]):
+            model = mean + separation.mixing[channel] @ separation.sources[:, pixel]
+            total += weights[channel, pixel] * (maps[channel, pixel] - model) ** 2
+    return total
+
+
+def model_of(found):
+    """m + A S of what `weighted_components` found in voxels with weights of their own."""
+    return found.foreground.lines(slice(None)) + found.means[:, None]
+
+
+class TestPixelWeights:
+    def test_whole_numbers_of_hits_are_pixels_that_are_there_as_often(self, sky, hits):
+        """Of PCA without weights, means included; zero hits are pixels that are not there."""
+        hits[:50] = 0
+        weighted = PCA().clean(sky, freqs=FREQS, weights=hits)
+        repeated = PCA().clean(np.repeat(sky, hits, axis=1), freqs=FREQS)
+        assert np.repeat(weighted.residual, hits, axis=1) == pytest.approx(repeated.residual, abs=1e-3)
+        assert weighted.separation.means == pytest.approx(repeated.separation.means, rel=1e-9)
+        assert not weighted.residual[:, :50].any() and not weighted.separation.sources[:, :50].any()
+        plain = PCA().clean(sky[:, 50:], freqs=FREQS)
+        assert np.abs(weighted.residual[:, 50:] - plain.residual).max() > 0.1
+
+    def test_axes_are_those_of_numpys_weighted_covariance(self, sky, hits):
+        covariance = np.cov(sky, aweights=hits)
+        axes = np.linalg.eigh(covariance)[1][:, ::-1][:, :2]
+        found = PCA(n_sources=2).separate(sky, freqs=FREQS, weights=hits).mixing
+        assert np.abs(axes.T @ found) == pytest.approx(np.eye(2), abs=1e-4)
+
+    def test_polynomials_do_not_feel_them(self, sky, hits):
+        one, two = (Polynomial(order=3).clean(sky, freqs=FREQS, weights=w) for w in (None, hits))
+        assert np.array_equal(one.residual, two.residual)
+
+    def test_blocks_of_pixels_change_nothing(self, sky, hits, monkeypatch):
+        one = PCA().separate(sky, freqs=FREQS, weights=hits).sources
+        monkeypatch.setattr("himap.maps.blocked._BLOCK", 7)
+        assert PCA().separate(sky, freqs=FREQS, weights=hits).sources == pytest.approx(one, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", TAKING)
+class TestAll:
+    @pytest.mark.parametrize("shape", [(N_PIX,), (len(FREQS), N_PIX)])
+    def test_equal_weights_are_none(self, name, sky, shape):
+        method = create(name, **OPTIONS.get(name, {}))
+        plain = method.clean(sky, freqs=FREQS)
+        for weights in (np.full(shape, 3.0), np.ones(shape, bool)):
+            weighted = method.clean(sky, freqs=FREQS, weights=weights)
+            assert np.array_equal(weighted.residual, plain.residual)
+            assert np.array_equal(weighted.separation.mixing, plain.separation.mixing)
+
+    def test_only_ratios_matter(self, name, sky, hits, flags):
+        weights = np.where(flags, 0, hits)
+        one, two = (
+            create(name, **OPTIONS.get(name, {})).clean(sky, freqs=FREQS, weights=w)
+            for w in (weights, 1e-9 * weights)
+        )
+        assert one.residual == pytest.approx(two.residual, abs=1e-3)
+
+    def test_what_is_missing_may_be_anything(self, name, sky, hits, flags):
+        """It counts nothing, is 0 in the residual, and the foreground there is what was found."""
+        weights, method = np.where(flags, 0, hits), create(name, **OPTIONS.get(name, {}))
+        one, two = (
+            method.clean(np.where(flags, value, sky), freqs=FREQS, weights=weights) for value in (7, np.nan)
+        )
+        assert np.array_equal(one.residual, two.residual) and np.array_equal(one.foreground, two.foreground)
+        assert not one.residual[flags].any() and one.residual[~flags].all()
+        found = one.separation.foreground.cube() + one.separation.means[:, None]
+        assert one.foreground == pytest.approx(found, rel=1e-5)
+        assert (one.residual + one.foreground)[~flags] == pytest.approx(sky[~flags], rel=1e-6)
+
+    def test_input_untouched(self, name, sky, hits, flags):
+        weights = np.where(flags, 0, hits)
+        maps, given = sky.copy(), weights.copy()
+        create(name, **OPTIONS.get(name, {})).clean(maps, freqs=FREQS, weights=given)
+        assert np.array_equal(maps, sky) and np.array_equal(given, weights)
+
+    def test_with_a_mask(self, name, sky, hits, flags):
+        """As if the lines of sight that are kept were alone; whole pixels without hits are not kept."""
+        weights, kept = np.where(flags, 0, hits), np.arange(N_PIX) > 40
+        weights[:, 100:110] = 0
+        method = create(name, **OPTIONS.get(name, {}))
+        both = method.clean(sky, freqs=FREQS, weights=weights, mask=kept)
+        seen = kept & weights.any(axis=0)
+        alone = method.clean(sky[:, seen], freqs=FREQS, weights=weights[:, seen])
+        assert np.array_equal(both.residual[:, seen], alone.residual)
+        assert not both.residual[:, ~seen].any() and not both.foreground[:, ~seen].any()
+
+    def test_separating_on_other_maps(self, name, sky, foreground, hits, flags):
+        weights, method = np.where(flags, 0, hits), create(name, **OPTIONS.get(name, {}))
+        other = method.clean(sky + 50, freqs=FREQS, weights=weights, separate_on=foreground)
+        alone = method.clean(foreground, freqs=FREQS, weights=weights)
+        assert other.separation.sources == pytest.approx(alone.separation.sources, rel=1e-9)
+        assert other.residual[~flags] == pytest.approx(
+            (sky + 50 - alone.foreground)[~flags], abs=6e-7 * float(sky.max())
+        )
+
+
+class TestVoxelWeights:
+    def test_a_low_rank_sky_is_recovered_where_it_is_missing(self, foreground, flags):
+        """To the rounding of maps in float32."""
+        maps = np.where(flags, np.nan, foreground)
+        cleaned = PCA(n_sources=2).clean(maps, freqs=FREQS, weights=~flags)
+        assert cleaned.separation.converged
+        assert np.abs(cleaned.foreground - foreground).max() < 3e-7 * foreground.max()
+        assert np.abs(cleaned.residual).max() < 3e-7 * foreground.max()
+
+    def test_it_is_not_where_weights_are_ignored(self, foreground, flags):
+        """The same cube with its gaps filled by the means of channels keeps percents of the foreground."""
+        means = np.average(foreground, axis=1, weights=~flags[0])[:, None]
+        filled = PCA(n_sources=2).clean(np.where(flags, means, foreground), freqs=FREQS)
+        assert filled.residual.std() > 0.05 * foreground.std()
+
+    @pytest.mark.parametrize("faintest", [1.0, 1e-4])
+    def test_any_low_rank_sky(self, flags, rng, faintest):
+        """Rough spectra, sources that are not alike: to 1e-14 in the rms, the worst voxel to 1e-11."""
+        spectra = rng.standard_normal((len(FREQS), 3))
+        maps = spectra @ (np.geomspace(1, faintest, 3)[:, None] * rng.standard_normal((3, N_PIX)))
+        found = weighted_pca.weighted_components(np.where(flags, 0, maps), (~flags).astype(float), 3)
+        assert found.converged
+        assert np.abs(model_of(found) - maps).max() < 1e-11 * np.abs(maps).max()
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_a_sky_whose_spectra_are_nearly_one(self, seed):
+        """Three power laws: where all are looked for at once, gaps of the first are taken for the last."""
+        rng, freqs = np.random.default_rng(seed), np.linspace(900, 1400, 30)
+        sky = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8, -3.3]) @ np.exp(rng.standard_normal((3, 400)))
+        seen = rng.random(sky.shape) > 0.2
+        found = weighted_pca.weighted_components(np.where(seen, sky, 0), seen.astype(float), 3)
+        assert found.converged
+        assert np.abs(model_of(found) - sky).max() < 1e-11 * sky.max()
+
+    def test_against_a_minimiser(self, rng):
+        """The least weighted squares that scipy finds from where himap ended, and from plain PCA."""
+        n_channels, n_pix = 6, 20
+        maps = np.outer(rng.random(n_channels) + 1, 10 * rng.standard_normal(n_pix)) + 5
+        maps += rng.standard_normal(maps.shape)
+        weights = rng.gamma(2, size=maps.shape) * (rng.random(maps.shape) > 0.2)
+        found = PCA(n_sources=1).separate(maps, freqs=FREQS[:6], weights=weights)
+
+        def cost(x):
+            offset, mixing, sources = np.split(x, [n_channels, 2 * n_channels])
+            left = maps - offset[:, None] - np.outer(mixing, sources)
+            pull = -2 * weights * left
+            slope = np.concatenate([pull.sum(axis=1), pull @ sources, mixing @ pull])
+            return np.sum(weights * left**2), slope
+
+        plain = PCA(n_sources=1).separate(maps, freqs=FREQS[:6])
+        own = squares(maps, weights, found)
+        for start in (found, plain):
+            x = np.concatenate([start.means, start.mixing[:, 0], start.sources[0]])
+            least = minimize(cost, x, jac=True, method="BFGS", options={"maxiter": 5000})
+            assert own == pytest.approx(least.fun, rel=1e-5)
+        assert squares(maps, weights, plain) > 1.01 * own
+
+    def test_weights_of_pixels_times_those_of_channels(self, sky, hits):
+        """One eigenproblem: of the maps times the roots of the weights of channels."""
+        of_channels = np.linspace(1, 30, len(FREQS))[:, None]
+        sky -= np.average(sky, axis=1, weights=hits)[:, None]
+        roots = np.sqrt(of_channels)
+        found = weighted_pca.weighted_components(sky, of_channels * hits, 2)
+        scaled = weighted_pca.weighted_components(roots * sky, hits.astype(float), 2)
+        assert model_of(found) == pytest.approx(scaled.foreground.lines(slice(None)) / roots, abs=1e-8)
+        assert found.n_iterations <= 3
+        assert found.mixing.T @ found.mixing == pytest.approx(np.eye(2), abs=1e-12)
+
+    def test_those_of_pixels_told_by_voxels(self, sky, hits):
+        sky -= np.average(sky, axis=1, weights=hits)[:, None]
+        one = weighted_pca.weighted_components(sky, hits.astype(float), 3)
+        two = weighted_pca.weighted_components(sky, np.tile(hits, (len(FREQS), 1)).astype(float), 3)
+        assert model_of(two) == pytest.approx(one.foreground.lines(slice(None)), abs=1e-6)
+
+    def test_blocks_of_pixels_change_nothing(self, sky, flags, monkeypatch):
+        one = PCA().separate(sky, freqs=FREQS, weights=~flags).sources
+        monkeypatch.setattr(weighted_pca, "_BLOCK", 7)
+        assert PCA().separate(sky, freqs=FREQS, weights=~flags).sources == pytest.approx(one, abs=1e-3)
+
+    def test_turns_that_do_not_settle_are_said(self, sky, flags, monkeypatch):
+        monkeypatch.setattr(weighted_pca, "_MOST_TURNS", 2)
+        with pytest.warns(match="pca: stopped after 2 iterations without converging"):
+            PCA().separate(sky, freqs=FREQS, weights=~flags)
+
+
+class TestPolynomials:
+    def test_against_numpy(self, sky, hits, flags, rng):
+        """Line by line, without the channels that are missing."""
+        weights = np.where(flags, 0, hits * rng.gamma(3, size=flags.shape))
+        found = Polynomial(order=3, n_sigma=100).clean(sky, freqs=FREQS, weights=weights)
+        for pixel in range(0, N_PIX, 10):
+            seen = ~flags[:, pixel]
+            fit = NumpyPolynomial.fit(
+                FREQS[seen], sky[seen, pixel], 3, w=np.sqrt(weights[seen, pixel]), domain=[900, 1100]
+            )
+            assert found.foreground[:, pixel] == pytest.approx(fit(FREQS), rel=1e-6)
+
+    def test_what_stands_out_is_clipped_by_its_weight(self, rng):
+        """A twin in plain words; an outlier of little weight stays."""
+        freqs = np.linspace(900, 1100, 60)
+        line = 1e3 * (freqs / 1000) ** -2.7 + 0.1 * rng.standard_normal(60)
+        weights = np.ones(60)
+        weights[[3, 4, 50]] = 0, 0, 1e-6
+        line[30], line[50] = line[30] + 30, line[50] + 30
+        found = mask_peaks(line[:, None], freqs, order=4, weights=weights[:, None])
+        fit = NumpyPolynomial.fit(freqs, line, 4, w=np.sqrt(weights))
+        pull = np.sqrt(weights) * np.abs(line - fit(freqs))
+        out = pull > 5 * np.sqrt(np.sum(pull**2) / 58)
+        again = NumpyPolynomial.fit(freqs[~out], line[~out], 4, w=np.sqrt(weights[~out]), domain=fit.domain)
+        assert np.flatnonzero(out).tolist() == [30] and np.array_equal(found.flagged[:, 0], out)
+        assert found.maps[30, 0] == pytest.approx(again(freqs[30]), rel=1e-6)
+
+    def test_a_bright_sky_keeps_its_digits(self, flags, rng):
+        """A polynomial of 1e9 mK is fitted to 1e-6 mK, the edge of the band missing."""
+        line = NumpyPolynomial(rng.standard_normal(5))(np.linspace(-1, 1, 16))
+        maps, weights = 1e9 * np.tile(line[:, None], (1, 40)), np.where(flags, 0, 1.0)[:, :40]
+        weights[-3:, 1:] = 0
+        found = Polynomial(order=4).separate(maps, freqs=FREQS, weights=weights)
+        seen = weights > 0
+        assert np.abs(found.foreground.lines(slice(None)) - maps)[seen].max() < 2e-6
+
+    @pytest.mark.parametrize("n_channels, order, n_sigma", [(63, 6, 5.0), (30, 3, 2.0), (9, 7, 5.0)])
+    def test_least_channels_by_trying(self, n_channels, order, n_sigma):
+        """So many leave order + 2 when as many as can stand out do; one fewer does not."""
+
+        def left(n):
+            return n - max(m for m in range(n) if m == 0 or m * n_sigma**2 < n)
+
+        least = least_channels(n_channels, order, n_sigma)
+        assert left(least) >= order + 2 and (least == order + 2 or left(least - 1) < order + 2)
+
+
+ONES = np.ones((len(FREQS), N_PIX))
+
+
+def changed(value, where=(3, 5)):
+    out = ONES.copy()
+    out[where] = value
+    return out
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (changed(-1), "finite and 0 or more, got 1 that are not"),
+        (changed(np.nan), "finite and 0 or more, got 1 that are not"),
+        (changed(np.inf, (slice(2), 0)), "finite and 0 or more, got 2 that are not"),
+        (
+            ONES[0, :-1],
+            r"shape \(n_pix,\) or \(n_channels, n_pix\), that of the maps, \(16, 300\); got \(299,",
+        ),
+        (ONES.T, r"got \(300, 16\)"),
+        (ONES[:3], r"got \(3, 300\)"),
+        (0 * ONES[0], "0 in all pixels that are kept"),
+        (changed(0, 4), "0 in all pixels of channel 4 and 0 more; leave these channels out"),
+        (np.full(N_PIX, "many"), "weights must be real numbers"),
+        (changed(0, (slice(3, None), 7)), "pca needs 4 channels on a line of sight .* 1 of 300 have fewer"),
+    ],
+)
+def test_bad_weights(sky, weights, message):
+    with pytest.raises(InputError, match=message):
+        PCA().clean(sky, freqs=FREQS, weights=weights)
+
+
+def test_too_few_channels_for_a_polynomial(sky):
+    with pytest.raises(InputError, match="polynomial needs 8 channels on a line of sight .* 1 of 300"):
+        Polynomial().clean(sky, freqs=FREQS, weights=changed(0, (slice(7, None), 7)))
+    with pytest.raises(InputError, match="a polynomial of order 6 needs 8 channels"):
+        mask_peaks(sky, FREQS, weights=changed(0, (slice(7, None), 7)))
+
+
+def test_bad_voxels_that_are_seen(sky):
+    sky[3, 5] = np.nan
+    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
+        PCA().clean(sky, freqs=FREQS, weights=changed(0, (4, 5)))
+
+
+@pytest.mark.parametrize("name", sorted(set(available()) - set(TAKING)))
+def test_methods_that_take_none_say_so(name, sky):
+    assert TAKING == ["pca", "polynomial"]
+    with pytest.raises(InputError, match=f"{name} takes no weights and no flags; pca and polynomial do"):
+        create(name).clean(sky, freqs=FREQS, beams=np.ones((16, 20)), weights=ONES)
