@@ -162,10 +162,20 @@ def _write_cube(path):
         file.attrs.update(unit="mK", ordering="RING")
 
 
+def _stored(output):
+    """The counts in a file that is there, {} where there is none."""
+    return json.loads(Path(output).read_text())["found"] if output and Path(output).exists() else {}
+
+
 @click.command()
 @click.option("--kills", default=100, show_default=True, help="SIGKILLs, a third of them for each command.")
 @click.option("-p", "pairs", multiple=True, metavar="NAME=VALUE", help="A field of the survey.")
-@click.option("--only", multiple=True, metavar="NAME", help="Of the counts, such as clean_killed.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="NAME",
+    help="Of the counts; the file keeps the others.",
+)
 @click.option("--seed", default=1, show_default=True, help="Of the random points.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(kills, pairs, only, seed, output):
@@ -184,7 +194,7 @@ def main(kills, pairs, only, seed, output):
         ("full_disk_clean", clean, lambda trial: fill_disk(trial, few, chance)),
         ("dead_worker", claims, lambda trial: kill_workers(trial, max(1, few // 3), chance)),
     ]
-    found = {}
+    found = _stored(output) if only else {}
     with tempfile.TemporaryDirectory(prefix="e") as home:
         for name, words, disturb in trials:
             if only and name not in only:
