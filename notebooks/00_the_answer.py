@@ -20,18 +20,25 @@
 # %% [markdown]
 # # The answer
 #
-# What {cite:t}`gkogkou2025` conclude, and what comes out when it is done again: on the real Galaxy, at the paper's own size (`nside` 256, 500 channels), on one sky; and beside it the spread over {glue:text}`answer_skies` skies at half that
+# > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
+# > - **Good to know**: what a power spectrum is.
+# > - **Time and memory**: {cost}`00_the_answer`.
+#
+# What {cite:t}`gkogkou2025` conclude, and what comes out when it is done again: on the real Galaxy, at the paper's own size (`nside` 256, 500 channels), on one sky; next to that, the spread over {glue:text}`answer_skies` skies at half that
 # resolution (`laptop`). Each conclusion rests on claims of the ledger, whose readings were written down before their numbers were known ({doc}`15_claims`). It is *reproduced* if all of them are, *not reproduced* if none is even in part,
 # and *in part* otherwise.
 #
-# What to use on data of one's own is [another question](25_side_by_side.ipynb).
+# $C/C_0$ and $P/P_0$ are what a method leaves over the truth (HI plus noise), across the sky and along the line of sight, $k$ is in MHz$^{-1}$; SD is SDecGMCA, PAR and POL are the two fits. A claim may have several parts and its row shows one
+# number: it can lie on the paper's side of the limit while another part fails.
+#
+# What to use on data of your own: [here](25_side_by_side.ipynb).
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
 large: str = "paper_templates"  # the ledger and the figures at the paper's size
 several: str = "claims_laptop"  # the ledger over several skies
 
-# %%
+# %% tags=["hide-input"]
 from pathlib import Path
 
 from IPython.display import Markdown
@@ -83,7 +90,7 @@ def told(number):
     return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim["id"] in own.claims))
 
 
-# %%
+# %% tags=["hide-input"]
 Table(
     ["", "the paper's conclusion", "at its size", "at half of it"],
     [
@@ -99,7 +106,7 @@ Table(
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% mystnb={"figure": {"name": "fig-answer-angular", "caption": "C/C0 of six methods through the three beams of the paper, at its size, with the real Galaxy (templates, nside 64): the numbers of Fig. 1, as ratios. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "C/C0 of six methods through the three beams of the paper, at its size, with the real Galaxy (templates, nside 64): the numbers of the paper's Fig. 1, as ratios. PCA and FastICA coincide."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
@@ -117,7 +124,8 @@ Markdown(picture(large, "fig-results-frequency", folder))
 told(1)
 
 # %% [markdown]
-# **What fails is the polynomial fit**, and nothing else: it leaves foreground in the Galactic plane, which shows as an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`).
+# **What fails is the polynomial fit**, and no other method where the claims look ($\ell > 3$, $k_\nu > 0.03$): it leaves foreground in the Galactic plane, which shows as an excess at the lowest $\ell$ and at small $k_\nu$
+# ({doc}`07_polynomial`). At still smaller $k_\nu$ every method loses power, as the paper says too.
 #
 # ## 2. The evolving beam
 
@@ -159,10 +167,10 @@ told(5)
 Markdown(picture(large, "fig-dimmed-spectra", folder))
 
 # %% [markdown]
-# **Masks help the methods that do not know the beam, and SDecGMCA little**: it has no peak to lower here, and most of the lines of sight that stand out in its error do not lie along the plane: what it misses is HI that it took rather than
+# **Through the oscillating beam masks help PCA, FastICA and GMCA, and SDecGMCA little.** So M4 fails although all errors shrink: the paper has SDecGMCA gain most. It has no peak to lower here, and most of the lines of sight that stand out in its error do not lie along the plane: what it misses is HI that it took rather than
 # foreground that it left ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
 #
 # ## Where to go from here
 #
 # - Every claim, with its reading and its numbers: {doc}`15_claims`; at the paper's size: {doc}`18_paper_size`.
-# - What should I use on my data? {doc}`25_side_by_side`.
+# - All methods side by side, and a table by what you have: {doc}`25_side_by_side`.

@@ -17,6 +17,11 @@
 # %% [markdown]
 # # The simulated sky
 #
+# > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
+# > - **Good to know**: redshift, and what an angular power spectrum is.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`F1`.
+# > - **Time and memory**: {cost}`01_simulations`.
+#
 # Neutral hydrogen (HI) emits at 1420.4 MHz. What reaches us at a frequency $\nu$ left at redshift
 # $1 + z = 1420.4\ \mathrm{MHz} / \nu$, so a radio map of every frequency channel is a map of the hydrogen at another
 # distance: *intensity mapping*, without seeing a single galaxy. Between 900 and 1400 MHz we look back to $z = 0.58$.
@@ -84,8 +89,12 @@ def stamped(figure, source=milky_way):
 # $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`, which makes clusters look flattened and
 # boosts the power. Rays through the box, a few for each pixel, then collect the displaced hydrogen into the frequency
 # channels; what leaves one channel enters its neighbour.
+#
+# The line is {eq}`eq-mean-temperature`, each dot the mean of one simulated map. Both fall with frequency, for the expansion, the hydrogen and the
+# distance do. Look where the dots leave the line: near the top of the band a channel is a small shell around us, and one large structure in it moves
+# the mean of its map.
 
-# %% mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: the simulation and the mean of theory. What scatters around the line is large-scale structure; the nearest channels hold little of the Universe and scatter most."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: the simulation and the mean of theory. What scatters around the line is large-scale structure; the nearest channels hold little of the Universe and scatter most."}}
 hi = pipeline.hi(sky)
 theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
@@ -96,7 +105,12 @@ curves = [
 panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": r"mean temperature [$\mu$K]"}
 stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 
-# %% mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The same structures look larger the nearer they are."}}
+# %% [markdown]
+# The maps show one far and one near channel, the figure after them all channels along one great circle. A structure covers a larger angle the nearer it
+# is, so the spots grow from one map to the other, and to the right of the cut. Along frequency the pattern is another one after few channels: that is
+# why HI is jagged along a line of sight.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The same structures look larger the nearer they are."}}
 near = int(0.9 * sky.n_channels)
 maps = {
     f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]
@@ -104,7 +118,7 @@ maps = {
 }
 stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
 
-# %% mystnb={"figure": {"name": "fig-hi-slice", "caption": "The light cone cut open: HI along the Galactic equator against frequency, that is, distance. Far away (left) structures span few pixels, close by (right) many."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "The light cone cut open: HI along the Galactic equator against frequency, that is, distance. Far away (left) structures span few pixels, close by (right) many."}}
 longitude = np.linspace(-180, 180, 720)
 equator = sphere.pixel_at(sky.nside, longitude, 0.0)
 cone = 1e3 * hi[:, equator].T
@@ -143,8 +157,12 @@ stamped(
 #   large-scale brightness {cite:p}`miville2007,thorne2017`;
 # - `synthetic`, the default, which needs nothing: a Galaxy of discs seen from inside, radio loops and lognormal structure, calibrated on the
 #   statistics of the real maps.
+#
+# Three maps of the Galaxy and one of other galaxies, each on colours of its own. Synchrotron and free-free emission crowd along the plane, point
+# sources are the same everywhere. The index of synchrotron emission changes from place to place: because of this the foregrounds are more than one
+# spectrum times one map.
 
-# %% mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron at 408 MHz, its spectral index, and free-free emission at 30 GHz (logarithmic but for the index), and the point sources at 1.4 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron at 408 MHz, its spectral index, and free-free emission at 30 GHz (logarithmic but for the index), and the point sources at 1.4 GHz."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
 titles = ["synchrotron, 408 MHz", "synchrotron index", "free-free, 30 GHz", "point sources, 1.4 GHz"]
 values = [
@@ -174,7 +192,7 @@ stamped(
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -221,7 +239,7 @@ for component, name, scale, unit in zip(
     )
 stamped(plotting.lines(panels), "synthetic")
 
-# %%
+# %% tags=["hide-input"]
 if galaxy == "synthetic":
     beside = None
 else:
@@ -252,8 +270,11 @@ beside
 #
 # Sources between 10 mJy and 1 Jy are put on the sky one by one, about {glue:text}`simulations_sources` of them; brighter ones are taken as known and removed. The spectral index of each pixel is
 # drawn from a normal distribution of mean $-2.7$ and width 0.2. No flux is counted twice: mean and clustering are those of the faint sources alone.
+#
+# On the left the thick part is what is drawn one by one. On the right, the clustering of the faint sources falls with $\ell$, and the spectrum of the
+# map becomes level: sources that are scattered at random have the same power at all $\ell$. At large $\ell$ most of the power is theirs.
 
-# %% mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the sources of the thick part are drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the sources of the thick part are drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)
@@ -297,8 +318,11 @@ stamped(plotting.lines(panels))
 #
 # Two lines of sight tell the story of this book. In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times as bright as
 # the mean of HI on the one away from the plane, and {glue:text}`simulations_over_hi_plane` times on the one in it, and they are smooth; HI is faint, and jagged.
+#
+# Left the line in the plane, right the one away from it, on logarithmic axes. All foregrounds are straight there, or nearly. Which of them is the
+# second brightest changes with latitude: free-free emission in the plane, point sources away from it.
 
-# %% mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
 component_styles = {
     "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
     "free-free": {"color": styles.ORANGE, "linestyle": "--"},
@@ -333,7 +357,12 @@ for title, pixel in lines_of_sight.items():
     )
 stamped(plotting.lines(panels))
 
-# %% mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of every component in the channel in the middle of the band, before beam and noise."}}
+# %% [markdown]
+# And across the sky: the contrast between the Galaxy and HI is largest at low $\ell$, for the Galaxy is brightest on the largest scales, and least at
+# the end of the axis. The paper says that foregrounds are four to five orders of magnitude above HI, at high latitude too; the ledger has what comes
+# out.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of every component in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
     component.name: component.map(freqs[middle]) for component in (synchrotron, free_free, sources)
 } | {"HI": hi[middle].astype(float)}
@@ -354,7 +383,7 @@ stamped(plotting.lines([{"curves": curves, **labels, **room}], columns=1, size=(
 # %% [markdown]
 # ## The numbers
 
-# %%
+# %% tags=["hide-input"]
 foreground = sum(middle_maps[name] for name in ("synchrotron", "free-free", "point sources"))
 show(
     {
@@ -396,10 +425,46 @@ quote(
 # - The simulation has limits. The density is lognormal, the velocities are linear, and HI has no structure below the cell of the box,
 #   so small scales are a sketch. For the questions of this book, which are about foregrounds, that is enough.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** At which redshift do we see HI at $\nu = 1000$ MHz, and how much brighter is the Galaxy there than at 1400 MHz, if its spectral index is $-2.7$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $z = 1420.4/1000 - 1 = 0.42$, and $(1000/1400)^{-2.7} = 2.5$ times as bright.
+#
+# </details>
+#
+# **2.** Take another seed. Which numbers of this page stay, and which do not?
 #
 # ```sh
-# himap run 01_simulations --preset laptop                                     # sharper maps, finer channels
-# himap run 01_simulations -p seed=7                                           # another Universe
-# himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # your own Galaxy
+# himap run 01_simulations -p seed=7
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The means stay, within their scatter: they come from formulas. The contrast on the two lines of sight moves, for the synthetic Galaxy is drawn from
+# the seed as well.
+#
+# </details>
+#
+# **3.** Take a real Galaxy. What becomes of the numbers of HI and of the radio galaxies?
+#
+# ```sh
+# himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # from `himap templates my_templates`
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# They stay, to the last digit: each component draws from a stream of its own. Only what has the Galaxy in it changes.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
+# himap run 01_simulations --preset laptop    # sharper maps
 # ```

@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Beams and noise
 #
+# > - **Read first**: {doc}`01_simulations`.
+# > - **Good to know**: what a convolution is.
+# > - **Time and memory**: {cost}`02_beams_and_noise`.
+#
 # A single dish does not see the sky of {doc}`01_simulations` but a blurred copy of it. How much it is blurred depends
 # on frequency: the beam of a dish of diameter $D$ is about $\lambda/D$ wide, so the sky is sharper at the top
 # of the band than at the bottom. That turns *angular* structure of the foregrounds into *spectral* structure,
@@ -84,8 +88,12 @@ def stamped(figure, **parameters):
 # The paper gives $A = 0.1$ arcmin inside a bracket that is a plain number, which can be read in three ways; public codes
 # differ. Here `ripple` chooses: `bracket` (the default) adds $0.1/60 = 0.0017$ to the bracket, 0.14 % of the width;
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$, without the polynomial.
+#
+# Left are the three widths: level for the degraded beam, falling as $1/\nu$ for the evolving one, and wider than that for the oscillating one, whose
+# wave is too small to be seen on this scale. Right is the wave by itself: it comes back every 20 MHz, and the readings of the formula differ in its
+# height.
 
-# %% mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple of the default reading is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple of the default reading is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
 width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
@@ -124,7 +132,12 @@ ripple_panel = {
 }
 stamped(plotting.lines([widths_panel, ripple_panel]), ripple=ripple)
 
-# %% mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
+# %% [markdown]
+# $b_\ell$ is the share of an amplitude that gets through. Compare the two panels curve by curve: the evolving and the oscillating beam let more of a
+# high $\ell$ through at the top of the band than at its bottom, the degraded one the same. What changes between the panels is what turns structure on
+# the sky into structure along frequency.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
 transfers = {name: beam.of_survey(sky) for name, beam in beams.items()}
 degrees = np.arange(sky.lmax + 1)
 panels = [
@@ -155,9 +168,10 @@ stamped(plotting.lines(panels), ripple=ripple)
 #
 # ```{math}
 # :label: eq-noise
-# \sigma_N(\nu) = T_\mathrm{sys}(\nu)\sqrt{\frac{4\pi f_\mathrm{sky}}{\Delta\nu\,t_\mathrm{obs}\,N_\mathrm{dishes}\,\Omega_\mathrm{beam}}},
-# \qquad
-# T_\mathrm{sys} = T_\mathrm{instr} + 66\left(\frac{300\ \mathrm{MHz}}{\nu}\right)^{2.55} \mathrm{K},
+# \begin{aligned}
+# \sigma_N(\nu) &= T_\mathrm{sys}(\nu)\;\sqrt{\frac{4\pi\; f_\mathrm{sky}}{\Delta\nu\;\, t_\mathrm{obs}\;\, N_\mathrm{dishes}\;\, \Omega_\mathrm{beam}}}\;, \\[1.5ex]
+# T_\mathrm{sys}(\nu) &= T_\mathrm{instr} + 66\,\mathrm{K}\, \left(\frac{300\,\mathrm{MHz}}{\nu}\right)^{2.55},
+# \end{aligned}
 # ```
 #
 # with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The system temperature *falls* with frequency,
@@ -165,8 +179,10 @@ stamped(plotting.lines(panels), ripple=ripple)
 # *pixel*, whatever its size, so coarser maps have more noise power, $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$; keep that in mind
 # when presets are compared. Channels wider than the paper's 1 MHz have less noise each. The paper also calls $\sigma_N$ a variance:
 # `noise_reading=variance` takes it as one, in mK² ({doc}`../book/conventions`).
+#
+# The two panels go in opposite directions, as just said. The dashed line lies above the solid one because a narrow channel collects less.
 
-# %% mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise of a pixel and channel (right). The dashed line is the noise for the paper's channels of 1 MHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise of a pixel and channel (right). The dashed line is the noise for the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
 panels = [
     {
@@ -200,7 +216,7 @@ stamped(plotting.lines(panels))
 # of 20 MHz, which makes the spectrum jump by {glue:text}`beams_jump` rms from one channel to the next where HI plus noise has {glue:text}`beams_signal`, and a
 # slower wave of {glue:text}`beams_wave`.
 
-# %% mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams: what its foreground deviates from a smooth spectrum (third order in log-log), and the HI plus noise of the same line of sight, mean removed. What a method takes for smooth is gone; what it has to tell from HI is the coloured line. Each panel has its own axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams: what its foreground deviates from a smooth spectrum (third order in log-log), and the HI plus noise of the same line of sight, mean removed. What a method takes for smooth is gone; what it has to tell from HI is the coloured line. Each panel has its own axis."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
@@ -242,7 +258,11 @@ for name, observation in observations.items():
     )
 stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 
-# %% mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
+# %% [markdown]
+# To the eye the three maps are one: what the beams do to HI is little. What differs between them is what they do to the foreground, and that is not in
+# these maps.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
 channel = sky.n_channels // 2
 truth = {name: observation.truth[channel] for name, observation in observations.items()}
 maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}
@@ -255,7 +275,7 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 # The *truth* that a perfect cleaning would leave is HI plus noise, both through the beam (the noise only through the
 # smoothing that comes after the receiver). All methods of this book are compared with it.
 
-# %%
+# %% tags=["hide-input"]
 wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}
 show(
     {
@@ -296,13 +316,50 @@ quote(
 #
 # - A beam couples angles and frequencies: the foreground's structure on the sky becomes structure in its spectrum.
 # - Smoothing every channel to the worst resolution undoes that for a beam that is known, at the price of small scales.
-# - A ripple of a tenth of a per cent of the beam's width is enough to put a foreground feature above HI, with a
-#   period of 20 MHz, which is $k_\nu = 2\pi/20\ \mathrm{MHz} = 0.31\ \mathrm{MHz}^{-1}$.
+# - A ripple of a tenth of a per cent of the beam's width is enough, close to the Galactic plane, to put a foreground feature above HI, with a
+#   period of 20 MHz, which is $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** The strongest reading has a ripple of 0.5 arcmin where the paper has 0.1. Does the jump from channel to channel grow as much, and what becomes
+# of the slower wave?
 #
 # ```sh
-# himap run 02_beams_and_noise -p ripple=additive_strong    # the strongest reading of the ripple
-# himap run 02_beams_and_noise -p dish_diameter=40          # sharper beams, less blurring
-# himap run 02_beams_and_noise -p t_obs=200                 # a hundredth of the time, ten times the noise
+# himap run 02_beams_and_noise -p ripple=additive_strong
 # ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The jump grows somewhat less than fivefold, for without the polynomial of {eq}`eq-oscillating` the beam is narrower and sees less of the plane beside
+# the line of sight. The slower wave nearly goes: it came from that polynomial.
+#
+# </details>
+#
+# **2.** What does a larger dish do to the blurring and to the noise?
+#
+# ```sh
+# himap run 02_beams_and_noise -p dish_diameter=40
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The beam is narrower by the ratio of the diameters, and trend and jump become smaller with it: there is less beside the line of sight to be mixed in.
+# The noise rises by the same ratio, because {eq}`eq-noise` has the beam area under the root: $\sigma_N \propto \Omega_\mathrm{beam}^{-1/2} \propto D$.
+#
+# </details>
+#
+# **3.** By how much does the noise rise with a hundredth of the time? Do the numbers of the foreground change?
+#
+# ```sh
+# himap run 02_beams_and_noise -p t_obs=200
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# By $\sqrt{100} = 10$. The ripple, the jump and the wave stay as they are: noise comes after the beam, and hides what the beam does without changing
+# it.
+#
+# </details>

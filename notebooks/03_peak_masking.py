@@ -17,6 +17,11 @@
 # %% [markdown]
 # # Masking the peaks
 #
+# > - **Read first**: {doc}`02_beams_and_noise`.
+# > - **Good to know**: least squares.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`B1`, {claim}`B2`, {claim}`B3`.
+# > - **Time and memory**: {cost}`03_peak_masking`.
+#
 # Every method of this book finds the foreground as something *smooth* along the line of sight. A bright HI source is the
 # opposite, a spike in one or two channels, and a least-squares fit bends towards it: some of the source then counts as
 # foreground and is lost. So {cite:t}`gkogkou2025` look for such spikes first and paint them over before any method runs.
@@ -77,7 +82,7 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 # Here is the line of sight with the brightest HI. On the scale of the foreground its peak is hard to see even where
 # we know it is, which is the difficulty of the whole subject.
 
-# %% mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: the observed temperature and HI plus noise in it. Right: the same around the peak, on a logarithmic scale; stars mark the flagged channels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: the observed temperature and HI plus noise in it. Right: the same around the peak, on a logarithmic scale; stars mark the flagged channels."}}
 width = 12 * np.diff(freqs).max()
 near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
@@ -106,7 +111,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # Subtracting the baseline makes the peak plain. The first fit gave way to it; the second, which does not
 # know the peak, does not.
 
-# %% mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with the baseline fitted to all channels and with that of the second fit (the paper's Fig. B.2). Left: the whole band, with the threshold; right: the difference of the two baselines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with the baseline fitted to all channels and with that of the second fit (the paper's Fig. B.2). Left: the whole band, with the threshold; right: the difference of the two baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
 second_style = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
@@ -131,7 +136,11 @@ panels = [
 ]
 study.stamped(plotting.lines(panels), beam=selected)
 
-# %% mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: the whole band; right: around the peak."}}
+# %% [markdown]
+# What goes on to the separation is the dashed line. It lies on the observed one everywhere but at the flagged channels, where the peak is cut down to
+# the second baseline.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: the whole band; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
 close = np.abs(freqs - freqs[channel]) <= width / 2
 masked_style = {"color": styles.VERMILION, "linestyle": "--", "label": "masked"}
@@ -145,7 +154,7 @@ panels = [
 ]
 study.stamped(plotting.lines(panels), beam=selected)
 
-# %%
+# %% tags=["hide-input"]
 show(
     {
         "frequency of the brightest HI": (float(freqs[channel]), 0.1, "MHz"),
@@ -167,7 +176,7 @@ show(
 # The maps below show where. The threshold is relative to each line of sight, so where foreground is left over by
 # the polynomial, in the Galactic plane and, with the oscillating beam, on most of the sky, $\sigma$ is larger and fewer channels pass it.
 
-# %% mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
 masked = {
     name: mask_peaks(study.observed(beams[name]).maps, freqs, order=order, n_sigma=n_sigma) for name in beams
 }
@@ -184,7 +193,7 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # noise and what it would leave of the foreground, each alone. For every masked channel the figure shows the share
 # of the foreground in that sum: near 0 the peak is HI, near 1 it is foreground.
 
-# %% mystnb={"figure": {"name": "fig-peak-origin", "caption": "Share of the foreground in the height of the masked peaks: the fraction of them below each share. At the dotted line HI and foreground contribute as much: a curve that is at 1 left of it means that all peaks are HI. Below 0 the foreground lies under its baseline."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Share of the foreground in the height of the masked peaks: the fraction of them below each share. At the dotted line HI and foreground contribute as much: a curve that is at 1 left of it means that all peaks are HI. Below 0 the foreground lies under its baseline."}}
 
 
 def left_over(maps, kept):
@@ -227,7 +236,7 @@ half = ([0.5, 0.5], [0, 1], {"color": "0.5", "linestyle": ":"})
 labels = {"xlabel": "share of the foreground in a masked peak", "ylabel": "fraction of the peaks below"}
 study.stamped(plotting.lines([{"curves": [*curves, half], **labels}], columns=1, size=(6.4, 4)))
 
-# %%
+# %% tags=["hide-input"]
 show(numbers)
 
 # %% tags=["hide-input"]
@@ -252,8 +261,11 @@ quote(
 # PCA with the paper's number of components, once on the masked maps and once on the maps as they are (masked always with order 6 and
 # $5\,\sigma$ here, as in the rest of the book). The figure shows by how much the spectra of the cleaned maps change when the
 # masking is left out.
+#
+# Nearly all changes are losses, and those of $P$ sit at the smallest $k_\nu$, where a baseline that bends towards a peak takes power. The paper finds
+# that without this step all methods are worse, with a bias of $P$ on all scales.
 
-# %% mystnb={"figure": {"name": "fig-peak-effect", "caption": "Change of the spectra of the cleaned maps (PCA with 3, 4 and 5 components for the three beams) when the peaks are not masked. Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Change of the spectra of the cleaned maps (PCA with 3, 4 and 5 components for the three beams) when the peaks are not masked. Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
 angular, frequency, numbers, changes = [], [], {}, {}
 for name in beams:
     pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]
@@ -288,7 +300,7 @@ panels = [
 ]
 study.stamped(plotting.lines(panels))
 
-# %%
+# %% tags=["hide-input"]
 show(numbers)
 
 # %% tags=["hide-input"]
@@ -313,10 +325,46 @@ quote(
 # - The ripple of the oscillating beam is not mistaken for HI. It raises the threshold and hides peaks instead.
 # - The price is two small fits.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** With the oscillating beam the polynomial leaves the ripple in the flattened line, and $\sigma$ is larger. Is the brightest peak still found?
 #
 # ```sh
-# himap run 03_peak_masking -p beam=oscillating      # the same source under the ripple
-# himap run 03_peak_masking -p n_sigma=4             # more peaks, and more of the foreground with them?
-# himap run 03_peak_masking --preset laptop          # finer pixels and channels: brighter peaks
+# himap run 03_peak_masking -p beam=oscillating
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Yes. $\sigma$ of this line is larger, but its peak stands more than $5\,\sigma$ out of it. Fainter peaks are lost, as the text above says.
+#
+# </details>
+#
+# **2.** Are there more peaks at $4\,\sigma$, and is there more of the foreground with them?
+#
+# ```sh
+# himap run 03_peak_masking -p n_sigma=4
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# More than twice as many voxels are masked. Still nearly all of them are HI, and of the peaks that HI and noise alone would show hardly more are found
+# with the oscillating beam: lowering the threshold does not undo what the ripple hides.
+#
+# </details>
+#
+# **3.** At which threshold would the crests of a pure sine be flagged?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Below $\sqrt{2}\,\sigma = 1.4\,\sigma$: a sine of amplitude $a$ has $\sigma = a/\sqrt{2}$, and nowhere more than $a$.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
+# himap run 03_peak_masking --preset laptop    # finer pixels and channels: brighter peaks
 # ```

@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Principal component analysis
 #
+# > - **Read first**: {doc}`02_beams_and_noise`, {doc}`03_peak_masking`.
+# > - **Good to know**: eigenvectors of a covariance matrix.
+# > - **Time and memory**: {cost}`04_pca`.
+#
 # The sky at 21 cm is almost all foreground: Galactic synchrotron and free-free emission and radio
 # galaxies outshine the HI signal by orders of magnitude ({doc}`01_simulations`). What saves us is that they
 # are *smooth in frequency*: along a line of sight a foreground is close to a power law, while HI
@@ -109,7 +113,7 @@ remover = removers[selected][0]
 # degraded, the evolving and the oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues are
 # larger than any of HI plus noise. The figures below use the paper's 3, 4 and 5 components; where that is less, foreground is left in.
 
-# %% mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
@@ -145,10 +149,10 @@ quote(
 # component *is* synchrotron or free-free emission, as the second and later ones are forced to be
 # orthogonal to the first.
 
-# %% mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
 study.mixing_figure(selected, remover)
 
-# %% mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
 study.sources_figure(selected, remover)
 
 # %% [markdown]
@@ -158,7 +162,7 @@ study.sources_figure(selected, remover)
 # difference: through the oscillating beam, the hardest of the three. Differences along the Galactic plane are foreground that was left; differences elsewhere
 # are signal that was lost with the components.
 
-# %% mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 study.channel_figure(hardest, removers[hardest][0])
 
@@ -169,19 +173,23 @@ study.channel_figure(hardest, removers[hardest][0])
 # averaged over channels, and the power spectrum along the line of sight $P(k_\nu)$, averaged over
 # pixels. Below each is the ratio of the cleaned to the true spectrum; the grey band is 10 %. The axis of
 # ratios is even near 1, so that 5 % can be seen, and logarithmic far from it, so that nothing is cut off.
+#
+# What to look at: how far the ratio is from 1, and on which side. With the degraded beam it is below, where signal went with the components. With the
+# oscillating beam it is above, most at the lowest and the highest $\ell$; and along the line of sight a hump at small $k_\nu$ and a narrow peak at the
+# ripple are foreground that five components do not hold. The paper's Figs. 1 and 2 have that excess at low $\ell$, and that peak.
 
-# %% mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
 # %% [markdown]
-# The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, where
+# The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, where
 # a ripple of 20 MHz shows. The notebook keeps every number with the tolerance within which another computer must
 # reproduce it; the pages show the digits that it is sure of.
 
-# %%
+# %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 
@@ -224,14 +232,52 @@ quote(
 #   at the next one, where foreground is left, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
 # - With the oscillating beam and 5 components the maps are too bright on the largest scales ($C/C_0$ = {glue:text}`pca_largest_scales` at $\ell < 10$) and on smaller ones
 #   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and {glue:text}`pca_ripple` times too
-#   bright at $k_\nu = 2\pi/20 \approx 0.31$ MHz$^{-1}$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
+#   bright at $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
 #   signal with it: $P/P_0$ is then {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 # - PCA costs one covariance matrix and an eigenvalue problem of the size of the channels.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Take one component more than the paper for the oscillating beam. What becomes of the peak of the ripple, and what is the price?
 #
 # ```sh
-# himap run 04_pca -p beam=oscillating -p n_sources=6             # one more: the peak goes, and signal with it
+# himap run 04_pca -p beam=oscillating -p n_sources=6
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The peak goes, and the excess at low $\ell$ with it: both were the same component of the foreground. The price is signal: both ratios are now below 1
+# on large scales, and so is $P/P_0$ at small $k_\nu$.
+#
+# </details>
+#
+# **2.** And with the strongest reading of the ripple, five components?
+#
+# ```sh
 # himap run 04_pca -p beam=oscillating -p n_sources=5 -p ripple=additive_strong
-# himap run 04_pca --preset laptop                               # four times the pixels
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# More is left: the excess at low $\ell$ is larger and the peak of the ripple several times as high. The sixth component takes the peak there as well.
+#
+# </details>
+#
+# **3.** {eq}`eq-pca-residual` is a projection. Show that to clean cleaned maps again with the same $\mathbf{A}$ changes nothing.
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $\mathbf{A}^{\top}\mathbf{A} = \mathbf{1}$, so with $\mathbf{P} = \mathbf{1} - \mathbf{A}\mathbf{A}^{\top}$ one has $\mathbf{P}^2 = \mathbf{1} -
+# 2\,\mathbf{A}\mathbf{A}^{\top} + \mathbf{A}\mathbf{A}^{\top}\mathbf{A}\mathbf{A}^{\top} = \mathbf{P}$. A PCA of the cleaned maps would find other
+# components, and take signal.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
+# himap run 04_pca --preset laptop    # four times the pixels
 # ```

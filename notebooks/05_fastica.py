@@ -20,6 +20,10 @@
 # %% [markdown]
 # # Fast independent component analysis
 #
+# > - **Read first**: {doc}`04_pca`.
+# > - **Good to know**: independence of random variables, which is more than no correlation.
+# > - **Time and memory**: {cost}`05_fastica`.
+#
 # The components of {doc}`04_pca` are uncorrelated, and that is a weak demand: any rotation of uncorrelated maps of equal
 # variance gives maps that are uncorrelated again. Independent component analysis (ICA) asks for more. Synchrotron emission and
 # point sources know nothing of each other, so knowing one map should tell *nothing* about the other,
@@ -107,8 +111,8 @@ pca = PCA(n_sources=n_sources)
 #
 # **The cleaned maps of FastICA are those of PCA with the same $n_s$**, whatever $\mathbf{W}$ is, converged or not. This is no
 # property of our code. scikit-learn's `FastICA(n_components=n_s)` keeps $n_s$ principal components when it whitens, and a test of
-# this package compares both. It is why the curves of the two methods coincide in the paper's figures. They would
-# differ only if the whitening kept more components than sources are removed.
+# this package compares both. The paper shows the two as separate methods; their cleaned maps can differ only if the whitening
+# keeps more components than sources are removed.
 
 # %%
 different = {
@@ -127,7 +131,7 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # first, the flattest, goes with the thin plane and compact knots, as free-free emission would, the others with the diffuse sky, as
 # synchrotron emission would. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane have the wrong sign.
 
-# %% mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
 study.mixing_figure(selected, remover)
 
 
@@ -147,14 +151,14 @@ quote(
     fastica_index_third=(indices[2], 0.02),
 )
 
-# %% mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
 study.sources_figure(selected, remover)
 
 # %% [markdown]
 # How far from Gaussian are they? The figure has the distribution of the pixels of each source in units of its
 # standard deviation, beside those of PCA. Nothing in a foreground is Gaussian, before or after the rotation.
 
-# %% mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails go on beyond 6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails go on beyond 6."}}
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
@@ -195,7 +199,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # and five sources of the evolving and the oscillating beam some runs end elsewhere, with other sources for some of the components (the smallest correlations
 # are {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`). As {eq}`eq-fastica` needs nothing but $\mathbf{Z}$, the runs work on the principal components instead of the maps.
 
-# %% mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
@@ -230,7 +234,7 @@ quote(
 # The number of iterations depends on the start as well. One iteration costs a product of an $n_s \times n_s$ matrix with $n_s$
 # maps and as many hyperbolic tangents, far less than the covariance matrix that comes before.
 
-# %%
+# %% tags=["hide-input"]
 show(
     {
         # The last digits of sums, which depend on threads and places in memory, decide when it stops.
@@ -246,7 +250,7 @@ show(
 #
 # The cleaned map of one channel beside the truth and their difference: the same map as that of PCA in {numref}`fig-pca-maps`.
 
-# %% mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 study.channel_figure(hardest, removers[hardest][0])
 
@@ -255,14 +259,14 @@ study.channel_figure(hardest, removers[hardest][0])
 #
 # Both spectra of the cleaned maps with those of PCA, which they cover.
 
-# %% mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
-# %%
+# %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 # %% [markdown]
@@ -270,16 +274,51 @@ show(study.band_numbers(removers))
 #
 # - FastICA rotates the leading principal components until they are as far from Gaussian as they can be. It removes the same
 #   space as PCA, so the cleaned maps, the spectra and the number of components to choose are those of PCA, pixel by pixel.
-#   Where the paper shows both, one curve lies on the other.
+#   Where this book shows both, one curve lies on the other.
 # - What it adds is a reading of the foregrounds: its sources look more like emission than those of PCA. They are not
 #   physical components, for these are not independent of each other.
 # - The sources may depend on the random start, as those of four and five components do here; what is removed does not.
 # - It costs what PCA costs and some iterations on $n_s$ maps.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Another contrast measures the distance from a Gaussian differently. Are the sources the same? Are the cleaned maps?
 #
 # ```sh
-# himap run 05_fastica -p contrast=cube                          # another measure of non-Gaussianity: other sources, the same maps
+# himap run 05_fastica -p contrast=cube
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The sources are others, as their spectral indices show. The cleaned maps are the same in every pixel: {eq}`eq-ica-is-pca` holds for every rotation.
+#
+# </details>
+#
+# **2.** With the oscillating beam and five components, is the first source nearer to free-free emission?
+#
+# ```sh
 # himap run 05_fastica -p beam=oscillating -p n_sources=5
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Its index is flatter than before, and flatter than that of free-free emission itself: with more components the rotation has more freedom, and what it
+# finds is a mixture all the same.
+#
+# </details>
+#
+# **3.** Does the real Galaxy make the answer unique?
+#
+# ```sh
 # himap run 05_fastica -p galaxy=templates -p template_dir=DIR   # the real Galaxy, from `himap templates DIR`
 # ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Not for the evolving and the oscillating beam: there some runs still end with other sources, though less far from each other. The cleaned maps are
+# those of PCA again.
+#
+# </details>

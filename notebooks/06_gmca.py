@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Generalised morphological component analysis
 #
+# > - **Read first**: {doc}`04_pca`, {doc}`05_fastica`.
+# > - **Good to know**: the pseudo-inverse of a matrix; wavelets are introduced here.
+# > - **Time and memory**: {cost}`06_gmca`.
+#
 # PCA asks that sources be uncorrelated, FastICA that they be independent ({doc}`04_pca`, {doc}`05_fastica`). Generalised
 # morphological component analysis (GMCA) {cite:p}`bobin2007` asks that they be *sparse*: in the right basis, a wavelet basis for
 # instance, a map of the sky is a few large coefficients and very many small ones. If the large coefficients of different sources
@@ -82,8 +86,10 @@ pca = PCA(n_sources=n_sources)
 # Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere. A map is smoothed again and again, each time with a kernel
 # twice as wide; the differences between one and the next are the *detail scales*, and what remains is the smooth scale. All are full maps, and
 # their sum is the map. In harmonic space each scale is a filter of $\ell$.
+#
+# Each curve is one scale: the finest lets the highest multipoles through, each coarser one about half of those, and the smooth scale the lowest.
 
-# %% mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole; they add up to 1 at every multipole."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole; they add up to 1 at every multipole."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
 looks = [{"color": styles.COLOURS[n], "linestyle": dashes[n]} for n in range(5)]
 filters = starlet_filters(n_scales, 3 * study.survey.nside - 1)
@@ -98,7 +104,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # Below are the scales of one observed channel. Detail scales are zero nearly everywhere and large near compact emission and at the
 # edges of the plane: they are sparse. The smooth scale is not.
 
-# %% mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "The channel in the middle of the band, as observed, in starlet scales, fine to coarse. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "The channel in the middle of the band, as observed, in starlet scales, fine to coarse. Colours span the central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
 scales = starlets(channel - channel.mean(), n_scales)
 scale_maps = dict(zip(names, scales, strict=True))
@@ -109,7 +115,7 @@ study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_sc
 # square sum, the scale is sparse. The finer the scale, the sparser it is: one coefficient in a thousand holds {glue:text}`gmca_share_finest` of the finest, and
 # {glue:text}`gmca_share_smooth` of the smooth one.
 
-# %% mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel that is in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves, brightest = [], {}
 for n, (name, scale) in enumerate(scale_maps.items()):
@@ -170,7 +176,7 @@ quote(
 # more coefficients pass. $\mathbf{A}$ is still drifting when the iteration stops. But the space of $\mathbf{A}$, which is all that matters,
 # leaves that of PCA in the first iterations and then hardly moves.
 
-# %% mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they are the same."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they are the same."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
 centred = (masked - masked.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
 steps = list(remover.iterate(centred))
@@ -218,10 +224,10 @@ study.stamped(
 # brightest sources are brighter than the sky itself: they cancel. Those of PCA, with orthogonal spectra, cannot do that. So these maps
 # are not emission of one kind or another either.
 
-# %% mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
 study.mixing_figure(selected, remover)
 
-# %% mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
 study.sources_figure(selected, remover)
 
 # %% [markdown]
@@ -230,7 +236,7 @@ study.sources_figure(selected, remover)
 # Cleaned and true map are alike to the eye. The difference has structure near the centre of the Galaxy, where foreground was left or too
 # much was taken.
 
-# %% mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 study.channel_figure(selected, remover)
 
 # %% [markdown]
@@ -243,15 +249,18 @@ study.channel_figure(selected, remover)
 # {glue:text}`gmca_oscillating_slow` times it, and the peak of the ripple is {glue:text}`gmca_oscillating_peak` times as high. It does not lose everywhere: with the
 # oscillating beam its power at higher $\ell$ is {glue:text}`gmca_oscillating_fine` of that of PCA. The space of PCA leaves the least *total* variance, and that
 # is dominated by few bright structures.
+#
+# Look at the degraded beam first, where one curve covers the other, and then at low $\ell$ and low $k_\nu$ of the other two, where GMCA is above PCA.
+# The paper has an excess of GMCA with the evolving beam from intermediate $\ell$ down.
 
-# %% mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 study.angular_figure(both)
 
-# %% mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(both)
 
-# %%
+# %% tags=["hide-input"]
 show(study.band_numbers(both, tolerance=0.05))
 
 # %% tags=["hide-input"]
@@ -283,7 +292,7 @@ quote(
 # None of them comes from the data. In the next figure they move the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth; see what they
 # do with `beam=oscillating`.
 
-# %% mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other choices of the method's own parameters and for PCA."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other choices of the method's own parameters and for PCA."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
 changes = {
     f"{penalty}, {n_scales} scales, {n_sigma:g} $\\sigma$": {},
@@ -316,7 +325,7 @@ quote(gmca_choices_spread=(100 * np.ptp(choices), 2, "%"))
 # starlets and back; the cube itself is never transformed. PCA passes over the cube twice in all. So GMCA costs as many
 # times more as it takes iterations.
 
-# %%
+# %% tags=["hide-input"]
 show(
     {
         f"{name}: iterations": (study.separation(name, methods[0]).n_iterations, 10)
@@ -338,10 +347,47 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 #   are not.
 # - It passes over the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Do hard thresholds ($\ell_0$) change what is left through the oscillating beam?
 #
 # ```sh
-# himap run 06_gmca -p penalty=l0                                # hard thresholds
-# himap run 06_gmca -p beam=oscillating -p n_sources=6           # one source more
+# himap run 06_gmca -p penalty=l0
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# They lessen the excess at low $\ell$ and the peak of the ripple, and both stay above those of PCA. For the degraded beam nothing of account changes:
+# there three components hold the foreground, whichever way they are found.
+#
+# </details>
+#
+# **2.** One source more, through the oscillating beam: does GMCA still leave more than PCA?
+#
+# ```sh
+# himap run 06_gmca -p beam=oscillating -p n_sources=6
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# No: with six sources both hold all of the foreground, and their spectra nearly agree. What GMCA leaves more than PCA is of the component that is missing.
+#
+# </details>
+#
+# **3.** Why may a source be brighter than the sky that it is a part of?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Because the columns of $\mathbf{A}$ are nearly parallel. To make up a spectrum that lies between them takes large sources of opposite sign, and only
+# their sum is seen.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
 # himap run 06_gmca -p galaxy=templates -p template_dir=DIR      # the real Galaxy, from `himap templates DIR`
 # ```

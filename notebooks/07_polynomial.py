@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Polynomial fitting
 #
+# > - **Read first**: {doc}`03_peak_masking`, {doc}`04_pca`.
+# > - **Good to know**: least squares.
+# > - **Time and memory**: {cost}`07_polynomial`.
+#
 # The methods of the last chapters look at the whole sky at once and let it tell which spectra to remove. The
 # simplest alternative looks at one line of sight at a time: draw a smooth curve through its spectrum, and call
 # what is left HI. {cite:t}`gkogkou2025` take a polynomial of order 6,
@@ -83,8 +87,11 @@ freqs = observed.freqs
 # Compare this with {eq}`eq-pca-residual`: it is PCA with a mixing matrix that was chosen before looking at
 # the data. A bright HI source bends the curve, so channels more than $5\,\sigma$ away from it are left out of a second fit, as in
 # {doc}`03_peak_masking`.
+#
+# The polynomial of order $n$ has $n$ zeros in the band: the higher the order, the faster what it can follow, and none of these is as fast as the
+# ripple.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
 colours = [*styles.COLOURS, "black"]
 curves = []
 for n, column in enumerate(study.separation(selected, remover).mixing.T[:7]):
@@ -102,7 +109,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # The coefficients are maps. The first is the mean brightness of each line of sight, the second its slope, and so on. Each
 # new one is fainter than the one before, and with a beam that does not change with frequency they all look like the Galaxy.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
 sources = {f"order {n}": study.separation(selected, remover).sources[n] / 1000 for n in chosen}
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
@@ -115,7 +122,7 @@ study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selecte
 # of sight in the Galactic plane. The figure shows the worst error over the band for such a foreground. Each order gains a factor between
 # {glue:text}`polynomial_gain_least` and {glue:text}`polynomial_gain_most`.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against the order of the polynomial; the dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against the order of the polynomial; the dotted line is the standard deviation of HI plus noise."}}
 orders = np.arange(1, 11)
 middle = 0.5 * (freqs[0] + freqs[-1])
 no_clip = float(len(freqs))  # no channel can be that many standard deviations away
@@ -162,7 +169,7 @@ quote(
 # drowns HI in the plane, and is about as bright as HI at the low end of the band far from it: it has 25 periods in the band, and a
 # polynomial of order 6 at most six zeros.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "What the polynomial leaves of two lines of sight, for the three beams, and the truth less its own polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "What the polynomial leaves of two lines of sight, for the three beams, and the truth less its own polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
@@ -184,20 +191,27 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
-# %% mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% [markdown]
+# The map of one channel has it in another form: what is left through the oscillating beam is the Galactic plane.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 study.channel_figure(hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
+#
+# The degraded and the evolving beam look alike: foreground is left at the lowest $\ell$, and along the line of sight a loss at the smallest $k_\nu$ is
+# followed by a hump. With the oscillating beam the excess grows with $\ell$, and $P$ is far above the truth at nearly every $k_\nu$, most at the
+# ripple. The paper says both: that this fit does not notice the evolving beam, and that it fails with the oscillating one.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
-# %%
+# %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 # %% [markdown]
@@ -207,7 +221,7 @@ show(study.band_numbers(removers))
 # signal that is lost, and each is a sum of squares of coefficients: those of the foreground beyond the order, and those
 # of the signal up to it. So one fit of the highest order gives the errors of all.
 
-# %% mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground that polynomials leave, for the three beams, and of the signal that they take, against their order, in units of the truth. Channel means removed, no clipping. Where foreground and signal cross, the sum of both errors is near its lowest; with the oscillating beam they never do. The axis is that of the order plus one. The degraded and the evolving beam coincide but at the lowest orders."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground that polynomials leave, for the three beams, and of the signal that they take, against their order, in units of the truth. Channel means removed, no clipping. Where foreground and signal cross, the sum of both errors is near its lowest; with the oscillating beam they never do. The axis is that of the order plus one. The degraded and the evolving beam coincide but at the lowest orders."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 
@@ -241,7 +255,7 @@ curves.append(
 labels = {"xlabel": "order + 1", "ylabel": "rms error / rms truth", "xscale": "log", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))
 
-# %%
+# %% tags=["hide-input"]
 show(numbers)
 
 # %% tags=["hide-input"]
@@ -272,10 +286,46 @@ quote(
 #   not smooth, and nothing in one line of sight tells it from HI. That the same ripple is all over the sky is
 #   the information that PCA uses and a fit by line of sight does not.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Does order 8 leave less foreground in the Galactic plane? What does it cost?
 #
 # ```sh
-# himap run 07_polynomial -p order=8                # less left in the Galactic plane, and less signal too
+# himap run 07_polynomial -p order=8
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Yes: the excess at $\ell < 10$ through the degraded and the evolving beam is gone, and the error of the maps is smaller. But $C/C_0$ is now below 1 in both bands of the table, and of $P$ at the smallest $k_\nu$ hardly anything is left. Through the oscillating beam the fit fails as before.
+#
+# </details>
+#
+# **2.** Without clipping, does a peak matter to this fit?
+#
+# ```sh
+# himap run 07_polynomial -p n_sigma=50             # no clipping
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Hardly. A little more power is lost at the smallest $k_\nu$, and $C/C_0$ stays the same: seven coefficients bend little towards one channel.
+#
+# </details>
+#
+# **3.** The ripple has 25 periods in the band. Which order could follow it at all, and what would that do to HI?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# A sine of 25 periods has 50 zeros, and a polynomial of order $n$ has at most $n$: it takes order 50 at least. As many spectra are then taken from HI
+# as well, and the scan above shows that even this does not do.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
 # himap run 07_polynomial -p beam=oscillating       # the maps and coefficients of the failure
-# himap run 07_polynomial -p n_sigma=50             # no clipping: does a peak matter?
 # ```

@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Parametric fitting
 #
+# > - **Read first**: {doc}`07_polynomial`.
+# > - **Good to know**: least squares where one parameter is not linear.
+# > - **Time and memory**: {cost}`08_parametric`.
+#
 # A polynomial knows nothing about the sky. We know a good deal: electrons that spiral in magnetic fields and electrons that
 # pass close to protons both shine with power laws in frequency. The parametric fit of {cite:t}`gkogkou2025` writes that down for every
 # line of sight $p$,
@@ -90,8 +94,12 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # $\beta$ must stay away from $-2.13$, where both terms are the same and only their sum is known. The search is bounded to $-4 \leq \beta \leq
 # -2.2$, which leaves room on both sides of any real synchrotron spectrum. A line of sight whose best $\beta$ is one of the bounds is
 # **flagged**: its sky is not the model.
+#
+# Each curve has one minimum, so the search finds it. What matters is how deep it is: with the degraded beam it reaches the dotted line, and the model
+# fits. With the other two it does not in the plane, whatever $\beta$ is; and at high latitude it comes near at another $\beta$, which is no longer that
+# of the sky.
 
-# %% mystnb={"figure": {"name": "fig-parametric-search", "caption": "The sum of squares along two lines of sight, as a function of the index of the second power law, for the three beams. It is given as the root mean square residual; the dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "The sum of squares along two lines of sight, as a function of the index of the second power law, for the three beams. It is given as the root mean square residual; the dotted line is the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0
 betas = np.linspace(beta_min, beta_max, 181)
 
@@ -129,7 +137,7 @@ study.stamped(plotting.lines(panels))
 #
 # The parameters are maps, with a meaning this time. How well do they measure what they are named after?
 
-# %% mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
     part
@@ -152,8 +160,10 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 # the same index are hard to tell apart over a band of less than an octave, and the sum of synchrotron emission and radio
 # galaxies, with their different indices, is no power law; its curvature looks like a little free-free emission. The
 # *sum* of both terms is what is measured well, and only the sum is subtracted.
+#
+# The two amplitudes have nearly the same curve, so that the fit can trade one for the other; the index adds one that turns around.
 
-# %% mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter (amplitudes alpha 1 and alpha 2, index beta) adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter (amplitudes alpha 1 and alpha 2, index beta) adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
 colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
@@ -163,7 +173,7 @@ curves = [
 labels = {"xlabel": styles.CHANNELS, "ylabel": "derivative of T, scaled"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), beam=selected)
 
-# %%
+# %% tags=["hide-input"]
 numbers = {}
 for name in beams:
     fit = study.separation(beams[name], remover)
@@ -194,7 +204,7 @@ quote(
 # line of sight as the beam narrows, or a faint one comes up. That bends the spectrum in ways that no
 # power law allows, and what is left is smooth, large, and not HI. The oscillating beam adds its ripple.
 
-# %% mystnb={"figure": {"name": "fig-parametric-lines", "caption": "What the parametric fit leaves of two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "What the parametric fit leaves of two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
 panels = []
 for place, (lon, lat) in places.items():
     pixel = sphere.pixel_at(study.survey.nside, lon, lat)
@@ -214,7 +224,10 @@ for place, (lon, lat) in places.items():
         )
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 
-# %% mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% [markdown]
+# The map of one channel through the oscillating beam has the colours of what is left in the plane; beside it HI is faint.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 study.channel_figure(hardest, remover)
 
@@ -225,13 +238,13 @@ study.channel_figure(hardest, remover)
 # that of the truth, with the oscillating beam {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times; the lower panels
 # are logarithmic here.
 
-# %% mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
-# %%
+# %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 # %% tags=["hide-input"]
@@ -249,7 +262,7 @@ quote(
 # Is it a few lines of sight, or all of them? The figure sorts the lines of sight by what is wrong with them, the root mean square over the
 # channels of cleaned minus true maps.
 
-# %% mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Lines of sight sorted by the error of the cleaned maps: the share of the sky with a larger root mean square than each value. Channel means removed. The dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Lines of sight sorted by the error of the cleaned maps: the share of the sky with a larger root mean square than each value. Channel means removed. The dotted line is the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
 for name in beams:
     squares = study.assessed(beams[name], remover).line_errors
@@ -280,7 +293,7 @@ floor = (
 labels = {"xlabel": "rms error [mK]", "ylabel": "lines of sight above [%]", "xscale": "log", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": [*curves, floor], **labels}], columns=1, size=(6.4, 4)), **bounds)
 
-# %%
+# %% tags=["hide-input"]
 show(numbers)
 
 # %% tags=["hide-input"]
@@ -317,10 +330,48 @@ quote(
 #   bound: the *fit* hardly says that it failed. The size of its residuals does.
 # - The price: a search of about {glue:text}`parametric_steps` steps for all lines of sight together.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Give the search more freedom. Are there fewer flags, and is there less error?
+#
+# ```sh
+# himap run 08_parametric -p beta_min=-6
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# There are fewer flags, and no better fit: through the evolving and the oscillating beam the excess at low $\ell$ is even larger, and
+# the fit still fails by orders of magnitude.
+#
+# </details>
+#
+# **2.** And less freedom than the sky needs?
+#
+# ```sh
+# himap run 08_parametric -p beta_min=-3 -p beta_max=-2.8
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Then the fit fails through the degraded beam too: nearly all lines of sight are worse than the signal. The index of synchrotron emission lies beyond
+# these bounds in a part of the sky; that the model is right is not enough, its parameters must be free to be right.
+#
+# </details>
+#
+# **3.** Is the sum of two power laws with different indices a power law?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# No. In log-log its slope is the mean of the two indices, weighted by brightness, and the flatter one gains weight as $\nu$ rises: the sum is curved.
+# That is why three parameters cannot hold synchrotron emission, radio galaxies and free-free emission exactly, even before any beam.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 08_parametric -p beam=evolving            # the parameter maps of the failure
-# himap run 08_parametric -p beta_min=-6              # more freedom: fewer flags, and how much less error?
-# himap run 08_parametric -p beta_min=-3 -p beta_max=-2.8       # less freedom than the sky needs
 # ```

@@ -17,6 +17,11 @@
 # %% [markdown]
 # # SDecGMCA: separation that knows the beam
 #
+# > - **Read first**: {doc}`06_gmca`.
+# > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`R1`.
+# > - **Time and memory**: {cost}`09_sdecgmca`.
+#
 # PCA, FastICA and GMCA all assume that a source has *one* sky map, seen in every channel with some weight. A beam that changes
 # with frequency breaks this: the same source is blurred differently in each channel, and every bright pixel acquires a
 # spectrum of its own. {cite:t}`gkogkou2025` therefore apply a method that puts the beam into the model, SDecGMCA
@@ -29,7 +34,7 @@
 # ```
 #
 # This notebook goes through the method step by step as the paper has it, runs it on the three beams, looks at what its last step does beyond $\ell = 200$, and
-# asks how far its answer moves when nothing of importance changes. Beside it stands a method of our own for the same model, BeamSubspace.
+# asks how far its answer moves when nothing of importance changes. Its last section has a method of our own for the same model, BeamSubspace.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -123,7 +128,7 @@ quote(sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside))
 # last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds, found in the maps with their peaks masked and subtracted from those with their peaks (the paper says neither).
 # The paper chooses three parameters by beam (its Table 1):
 
-# %%
+# %% tags=["hide-input"]
 rows = {
     f"{name}: {label}": f"{values[key]:g}"
     for name, values in TABLE_1.items()
@@ -148,28 +153,35 @@ Markdown("\n".join(Table(head, body).markdown()))
 
 # %% [markdown]
 # ## What is removed
+#
+# The columns fall with frequency and are nearly parallel, and the sources are many times brighter than the sky, with both signs: as those of GMCA they
+# cancel. The last source is the faintest by far; what it follows decides what becomes of HI.
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading`. Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading`. Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
 study.mixing_figure(selected, remover)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, mK. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, mK. Colours span the central 96 % of the pixels."}}
 study.sources_figure(selected, remover)
 
 # %% [markdown]
 # ## What is left
 #
-# The truth, HI plus noise, is cut where the curve of SDecGMCA ends, in maps and spectra alike.
+# The truth, HI plus noise, with which maps and ratios are compared is cut where the curve of SDecGMCA ends.
+#
+# In the maps look along the plane, where foreground would stand out of the difference. In the spectra look on which side of 1 the ratio is: the paper
+# has an excess at low $\ell$ and low $k_\nu$ through the oscillating beam, and a small peak at the ripple. At high $k_\nu$ the lines part and the ratio
+# is 1: the black line is the whole truth, the ratio that to the truth cut at the same $\ell$.
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 study.channel_figure(selected, remover)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
-# %%
+# %% tags=["hide-input"]
 numbers = study.band_numbers(removers, tolerance=0.05)  # rounding alone moves them, see below
 for each, methods in removers.items():
     result = study.assessed(each, methods[0])
@@ -184,8 +196,11 @@ show(numbers)
 # `beyond="cut"` nothing is found there, the maps that are left end, and so does the truth that they are compared with; with `"regularised"`
 # {eq}`eq-sdecgmca-sources` goes on to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it goes on without. Up to the end all three are the same
 # $\mathbf{A}$ and the same $\hat{\mathbf{S}}$.
+#
+# Up to the dotted line there is one curve. Beyond it look at “regularised”: the paper's spurious peak beyond $\ell = 200$ is what an $\epsilon$ above
+# zero makes of the highest multipoles.
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of the spectra to the truth for three answers to what happens beyond the last multipole of the inversion, the dotted line: frequency (left) and angular (right). All have the same mixing matrix, in the reading of the figures above. The axes of ratios are logarithmic. Beyond 2 nside, the last dotted line, the pixels hold maps badly."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of the spectra to the truth for three answers to what happens beyond the last multipole of the inversion, the dotted line: frequency (left) and angular (right). All have the same mixing matrix, in the reading of the figures above. The axes of ratios are logarithmic. Beyond 2 nside, the last dotted line, the pixels hold maps badly."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},
@@ -223,7 +238,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # Where $\epsilon$ is at work, the foreground is too small, and what is left too large: this is the paper's explanation of a peak beyond $\ell = 200$. The first multipole at which
 # strategy 3 has an $\epsilon$ above zero, with $c$ of Table 1 and the $\mathbf{A}$ that was found:
 
-# %%
+# %% tags=["hide-input"]
 numbers = {}
 for each, methods in removers.items():
     windows = each.of_survey(study.survey).total
@@ -241,7 +256,7 @@ show(numbers)
 # 0.1 % up and down, for the beam shown in detail. On the left the reading of this notebook, in the middle another one, and on the right BeamSubspace. To see it on the real Galaxy run this
 # notebook with `galaxy=templates`; {doc}`16_readings` has every reading on it, on more than one sky.
 
-# %%
+# %% tags=["hide-input"]
 LEVELS = {"as it is": 1, "noise level - 0.1 %": 0.999, "noise level + 0.1 %": 1.001}
 other = "letter" if reading != "letter" else "default"
 kinds = {f"SDecGMCA, {one}": {"reading": one} for one in (reading, other)} | {"BeamSubspace": None}
@@ -260,7 +275,10 @@ runs = {
     kind: {name: nudged(options, level) for name, level in LEVELS.items()} for kind, options in kinds.items()
 }
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 when the noise level that a method is told changes by 0.1 %. Left: SDecGMCA in the reading of this notebook. Middle: in another one. Right: BeamSubspace. Titles name the readings. A panel whose curves leave 0.4 to 1.6 has a logarithmic axis."}}
+# %% [markdown]
+# Where three curves lie on each other nothing depends on the noise level that was told. Where they part, each of them is one of many answers.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 when the noise level that a method is told changes by 0.1 %. Left: SDecGMCA in the reading of this notebook. Middle: in another one. Right: BeamSubspace. Titles name the readings. A panel whose curves leave 0.4 to 1.6 has a logarithmic axis."}}
 looks = [(styles.BLUE, "-"), (styles.ORANGE, "--"), (styles.GREEN, ":")]
 panels = []
 for kind, results in runs.items():
@@ -279,7 +297,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected,
 # In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. Few digits of SDecGMCA are sure, for another
 # machine rounds differently, and that moves the iteration as a noise level does.
 
-# %%
+# %% tags=["hide-input"]
 rows, worst = {}, {}
 for kind, results in runs.items():
     bands = [
@@ -327,8 +345,10 @@ quote(
 #
 # with $\hat{\mathbf{T}}$ the thresholded sources, which only choose *where* to look. Without noise the true $\mathbf{A}$ solves it whatever the thresholds leave out. Its foreground is the projection on the
 # space of the blurred spectra at every $\ell$, without $\epsilon$ and without an end. It stands beside SDecGMCA, never in its place.
+#
+# The two lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$, and at the ripple.
 
-# %% mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
 curves = [(styles.method_style(method), study.compared(selected, method)) for method in pair]
 study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
@@ -341,10 +361,49 @@ study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
 # - Its curves end where the inversion does. What happens beyond is a choice, and the figure shows what hangs on it.
 # - It trusts its beam, and its iteration is sensitive: look at how far an answer moves before it is compared with anything.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Is the method better off with fewer sources through the oscillating beam?
+#
+# ```sh
+# himap run 09_sdecgmca -p n_sources=3                       # fewer sources, through the oscillating beam
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# At low $\ell$ and at the smallest $k_\nu$ it is nearer to 1, for fewer sources take less HI. But look at the three noise levels: the highest of the three has an excess at low $\ell$, which with five sources none had. A number that is right at one noise level is not yet a result.
+#
+# </details>
+#
+# **2.** Take the reading of the public code. What changes through which beam?
 #
 # ```sh
 # himap run 09_sdecgmca -p reading=code                      # the public code of C21
-# himap run 09_sdecgmca -p n_sources=3                       # fewer sources, through the oscillating beam
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Through the degraded beam next to nothing. Through the oscillating beam it leaves foreground in this run, and how much depends on the noise level that
+# it is told.
+#
+# </details>
+#
+# **3.** One source, and at some $\ell$ the beam is $0.05$ in all channels. What is $\epsilon_\ell$ of strategy 3 with $c = 0.01$, and which share of
+# the foreground is found?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# With one column of unit length $\mathbf{A}^{\top} \mathrm{diag}(\hat H)^2 \mathbf{A} = 0.0025$, so $\epsilon = 0.01 - 0.0025 = 0.0075$.
+# {eq}`eq-sdecgmca-sources` then finds $0.0025 / (0.0025 + 0.0075) = 1/4$ of the source: three quarters of the foreground stay in the maps. This is the
+# peak beyond the last multipole.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
 # himap run 09_sdecgmca -p galaxy=templates -p template_dir=maps   # the real Galaxy
 # ```

@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Six methods, three beams
 #
+# > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`.
+# > - **Time and memory**: {cost}`10_results`.
+#
 # All methods of the chapters before on all three beams of {doc}`02_beams_and_noise`: the main result of
 # {cite:t}`gkogkou2025`. Every method gets the same maps, with their peaks masked ({doc}`03_peak_masking`), and what it finds is
 # subtracted from the maps as observed. The component methods remove 3, 4 and 5 components for the three beams, as in the paper.
@@ -41,6 +45,7 @@ reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 import warnings
 
 import numpy as np
+from IPython.display import display
 
 from himap.figures import styles
 from himap.figures.numbers import quote, show_table
@@ -67,23 +72,33 @@ quote(results_reading=captions.of_sdecgmca(removers[beams["oscillating"]][3], st
 
 # %% [markdown]
 # ## Across the sky
+#
+# Three columns, one for each beam; above the spectra, below their ratio to the truth. Read the columns from left to right: through the degraded beam
+# the curves lie together, but for the polynomial at low $\ell$; through the evolving one the parametric fit leaves the truth by orders of magnitude; through the oscillating one
+# both fits do, and the component methods spread, GMCA most at low $\ell$. In every panel ask which curves are above 1, where foreground is left, and
+# which below, where HI is lost.
 
-# %% mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
 study.angular_figure(removers, titles=titles)
 
 # %% [markdown]
 # ## Along the line of sight
+#
+# The same columns for $P(k_\nu)$. Through the degraded beam all methods bend down at the smallest $k_\nu$, where HI is as smooth as the foreground; through the other two, foreground that is left can hide that loss. Through the oscillating beam
+# a narrow peak stands at the period of the ripple: the paper finds it with all methods, lowest with SDecGMCA. That the curve of SDecGMCA
+# falls below the black one at high $k_\nu$ is no loss: its maps end at the last $\ell$ of the inversion, and its ratio is to a truth that ends there
+# too.
 
-# %% mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA coincide."}}
 study.frequency_figure(removers, titles=titles)
 
 # %% [markdown]
 # ## In numbers
 #
 # Means of both ratios over ranges of $\ell$ and of $k_\nu$ (in MHz$^{-1}$), and the highest P/P0 near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, where the ripple
-# of the oscillating beam shows.
+# of the oscillating beam shows: a table for each of them, methods by beams.
 
-# %%
+# %% tags=["hide-input"]
 table = {
     f"{beam}, {styles.method_style(method)['label']}": {
         # Rounding alone moves SDecGMCA, see its chapter.
@@ -93,12 +108,18 @@ table = {
     for beam, methods in removers.items()
     for method in methods
 }
-show_table(table)
+for band in dict.fromkeys(band for bands in table.values() for band in bands):
+    rows = {}
+    for row, bands in table.items():
+        beam, method = row.split(", ")
+        if band in bands:
+            rows.setdefault(method, {})[beam] = bands[band]
+    display(show_table(rows, head=band))
 
 # %% [markdown]
 # Which of them say that they did not settle:
 
-# %%
+# %% tags=["hide-input"]
 unsettled = [
     f"{beam}, {styles.method_style(method)['label']}"
     for beam, methods in removers.items()
@@ -187,10 +208,45 @@ quote(
 # This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`18_paper_size` has the
 # paper's size, with the real Galaxy (templates, nside 64) and with this one.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** One component more for the hardest case. Which methods gain, and which does not?
 #
 # ```sh
 # himap run 10_results -p n_oscillating=6                      # one component more for the hardest case
-# himap run 10_results -p reading=letter                       # another reading of the paper on SDecGMCA
-# himap run 10_results --preset laptop                         # twice the resolution
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# PCA, FastICA and GMCA: excess and peak go, and their ratios become nearly those of SDecGMCA with as many sources. SDecGMCA does not: it had no
+# foreground left to take, and its ratios fall, for each source takes HI.
+#
+# </details>
+#
+# **2.** A ratio of 1 proves nothing by itself. Make an example.
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Let a method lose a share $q$ of the power of HI and noise, and leave foreground with just that power, $f = q$. Then $C/C_0 = (1 - q) + f = 1$
+# whatever $q$ is. {doc}`14_diagnostics` and {doc}`23_thresholds` tell the two apart.
+#
+# </details>
+#
+# **3.** Why does every method lose power at the smallest $k_\nu$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The smallest is $k_\nu = 2\pi/(500\,\mathrm{MHz}) = 0.013\,\mathrm{MHz}^{-1}$, one period in the whole band. Structure as smooth as that is what the
+# spectra of foregrounds are made of, and what three to six spectra can follow: HI that has it cannot be told apart.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
+# himap run 10_results -p reading=letter     # another reading of the paper on SDecGMCA
+# himap run 10_results --preset laptop        # twice the resolution
 # ```

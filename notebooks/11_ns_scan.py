@@ -19,6 +19,10 @@
 # %% [markdown]
 # # How many sources?
 #
+# > - **Read first**: {doc}`10_results`.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Time and memory**: {cost}`11_ns_scan`.
+#
 # Every component method asks its user for one number before it starts: $n_s$, how many spectra it may take out of the maps. Too few leave
 # foreground, too many take HI. {cite:t}`gkogkou2025` try 2 to 20 with SDecGMCA on the oscillating beam, compare both spectra with the truth, and
 # choose 5. This notebook repeats the scan, beside it that of a method which does not know the beam, and asks how much of the answer
@@ -40,7 +44,7 @@ shown: list | None = None  # numbers of sources of the spectra; null: 2, 3, 5, 6
 definition: str = "relative"  # of the error: relative, logarithmic or absolute
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 from dataclasses import fields
 
@@ -143,7 +147,7 @@ comparisons = {name: {n: study.compared(selected, remover(name, n)) for n in sca
 # in both directions. The third hears mostly where the spectra are highest: low $\ell$ and low $k_\nu$. The parameter `definition` chooses; the default is
 # the first, because the paper reads its spectra by their ratios.
 
-# %%
+# %% tags=["hide-input"]
 LMAX = 200
 
 
@@ -203,7 +207,11 @@ detail = whole | {"curves": bare(whole["curves"]), "points": bare(whole["points"
 detail["ylim"] = (0.7 * parts.min(), whole["ylim"][1])
 whole = whole | {"ylim": None, "title": "all of it"}
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading`. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
+# %% [markdown]
+# Follow one curve from left to right. It falls steeply while foreground is left, and rises slowly once each further source takes HI; the mark is where
+# the one becomes the other. Jumps of SDecGMCA between neighbours are runs that went astray.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading`. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -231,11 +239,13 @@ quote(
 
 # %% [markdown]
 # The paper's figure has a cliff at few sources, a slope at many, and its minimum at 5. Here the first method has its minimum at {glue:text}`scan_best`; its error with 5 sources is {glue:text}`scan_five`
-# times that, with 2 {glue:text}`scan_two` times, and from 10 on at least {glue:text}`scan_ten` times. The second method has its minimum at {glue:text}`scan_best_beside`.
+# times that, with 2 sources it is {glue:text}`scan_two` times, and from 10 on at least {glue:text}`scan_ten` times. The second method has its minimum at {glue:text}`scan_best_beside`.
 # The first fails altogether, with a total above 1, with {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. Where SDecGMCA ends well with one number and badly with
 # the next, that is the chaos of its iteration ({doc}`09_sdecgmca`) and says little of the number. Do the other definitions find the same?
+#
+# Compare the marks with those above: a minimum that moves with the definition belongs to the definition, one that stays belongs to the method.
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE by the two definitions that the figure above does not use, near the least; curves are cut off at the top."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE by the two definitions that the figure above does not use, near the least; curves are cut off at the top."}}
 panels = [
     scan_panel(other) | {"ylabel": f"total MSE, {other}"} for other in MSE_DEFINITIONS if other != definition
 ]
@@ -243,21 +253,23 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 
 # %% [markdown]
 # ## The spectra behind it
+#
+# The same runs with both spectra, a curve for each number of sources. Look which lie above the truth, where foreground is left, which below, where HI
+# is lost, and whether their order is the same on all scales. In the paper the order differs: few sources are best at low $k_\nu$, more at intermediate
+# $\ell$.
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading`. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading`. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
 lines = styles.sequence([f"$n_s$ = {n}" for n in drawn])
 curves = [(look, comparisons[method][n]) for look, n in zip(lines, drawn, strict=True)]
 study.both_figure(selected, curves, method=method, **stated)
 
 # %% [markdown]
-# What to look at: which curves lie above the truth, where foreground is left, which below, where HI is lost, and whether their order is the same on all scales.
-#
 # ## Which number is best, and for what
 #
 # By each definition of the total, and by scale as in the paper's Sect. 4.3: the mean of $|P/P^0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P^0 - 1|$ at the
 # highest point of the bump near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mean of $|C/C^0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
 
-# %%
+# %% tags=["hide-input"]
 measures = {
     f"total, {name}": lambda comparison, name=name: comparison.total_error(name, lmax=LMAX)
     for name in MSE_DEFINITIONS
@@ -301,8 +313,11 @@ quote(
 # The relative error can be split by the sign of $S_i - S_i^0$: an *excess*, which is foreground, and a *loss*, which is HI and noise that was taken for
 # foreground. (Where both happen at one $i$ only their difference shows.) Signal is lost with every source: a source is one number for each direction of the
 # sky or each $(\ell, m)$ where there were $N_\nu$, so that about $1/N_\nu$ of a signal without correlation goes with it, and more of C/C0, for HI at low $\ell$ correlates between channels.
+#
+# On the left the excess falls off a cliff and the loss creeps up: their sum is the curve of the first figure. On the right the losses lie near a
+# straight line, one part in the number of channels for each source; those of C/C0 fall faster.
 
-# %% mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: the total relative MSE as the sum of a part where the spectra are too high and one where they are too low; the axis cuts both off. {glue:text}`scan_reading`. Right: mean of P/P0 at all k and of C/C0 at the l of the total, for numbers of sources that leave no excess; the dotted line loses one part in the number of channels for each source. Parts that are zero are not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: the total relative MSE as the sum of a part where the spectra are too high and one where they are too low; the axis cuts both off. {glue:text}`scan_reading`. Right: mean of P/P0 at all k and of C/C0 at the l of the total, for numbers of sources that leave no excess; the dotted line loses one part in the number of channels for each source. Parts that are zero are not drawn."}}
 
 
 def part(name, sign):
@@ -347,7 +362,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% [markdown]
 # In numbers, for the first method:
 
-# %%
+# %% tags=["hide-input"]
 rows = {}
 for n, excess, loss in zip(scanned, part(method, 1), part(method, -1), strict=True):
     if n in drawn:
@@ -366,7 +381,7 @@ show_table(rows)
 # %% [markdown]
 # Which runs say that they did not settle:
 
-# %%
+# %% tags=["hide-input"]
 unsettled = [
     f"{styles.method_style(tried)['label']}, {tried.n_sources}"
     for tried in removers[selected]
@@ -392,7 +407,28 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("11_ns_scan")))
 #   the least of the first.
 # - Where no foreground is left, loss is at least a matter of counting: one part in the number of channels for each source, more at low $k_\nu$ and low $\ell$.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Which of the three definitions punishes $S = 10\,S^0$ more than $S = 0.1\,S^0$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$. Absolute: the same ratio, at each $i$ by itself. Logarithmic: $\ln^2 10$ for both. So a
+# total of relative errors is ruled by foreground that is left, and hardly sees HI that is lost.
+#
+# </details>
+#
+# **2.** Which share of a signal without correlation between channels do five sources take here, and with twice the channels?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# With 125 channels $5/125 = 0.04$, with 250 half of that. HI does correlate between channels, the more so the lower $\ell$ is, and loses more.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 11_ns_scan -p reading=letter -p n_sources_max=10    # another reading of the paper on SDecGMCA

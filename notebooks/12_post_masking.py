@@ -19,6 +19,11 @@
 # %% [markdown]
 # # Post-masking: leaving out what went wrong
 #
+# > - **Read first**: {doc}`10_results`.
+# > - **Good to know**: mean and standard deviation; spectra of a part of the sky are introduced here.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`.
+# > - **Time and memory**: {cost}`12_post_masking`.
+#
 # Where a method fails it may fail in few places. {cite:t}`gkogkou2025` look at each line of sight of the cleaned maps, flag those whose
 # mean squared error stands out,
 #
@@ -43,7 +48,7 @@ n_sources: int = 5  # components that PCA, FastICA, GMCA and SDecGMCA remove
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 method: str = "sdecgmca"  # whose flagged lines of sight are shown: pca, gmca, polynomial...
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 
 import numpy as np
@@ -91,7 +96,7 @@ study.prepare({selected: list(removers.values())}, post_mask=True)
 # rule has two sides: where the errors scatter by less than their mean, it also flags lines of sight that came out *well*. The second
 # column of the table says how many those are.
 
-# %%
+# %% tags=["hide-input"]
 assessments = {name: study.assessed(selected, remover, post_mask=True) for name, remover in removers.items()}
 flagged = {name: diagnostics.flagged_lines(assessed.line_errors) for name, assessed in assessments.items()}
 latitude = np.abs(sphere.pixel_latitude(study.survey.nside))
@@ -120,9 +125,11 @@ quote(
 # %% [markdown]
 # A quarter of the sky lies within 15° of the plane; there the foreground is brightest. Of the flagged lines of sight {glue:text}`post_in_plane` lie there for SDecGMCA, and for every other method at least
 # {glue:text}`post_others_in_plane`. A share near a quarter would mean that what is wrong has little to do with the foreground's brightness.
+#
+# The first figure follows the flagged lines of sight through the band, what is left of them and what is wrong: does the error sit in a part of the
+# band, and does it swing with the period of the ripple? The second has them on the sky. In the paper they lie along the Galactic plane.
 
-
-# %% mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading`. Of the flagged lines the numbers beside the picture are percentiles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading`. Of the flagged lines the numbers beside the picture are percentiles."}}
 stated = {"reading": reading} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
 
@@ -157,7 +164,7 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
     )
 study.stamped(plotting.lines(panels), beam=selected, method=method, **stated)
 
-# %% mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of the figure above. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of the figure above. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
 maps = {error_title: assessments[method].line_errors, flag_title: lines.astype(float)}
 study.stamped(
@@ -190,7 +197,7 @@ study.stamped(
 # the line of sight. Lines of sight picked blindly would have 50.
 
 
-# %%
+# %% tags=["hide-input"]
 def rms(cube, lines):
     """Over some lines of sight, in every channel, (n_channels,)."""
     return np.sqrt(np.mean(cube[:, lines] ** 2, axis=1))
@@ -234,7 +241,11 @@ quote(
     post_top_of_error=(sd["last tenth of the band [%]"], 5, "%"),
 )
 
-# %% mystnb={"figure": {"name": "fig-post-channels", "caption": "In which channels the error sits: rms over the flagged lines of sight of the foreground that is left and of the HI that is lost, for PCA (left) and SDecGMCA (right), with the rms of the truth there. Both panels have the same axes."}}
+# %% [markdown]
+# In the left panel the foreground that is left is the higher curve where lines were flagged for it; in the right one compare it with the HI that is
+# lost.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "In which channels the error sits: rms over the flagged lines of sight of the foreground that is left and of the HI that is lost, for PCA (left) and SDecGMCA (right), with the rms of the truth there. Both panels have the same axes."}}
 looks = {
     "foreground left": {"color": styles.BLUE, "linestyle": "-"},
     "HI lost": {"color": styles.VERMILION, "linestyle": "--"},
@@ -268,9 +279,12 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 #
 # Every method is given the mask of its own errors, and its truth the same mask. A mask mixes the multipoles, so $C_\ell$ needs care:
 # the spectrum of masked maps is decoupled by the mode-coupling matrix of the mask {cite:p}`hivon2002`, in bins.
+#
+# Thin lines are the whole sky, thick ones without what is flagged. Look at the distance of each pair: at the hump at low $k_\nu$, at the peak, and at
+# low $\ell$. The fits are in a figure of their own, as they would flatten this one.
 
 
-# %% mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). PCA and FastICA coincide. {glue:text}`post_reading`. With a mask C_l is in bins, and starts later. The black line is the truth of the whole sky, not cut. The two fits are in the next figure."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). PCA and FastICA coincide. {glue:text}`post_reading`. With a mask C_l is in bins, and starts later. The black line is the truth of the whole sky, not cut. The two fits are in the next figure."}}
 def both(remover):
     """`Comparison` of a method on the whole sky, and without the lines of sight that it got wrong."""
     return study.compared(selected, remover), study.compared(selected, remover, masked=True)
@@ -294,7 +308,7 @@ def curves_of(methods):
 
 study.both_figure(selected, curves_of(component), n_sources=n_sources, reading=reading)
 
-# %% mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra after the two fits, of the whole sky (thin) and without the flagged lines of sight (thick). The ratios are on a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra after the two fits, of the whole sky (thin) and without the flagged lines of sight (thick). The ratios are on a logarithmic axis."}}
 fits = [remover for remover in removers.values() if remover not in component]
 study.both_figure(selected, curves_of(fits))
 
@@ -302,7 +316,7 @@ study.both_figure(selected, curves_of(fits))
 # In numbers, before and after: the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest P/P0 near $k_\nu = 0.31$, and the mean of
 # $|C/C_0 - 1|$ for $2 \le \ell \le 200$, or $2\,N_\mathrm{side}$ if that is less, in the same bins before and after.
 
-# %%
+# %% tags=["hide-input"]
 table = {}
 for remover in removers.values():
     whole, masked = both(remover)
@@ -369,7 +383,7 @@ quote(
 #   {glue:text}`post_flagged_gmca` for GMCA {glue:text}`post_peak_gmca` and {glue:text}`post_low_gmca`.
 # - **Across the sky** the paper finds that every component method improves, most SDecGMCA. Here the mean error goes from {glue:text}`post_angular_sd` to {glue:text}`post_angular_sd_after` for SDecGMCA, from
 #   {glue:text}`post_angular_pca` to {glue:text}`post_angular_pca_after` for PCA, and from {glue:text}`post_angular_gmca` to {glue:text}`post_angular_gmca_after` for GMCA.
-# - The errors of the two fits become smaller by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`; below 1 they grow.
+# - The errors of the two fits become smaller by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (a factor below 1 would mean that they grow).
 #
 # ## Is the masked spectrum right?
 #
@@ -377,7 +391,7 @@ quote(
 # whole sky, as a mean over bands. Three masks: the flagged lines of sight of SDecGMCA; the same turned by 180° about the axis through the Galactic
 # centre, so that its shape is the same but it knows nothing of the HI under it; and a cut at 15° of latitude.
 
-# %%
+# %% tags=["hide-input"]
 full = study.truth(selected).angular
 kept = ~flagged["sdecgmca"]
 masked_truths = {
@@ -408,7 +422,7 @@ quote(
 #
 # ## Over several skies, on the real Galaxy
 #
-# What the paper says of all this, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
+# What the paper says of all this, as the ledger judges it on the real Galaxy at `laptop`, so M1 need not agree with the share above, which is that of this page's Galaxy and preset; the verdict on M4 also asks that SDecGMCA gain most; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
 
 # %% tags=["hide-input"]
 Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("12_post_masking")))
@@ -421,10 +435,44 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("12_post_masking")))
 # - What is left out and what is gained go together: look at both before a mask is called a cure.
 # - The rule needs the truth. A mask that a real survey can make, such as a cut in latitude, does not.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Look at the flagged lines of sight of PCA. Where are they, and what does their error look like?
 #
 # ```sh
 # himap run 12_post_masking -p method=pca                    # lines of sight with foreground left in them
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Along the Galactic plane, nearly all of them. The error goes up and down with the period of the ripple, most at the low end of the band, where the
+# Galaxy is brightest and the beam widest: it is foreground.
+#
+# </details>
+#
+# **2.** When does {eq}`eq-post-mask` flag lines of sight that came out well?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# When $\langle \mathrm{MSE} \rangle - \mathrm{MSE_{los}} > \sigma_\mathrm{MSE}$. No error is below zero, so this needs $\sigma_\mathrm{MSE} < \langle
+# \mathrm{MSE} \rangle$: errors that scatter by less than their mean.
+#
+# </details>
+#
+# **3.** Which share of the sky lies within 15° of the plane?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $\sin 15° = 0.26$, a quarter: the area between the latitudes $\pm b$ is $4\pi \sin b$.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
 # himap run 12_post_masking -p reading=letter                # another reading of the paper on SDecGMCA
 # himap run 12_post_masking -p beam=evolving -p n_sources=4  # a beam without a ripple
 # ```

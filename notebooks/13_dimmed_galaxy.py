@@ -19,6 +19,10 @@
 # %% [markdown]
 # # A dimmed Galaxy
 #
+# > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`.
+# > - **Time and memory**: {cost}`13_dimmed_galaxy`.
+#
 # Leaving out lines of sight after the cleaning ({doc}`12_post_masking`) does not help the cleaning itself, which has seen them. A mask before it
 # would, but a hole in the maps cannot be handled in harmonic space by SDecGMCA. {cite:t}`gkogkou2025` therefore make the Galactic plane fainter: the
 # foregrounds of every channel are multiplied by a weight that depends on latitude, before the beam and the noise,
@@ -33,7 +37,7 @@
 # not say. Here it is $\sigma = b_\mathrm{edge} / 3$, and the two subtractions make the ends exact. HI and noise stay as they are.
 #
 # This is no method for real data, where nobody can dim the Galaxy without knowing it. It asks which part of the failures of
-# {doc}`10_results` comes from the brightest sky. {glue:text}`dimmed_reading`.
+# {doc}`10_results` comes from the brightest sky, on one sky and one beam, at the defaults the oscillating one with the synthetic Galaxy. {glue:text}`dimmed_reading`.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -48,7 +52,7 @@ reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 plane_weight: float = 0.1  # what is left of the foregrounds at b = 0
 plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 
 import numpy as np
@@ -94,8 +98,11 @@ for study in (full, dimmed):
 
 # %% [markdown]
 # ## The weight
+#
+# The weight is a smooth valley along the plane, with nothing changed beyond its edges. In the maps below it the bright ridge is gone: where
+# the weight is least the plane is even darker than the sky beside it, which is as it was.
 
-# %% mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude. At the dashed lines it reaches 1."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude. At the dashed lines it reaches 1."}}
 rings, first = np.unique(sphere.pixel_latitude(256), return_index=True)
 weight = dimming.weights(256)[first]
 near = np.abs(rings) < min(2 * plane_edge, 90)
@@ -114,7 +121,7 @@ full.stamped(
     plotting.lines([panel], columns=1, size=(6.4, 3)), plane_weight=plane_weight, plane_edge=plane_edge
 )
 
-# %% mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of one channel in the middle of the band before the beam, in full and dimmed. Both have the same logarithmic colours."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of one channel in the middle of the band before the beam, in full and dimmed. Both have the same logarithmic colours."}}
 channel = full.survey.n_channels // 2
 foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
 freq = f"{full.survey.freqs[channel]:.0f} MHz"
@@ -127,13 +134,16 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 
 # %% [markdown]
 # ## Spectra
+#
+# The first figure is the paper's: all six methods, on the dimmed sky. The second has the full Galaxy beside it, dotted, for three of them. Look at the
+# peak of the ripple and at low $\ell$: where the solid line is nearer to 1 than the dotted one, the plane was to blame.
 
-# %% mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading`. The curves of PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading`. The curves of PCA and FastICA coincide."}}
 curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 dimmed.both_figure(selected, curves, **look)
 
-# %% mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading`."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading`."}}
 panels = []
 for remover in (removers[0], removers[2], removers[3]):
     method = styles.method_style(remover)
@@ -170,7 +180,7 @@ dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 # In numbers, with the full Galaxy and with the dimmed one: the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
 # P/P0), the highest P/P0 near $k_\nu = 0.31$, and the share of multipoles, up to 200 or $2\,N_\mathrm{side}$, at which $C_\ell$ is within 10 %.
 
-# %%
+# %% tags=["hide-input"]
 table = {}
 for remover in removers:
     row = {}
@@ -219,7 +229,7 @@ quote(
 # foreground can only mend the first.
 
 
-# %%
+# %% tags=["hide-input"]
 table = {}
 for remover in removers:
     if hasattr(remover, "n_sources"):
@@ -259,11 +269,13 @@ quote(
 #
 # ## How strong, how wide
 #
-# The paper tries one strength and one width. PCA is quick, so here is its P/P0 for others, with the edge of
-# the parameters on the left and with their weight in the plane on the right.
+# The paper tries one strength and one width. PCA is quick, so here is its P/P0 for others: on the left for several weights in the plane, with the edge `plane_edge`
+# at the top of this page; on the right for several edges, with the weight `plane_weight`.
+#
+# The peak shrinks as the plane becomes fainter (left) and as more of it is dimmed (right), and so does the hump at low $k_\nu$. How much of the peak
+# stays at the end?
 
-
-# %% mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
 observation = full.observed(selected)
 nside = full.survey.nside
 
@@ -315,7 +327,7 @@ for title, choices in settings.items():
     panels.append({"curves": curves, "title": title, "xscale": "log", "yscale": "log"} | axes)
 full.stamped(plotting.lines(panels), beam=selected, method="pca", n_sources=n_sources)
 
-# %%
+# %% tags=["hide-input"]
 show_table(table)
 
 # %% tags=["hide-input"]
@@ -346,10 +358,45 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("13_dimmed_galaxy")))
 # - **The range of multipoles** within 10 % grows in the paper. Here it goes from {glue:text}`dimmed_within_pca_full` to {glue:text}`dimmed_within_pca` for PCA and FastICA, from {glue:text}`dimmed_within_gmca_full` to
 #   {glue:text}`dimmed_within_gmca` for GMCA, and from {glue:text}`dimmed_within_sd_full` to {glue:text}`dimmed_within_sd` for SDecGMCA.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Make the plane almost vanish. Who gains, and does the peak of PCA go?
 #
 # ```sh
 # himap run 13_dimmed_galaxy -p plane_weight=0.01              # a plane almost gone
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# GMCA gains most of the component methods, and the fits gain by larger factors still, from errors that remain orders of magnitude above all others. The
+# peak of PCA becomes smaller and stays. For SDecGMCA nothing of account changes: little of its error is foreground.
+#
+# </details>
+#
+# **2.** Show that {eq}`eq-dimming` is $w_0$ in the plane and 1 at the edge.
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $g(0) = 1$, so the fraction is $(1 - g(b_\mathrm{edge})) / (1 - g(b_\mathrm{edge})) = 1$ and $w = 1 - (1 - w_0) = w_0$. At the edge its numerator is
+# zero, so $w = 1$. A plain Gaussian would jump there.
+#
+# </details>
+#
+# **3.** Why can nobody do this to real data, and what can be done?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# To multiply the foreground and not the HI one must have them apart, which is what the cleaning is for. What can be done is to leave the plane out of
+# the separation: {doc}`24_masks`.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
 # himap run 13_dimmed_galaxy -p plane_edge=30                  # dimmed over half of the sky
 # himap run 13_dimmed_galaxy -p reading=letter                 # another reading of the paper on SDecGMCA
 # ```

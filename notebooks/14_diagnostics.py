@@ -19,6 +19,11 @@
 # %% [markdown]
 # # Two more diagnostics
 #
+# > - **Read first**: {doc}`10_results`.
+# > - **Good to know**: correlation and linear regression.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
+# > - **Time and memory**: {cost}`14_diagnostics`.
+#
 # Power spectra averaged over channels, as in {doc}`10_results`, can be right for the wrong reason: power that was lost may be replaced by power that
 # does not belong there, and a channel that is too bright hides one that is too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics that see one of these
 # each: how well the *maps* agree, channel by channel, and how much the error of $C_\ell$ *scatters* from channel to channel. Here they are for all
@@ -35,7 +40,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 n_sources: int = 5  # sources of PCA, FastICA, GMCA and SDecGMCA
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 
 import numpy as np
@@ -71,7 +76,7 @@ quote(diagnostics_reading=captions.of_sdecgmca(removers[selected][3], study.surv
 # %%
 study.prepare(removers)
 
-# %%
+# %% tags=["hide-input"]
 labels = {remover.name: styles.method_style(remover)["label"] for remover in removers[selected]}
 looks = {remover.name: styles.method_style(remover) for remover in removers[selected]}
 assessments = {remover.name: study.assessed(selected, remover) for remover in removers[selected]}
@@ -94,8 +99,11 @@ freqs = study.survey.freqs
 # only see the sum of both; and it does *not* see a factor, not even one that changes from channel to channel. With a foreground left over of variance $f$
 # and a lost share $q$ of the signal's variance (both in units of that variance, the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$: it falls by about
 # $(q + f) / 2$.
+#
+# The left panel holds all methods, the right one those that come near 1. Look for swings with the period of the ripple, and for the channels in which
+# one curve crosses another: the paper has SDecGMCA on top at every frequency.
 
-# %% mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading`. PCA and FastICA remove the same foreground, so their curves coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading`. PCA and FastICA remove the same foreground, so their curves coincide."}}
 curves = [(freqs, assessed.correlation, looks[name]) for name, assessed in assessments.items()]
 near = [(freqs, assessments[remover.name].correlation, looks[remover.name]) for remover in component]
 low = min(values.min() for _, values, _ in near)
@@ -141,10 +149,10 @@ quote(
 # projection, the rest of the variance beside $b_\nu$ is foreground: $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$, in units of the variance of the truth.
 #
 # How much must be lost? With $\mathbf{P}$ the projector on the spectra that a method removes, a signal without correlation between channels
-# loses $h_\nu = P_{\nu\nu}$, and all $h_\nu$ add up to $n_s$: each source takes one channel's worth of signal, and only where it takes it is open. (For SDecGMCA the spectra are those
+# loses $h_\nu = P_{\nu\nu}$, and all $h_\nu$ add up to $n_s$: each source takes one channel's worth of signal, and all that is open is from which channels. (For SDecGMCA the spectra are those
 # blurred by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
 
-# %%
+# %% tags=["hide-input"]
 observation, true = study.observed(selected), study.truth(selected).angular
 relative = observation.beams / observation.beams.max(axis=0)
 
@@ -176,7 +184,11 @@ signal_lost, foreground = {}, {}
 for remover in component:
     signal_lost[remover.name], foreground[remover.name] = lost_and_left(remover)
 
-# %% mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
+# %% [markdown]
+# From left to right: what was lost, what counting says must be lost, and what was left of the foreground. Where the first two go together, a method
+# takes the HI that its number of sources makes it take.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(values.max() for values in signal_lost.values())
 panels = [
@@ -212,7 +224,7 @@ study.stamped(
     plotting.lines(panels, columns=3, size=(3.9, 3.5)), beam=selected, n_sources=n_sources, reading=reading
 )
 
-# %%
+# %% tags=["hide-input"]
 rows = {}
 for remover in component:
     name = remover.name
@@ -264,9 +276,11 @@ quote(
 # The paper writes that $R_\ell$ is averaged over channels and that the variance is over channels; only the second can be meant. It is a variance *about the
 # mean*: a method that loses the same share of power in every channel has none, however large the share. And it is a plain mean
 # of squares over channels, so that one channel far off outweighs a hundred that are right.
+#
+# Low is good, and says that an error is shared by all channels, not that it is small. In the table below the figure, *settled* says whether the iteration came to rest before it was ended. The paper has SDecGMCA lowest between the grey lines.
 
 
-# %% mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
 def both_cl(assessed):
     """l from 2 to 2 nside, or where the curve ends, and C_l of each channel, recovered and true."""
     power, of_truth = assessed.power_spectra.angular, (assessed.truth or study.truth(selected)).angular
@@ -297,7 +311,7 @@ for title, shown, headroom in (("all six", curves, 1e4), ("the component methods
     )
 study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources, reading=reading)
 
-# %%
+# %% tags=["hide-input"]
 highest = np.max(list(correlations.values()), axis=0)
 smallest = np.min([values[claimed[name]] for name, values in variances.items()], axis=0)
 rows, by_channel = {}, {}
@@ -356,10 +370,44 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("14_diagnostics")))
 # - Neither number says why. The regression on the truth does: it tells foreground that was left from signal that was lost.
 # - Neither sees everything: $r$ is blind to a factor, the variance to an error that all channels share. Together with the mean ratios of {doc}`10_results` little can hide.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** One source more. Does SDecGMCA still have the highest correlation?
+#
+# ```sh
+# himap run 14_diagnostics -p n_sources=6                      # one source more
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# In most channels, but by little: with six sources PCA and GMCA hold the foreground as well, and the mean correlations of the component methods are
+# nearly the same. What set SDecGMCA apart with five was the foreground that the others left.
+#
+# </details>
+#
+# **2.** A method leaves half of the true map in every pixel and nothing else. What are $r$, $C/C_0$ and the variance of $R_\ell$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $r = 1$, for one map is the other times a positive number. $C/C_0 = 0.25$. $R_\ell = 0.75$ in every channel, so that its variance is 0. Only the ratio
+# of the spectra sees that anything is wrong.
+#
+# </details>
+#
+# **3.** Nothing is lost, and foreground with a tenth of the variance of the signal is left. What is $r$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# With $q = 0$ and $f = 0.1$: $r = \sqrt{1/1.1} = 0.953$, near to $1 - f/2 = 0.95$.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 14_diagnostics -p reading=letter                   # another reading of the paper on SDecGMCA
-# himap run 14_diagnostics -p n_sources=6                      # one source more
 # himap run 14_diagnostics -p beam=degraded -p n_sources=3     # one resolution for all channels
 # ```

@@ -19,6 +19,9 @@
 # %% [markdown]
 # # What is reproduced
 #
+# > - **Read first**: {doc}`10_results`; what each claim is about is in the chapter that its row leads to.
+# > - **Time and memory**: {cost}`15_claims`.
+#
 # {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a number can settle. This page has one row for each: what was measured, what the paper says, and a
 # verdict. A claim is broken into parts, for instance one for each method that it speaks of. Those that the paper's sentence is about are *main* parts. PCA and FastICA
 # leave the same foreground and are one part, that of the worse of the two; SDecGMCA has a part of its own.
@@ -29,7 +32,7 @@
 # - **Does not apply**: what the claim speaks of does not occur, such as a peak to lower, or the maps do not hold the scales.
 #
 # HI, noise, point sources and the small scales of the Galaxy are random, and some claims hold in one realisation and not in the next. Every claim is
-# therefore judged on several seeds; its verdict is that of most of them, of two that as many have the worse, and the measured number is given with its range. The first
+# therefore judged on several seeds; its verdict is that of most of them (the worse one where two have as many), and the measured number is given with its range. The first
 # seed is judged twice more, with SDecGMCA told a noise level 0.1 % lower and higher, which should change nothing. How the words of the
 # paper are read as numbers is said in each row (open "reading and numbers"). Those readings were written down before the
 # numbers were known; those that were changed afterwards are [listed below](changed-readings).
@@ -50,7 +53,7 @@ reading: str = "default"  # reading of what the paper leaves open about SDecGMCA
 method: str = "sdecgmca"  # what stands in the place of SDecGMCA
 nudged: bool = False  # judge the first seed with the noise level 0.1 % lower and higher too
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 
 from IPython.display import Markdown
@@ -91,7 +94,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 #
 # and is stored with the book, because it takes long: this one took {glue:text}`claims_minutes`.
 
-# %%
+# %% tags=["hide-input"]
 recorded, about = read_ledger(RECORDED)
 show(summary(recorded))
 
@@ -107,7 +110,7 @@ quote(
     claims_minutes=(about["seconds"] / 60, 10, "min"),
 )
 
-# %%
+# %% tags=["hide-input"]
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
 LedgerTable(recorded, links)
 
@@ -194,7 +197,27 @@ show_table(rows)
 # - A verdict may depend on what is not the paper's here: half its resolution, a lognormal HI sky, noise per pixel, and a reading of its text. {doc}`18_paper_size` has the paper's resolution, {doc}`16_readings` the
 #   other readings.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** A claim has four parts, two of them main. On a sky one part that is not main fails. What is the verdict there? And if a main one fails as well?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# *In part* (3 of 4): all main parts hold and another does not. If a main part fails it is *not reproduced*, however many of the others hold.
+#
+# </details>
+#
+# **2.** On four skies a claim is reproduced twice and not reproduced twice. What does the ledger say?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# *Not reproduced*: of two verdicts that as many skies have it takes the worse.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap claims --preset quick --jobs 2                              # the ledger on a synthetic sky, in minutes

@@ -19,6 +19,9 @@
 # %% [markdown]
 # # Readings
 #
+# > - **Read first**: {doc}`09_sdecgmca`, {doc}`15_claims`.
+# > - **Time and memory**: {cost}`16_readings`.
+#
 # A method that is described in words can be written as a program in more than one way. For PCA the ways agree. For SDecGMCA they do not. {glue:text}`readings_options` choices are looked at here: where the text of
 # {cite:t}`gkogkou2025` leaves one open, where a program of the authors does otherwise than it says, and where one asks what a word does. Here every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: four that have a name, and the default with one choice changed at a time.
 #
@@ -39,7 +42,7 @@
 results: str | None = None  # what `himap readings` wrote; None: that of the book
 reference: str | None = None  # numbers of the authors' code; None: those of the checkout
 
-# %%
+# %% tags=["hide-input"]
 import numpy as np
 from IPython.display import Markdown
 
@@ -76,7 +79,8 @@ Markdown(f"*{made.footer()}*")
 # (readings-answer)=
 # ## The answer
 #
-# A claim *holds* if it is reproduced, at least in part: all that the paper's sentence is about is there, on most skies and of two on both. Of {glue:text}`readings_claims` claims
+# These are verdicts on the small maps that the line above names, and differ from those at `laptop` in {doc}`15_claims`: what counts here is which of them a reading changes. A claim *holds* if it is reproduced, at
+# least in part (all that the paper's sentence is about is there), on most skies; of two skies, on both. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
@@ -136,7 +140,7 @@ quote(
     readings_split=listed(split),
 )
 
-# %%
+# %% tags=["hide-input"]
 several = "several choices at once"
 rows = [
     (
@@ -152,8 +156,11 @@ Table(["claim", "what it says", *READINGS, "the choice that turns the default's 
 # %% [markdown]
 # (readings-claims)=
 # ## Every claim under every reading
+#
+# Read it by rows: a row of one shade is a claim that no reading changes. Then by columns: a column that differs from the first is a choice that
+# matters. Rows of claims about other methods must be of one shade.
 
-# %% mystnb={"figure": {"name": "fig-readings-claims", "caption": "The verdict on every claim (rows) under every reading (columns), grouped by where the claim stands. The default is at the left, then the other readings with a name, then the default with one choice changed. A cell is divided where the skies disagree. The darker, the more holds; signs say the same."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "The verdict on every claim (rows) under every reading (columns), grouped by where the claim stands. The default is at the left, then the other readings with a name, then the default with one choice changed. A cell is divided where the skies disagree. The darker, the more holds; signs say the same."}}
 plotting.stamp(claims_figure(outcomes), made)
 
 # %% [markdown]
@@ -162,10 +169,10 @@ plotting.stamp(claims_figure(outcomes), made)
 #
 # The verdicts in numbers. Where the points of a reading lie close together its numbers do not hang on the run; whether they are right is how far they lie from the line. Where they spread over orders of magnitude, every number is one of a single run.
 
-# %% mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; triangles point to where the noise level is 0.1 % lower or higher. The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; triangles point to where the noise level is 0.1 % lower or higher. The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the four readings that have a name, for every sky. Thick lines: at the noise level of the survey. Thin lines: told a noise level 0.1 % lower or higher. Curves of runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the four readings that have a name, for every sky. Thick lines: at the noise level of the survey. Thin lines: told a noise level 0.1 % lower or higher. Curves of runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]
@@ -175,7 +182,7 @@ plotting.stamp(curves_figure(outcomes), made)
 # The table has a row for each reading: how many of its choices the paper's text speaks against, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–); and of
 # bands and bump the value that is furthest from 1 in any run.
 
-# %%
+# %% tags=["hide-input"]
 Table(
     readings_table.HEADER,
     readings_table.plain_rows(outcomes),
@@ -219,7 +226,7 @@ quote(
 # Every choice, the words that speak of it, and the readings that take it. For a choice that the default does not take: in how many runs the default fails once it is changed, and which claims then change
 # from held to not held or back. How to take them: `himap claims -p reading=code` for a reading, `SDecGMCA(sign="free")` or `himap clean --method sdecgmca -p sign=free` for a single choice.
 
-# %%
+# %% tags=["hide-input"]
 head = [
     "choice",
     "what is decided",
@@ -240,11 +247,11 @@ Table(head, readings_table.option_rows(outcomes))
 # The reading `code` is held against numbers that the public code of {cite:t}`carloni2021` gave on a small problem (16 channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute
 # deviation or from the noise carried through the inversion, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ in place of the spectra.
 
-# %%
+# %% tags=["hide-input"]
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
 compared = {variant: code.compared(variant) for variant in VARIANTS}
 
-# %% mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: the largest difference between the mixing matrix A of himap and that of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: what a relative change of that start by 1e-12 does to our A. The two grow alike, and the first is hardly ever above the second: what differs is rounding. Two variants coincide, which differ in the refinement only."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: the largest difference between the mixing matrix A of himap and that of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: what a relative change of that start by 1e-12 does to our A. The two grow alike, and the first is hardly ever above the second: what differs is rounding. Two variants coincide, which differ in the refinement only."}}
 code_figure(compared, ITERATIONS)
 
 # %% tags=["hide-input"]
@@ -263,7 +270,28 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # - Under a reading that fails in some runs, a single run says little: what it shows may be the reading, the noise level or the computer.
 # - Authors who want a method to be written again from its description: the choices that turn verdicts are the ones to name.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Of twelve choices with two answers each, how many readings are there, and how many with one choice changed at a time? What is missed?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $2^{12} = 4096$ against $12 + 1$. Missed is what two choices do together: that neither decides a claim alone does not say that both cannot. The
+# readings with a name, in which several choices are changed at once, are there for this.
+#
+# </details>
+#
+# **2.** A reading fails in one run of six. May it be the default?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Not by the rule above, which asks for none. Where nobody knows the truth, the run that failed cannot be told from the five that did not.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap readings --preset ci -p n_realisations=1 -p n_sources_max=3   # all readings on one coarse sky

@@ -20,6 +20,10 @@
 # %% [markdown]
 # # Your own cube
 #
+# > - **Read first**: {doc}`04_pca`.
+# > - **Good to know**: HEALPix maps and FITS files.
+# > - **Time and memory**: {cost}`17_your_own_cube`.
+#
 # All that the other chapters do to simulated maps can be done to maps of your own. This one makes a cube in a format that such maps come in, with all that makes
 # them awkward: a FITS file as healpy writes it, in kelvin, NESTED, with channels in no order, and with a part of the sky missing. Then it forgets how the cube was
 # made, asks how many sources to remove, removes them, and looks at the result; the truth is taken out again only at the end.
@@ -42,7 +46,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 missing: float = 0.3  # share of the sky that is not seen
 n_most: int = 9  # largest number of sources to try
 
-# %%
+# %% tags=["hide-input"]
 import tempfile
 import warnings
 from pathlib import Path
@@ -78,7 +82,7 @@ study = Study(
 # The maps are those of {doc}`02_beams_and_noise`, seen through `beam`, by default the oscillating one. What is
 # missing is all that is too far north for a telescope in the south.
 
-# %%
+# %% tags=["hide-input"]
 observation = study.observed(selected)
 nside = study.survey.nside
 rng = np.random.default_rng(1)
@@ -118,12 +122,15 @@ except InputError as error:
 # Without the truth there are three things to look at. Foregrounds are few and bright, so their eigenvalues stand above the slow decline of those of HI and noise. An
 # information criterion weighs what one more source explains against the numbers that it costs. And as long as foreground is left, the recovered spectra fall steeply with each source;
 # once they hardly move, the result does not hang on the choice any more.
+#
+# Read all three for the same thing: where the eigenvalues meet the dashed line, where the criterion is least, and where the change falls below its
+# line. If they name one number, it is a good one.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
-# %%
+# %% tags=["hide-input"]
 print(advice(suggestion))
 least = suggestion.n_sources[suggestion.criterion.argmin()]
 show(
@@ -144,10 +151,14 @@ show(
 n_sources = suggestion.range[1] if suggestion.range else n_most
 cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 
-# %% mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
+# %% [markdown]
+# After cleaning the first eigenvalues are gone and the others are as they were. Of the spectra the first are smooth; those that swing carry the ripple
+# of the beam.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
-# %% mystnb={"figure": {"name": "fig-own-maps", "caption": "What is left in the channel in the middle of the band, and the rms of all channels. White is not seen."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-maps", "caption": "What is left in the channel in the middle of the band, and the rms of all channels. White is not seen."}}
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
@@ -165,6 +176,9 @@ print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unsee
 # ## With a truth
 #
 # On simulations, such as those of CRIME or CoLoRe, the same file without foregrounds tells how good the result is (`--truth` on the command line).
+#
+# What is below 1 went with the sources: most at the smallest $k_\nu$ and at the lowest $\ell$, and some at the ripple of the beam. Nothing stands above the grey band that would be
+# foreground.
 
 # %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below, where the grey band is 10 %. With a mask C_l are decoupled, in bins."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
@@ -174,7 +188,7 @@ study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources
 # And did the advice help? Here are the errors for each number of sources; nobody with a real sky could make this table.
 
 
-# %%
+# %% tags=["hide-input"]
 def errors_of(comparison):
     """Means of both ratios over bands, and the peak, for `show_table`."""
     angular, frequency = comparison.angular_ratio, comparison.frequency_ratio
@@ -214,6 +228,22 @@ for label, left in {
 show_table(rows)
 
 # %% [markdown]
+# ## Images, weights and flags
+#
+# Radio telescopes give image cubes: FITS with two axes of the sky, in some projection, and one of frequency. They are taken as they are, in K or mK, with
+# frequencies that rise or fall, and what is written has the same header; a folder of such files is one band. Pixels that one channel does not see are left out in all,
+# and come back as NaN. PCA, FastICA, the polynomial and parametric fits and the Gaussian process look at lines of sight and need no more than that; the other methods look at
+# multipoles, and say that they need the sphere. The page shows the maps in their own projection, and the power across and along the line of sight, $P(k_\perp, k_\parallel)$, in
+# comoving Mpc/h, where foreground that is left lies at the smallest $k_\parallel$. For HEALPix `--patches` shows the same, as the mean over flat patches of the sky.
+#
+# ```sh
+# himap clean image.fits --method pca -p n_sources=3 -o cleaned.fits
+# himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned.fits
+# ```
+#
+# With `--weights` (hits, or inverse variances) and `--flags` (1 where a voxel is bad) a voxel that is missing is missing in its channel alone; {doc}`26_a_survey` goes
+# through a survey of that kind. {doc}`../book/simulators` says which command reads what the simulators of the field write.
+#
 # ## What to take away
 #
 # - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
@@ -222,10 +252,35 @@ show_table(rows)
 # - **A method that knows the beam**, such as BeamSubspace, spends no sources on what the beam adds ({doc}`11_ns_scan` scans it with `-p method=beam_subspace`); on a part of the
 #   sky it is worse within two widths of the beam from its edge ({doc}`24_masks`). On a whole sky `suggest` counts for it eigenvalues at one resolution, where the beam adds none.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** How many sources does a cube of one resolution need, and do the views agree?
+#
+# ```sh
+# himap run 17_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Fewer than through the oscillating beam, and all views name the same number. The table of errors says that it is right: with fewer, foreground is left by orders of magnitude;
+# with more, signal is lost. The others were spent on what the beam adds.
+#
+# </details>
+#
+# **2.** The eigenvalues of cleaned maps end in zeros, as many as sources were removed. Why?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The cleaned maps are $(\mathbf{1} - \mathbf{A}\mathbf{A}^{\top})\,\mathbf{X}$, and the columns of $\mathbf{A}$ are eigenvectors of their covariance
+# with eigenvalue 0: in $n_s$ directions there is nothing left.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 17_your_own_cube -p missing=0.6                    # less than half of the sky
-# himap run 17_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
 # himap suggest cube.h5 --method beam_subspace --beam meerkat  # a method that knows the beam, on a cube of yours
 # ```

@@ -20,9 +20,12 @@
 # %% [markdown]
 # # At the paper's size
 #
+# > - **Read first**: {doc}`15_claims`.
+# > - **Time and memory**: {cost}`18_paper_size`.
+#
 # The chapters of this book are kept at the preset `quick`, so that anyone can run them again in minutes, and the ledger is measured at `laptop`, on
 # {glue:text}`paper_size_realisations` realisations. This page shows the claims and the figures at the paper's own size, `nside` 256 and 500 channels of 1 MHz, on one
-# realisation, with the real Galaxy and with the synthetic one that needs no downloads. The real one are templates of nside 64, refined by small scales that are drawn
+# realisation, with the real Galaxy and with the synthetic one that needs no downloads. The real one is made of templates of nside 64, refined by small scales that are drawn
 # (`himap templates FOLDER` writes the files, {doc}`../book/conventions`), where the paper has PySM's own of nside 512. The HI box has 1024³ cells where the paper's has 2048³: a cell of it is
 # {glue:text}`paper_size_cell` wide, a pixel at the far end {glue:text}`paper_size_pixel`.
 #
@@ -41,7 +44,7 @@ smaller: str = "claims_laptop"  # the ledger of the book
 real: str = "paper_templates"  # what is stored of the real Galaxy: a ledger and a folder of figures
 synthetic: str = "paper_synthetic"  # and of the synthetic one
 
-# %%
+# %% tags=["hide-input"]
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +71,7 @@ for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
 # ## The claims
 #
 # The sign says ✓ reproduced, ≈ in part (all that the sentence of the paper is about, but not all of it), ✗ not reproduced, – does not apply; the number is the one that the row describes, with its
-# range over realisations. {doc}`15_claims` has the words of the paper and how they are read.
+# range over realisations. A claim can have other parts, which this number does not show: a ✗ beside a number within the paper's mark means that one of those fails. {doc}`15_claims` has the words of the paper and how they are read.
 
 # %% tags=["hide-input"]
 told = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."
@@ -101,7 +104,7 @@ quote(
 # Each figure of the paper at its own size, with the real Galaxy (templates, nside 64) and with the synthetic one; the chapter that is named with it has it at the preset `quick`, and says what it shows. A click leads to
 # the picture in full size; beside the figures of the chapters a button leads to them with both Galaxies at this size, to play with. The numbers of all curves are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
-# %%
+# %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
 
 # %% [markdown]
@@ -110,7 +113,19 @@ Markdown(pictures([real, synthetic], folder))
 # - The tables say which verdicts are those of the paper's size and which of a smaller sky, and what changes with size and with the Galaxy.
 # - One realisation is one throw: a verdict that is not the same in all realisations at `laptop` ({doc}`15_claims`) may be another one on the next sky here.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** How large is one cube at this size, in float32?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# 12 · 256² = 786,432 pixels, times 500 channels, times 4 bytes: 1,572,864,000 bytes. Three beams, each with its truth and its maps before and after the masking of
+# peaks, make nine of them.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 10_results --preset laptop                           # Figs. 1 and 2 on the way to this size, in minutes

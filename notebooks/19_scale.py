@@ -20,6 +20,10 @@
 # %% [markdown]
 # # Scale
 #
+# > - **Read first**: nothing; the steps are those of {doc}`01_simulations` to {doc}`10_results`.
+# > - **Good to know**: a shell, and for the last section a cluster.
+# > - **Time and memory**: {cost}`19_scale`.
+#
 # What the chain costs at the paper's own size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³ cells) on two cores, how that grows,
 # how a long run is kept safe, and how to go to a cluster. The times were measured once, by the commands of {doc}`../book/contributing`, and are stored with the
 # book, in `book/results`.
@@ -31,13 +35,13 @@ n_channels: int = 2000  # its channels
 box_cells: int = 2048  # cells along one side of its HI box
 n_realisations: int = 100  # how many of it
 
-# %%
+# %% tags=["hide-input"]
 from dataclasses import replace
 
 from IPython.display import Markdown
 
 from himap.companion.stored import extrapolated, read_stored, times_of_all
-from himap.companion.stored_tables import growth_table, short, steps_table
+from himap.companion.stored_tables import endurance_table, growth_table, short, steps_table
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
@@ -58,7 +62,7 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 # takes longer, and where it is too slow to run whole, a part of it is timed and scaled up. The *goals* are what himap was designed to reach on a machine
 # that has nothing else to do; what misses its goal is in bold.
 
-# %%
+# %% tags=["hide-input"]
 Markdown(steps_table(paper))
 
 # %% [markdown]
@@ -74,7 +78,7 @@ Markdown(steps_table(paper))
 # - **Parametric**: two products of each line of sight with the curves of one index. The search compares 65 indices and bisects between them, on an interpolation of the curves.
 # - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back. It has no usual alternative to be timed against.
 # - **Harmonic analysis**: every channel once, which BeamSubspace and SDecGMCA share with any number of sources.
-# - **BeamSubspace, SDecGMCA**: from those coefficients; two products with them in every iteration, and every scale of every source there and back. Nor have they.
+# - **BeamSubspace, SDecGMCA**: from those coefficients; two products with them in every iteration, and every scale of every source there and back. They too have no usual alternative.
 # - **All measures**: $C_\ell$, $P(k)$, Pearson r and the errors of lines of sight of one separation. What is left differs from the truth by a few spectra times maps; only these are transformed.
 
 # %% [markdown]
@@ -84,7 +88,7 @@ Markdown(steps_table(paper))
 # What one realisation of the claims takes at the paper's size, on the real Galaxy and with `--jobs 2`: the light cone and the observations of the table above, and the
 # ledger once they are there. The chapters with figures come on top; what they took when they were last made at this size is on {doc}`the status page <../book/status>`.
 
-# %%
+# %% tags=["hide-input"]
 parts = times_of_all(paper, read_stored("claims_paper_templates", results)["about"])
 rows = [[part, f"{short(seconds / 60)} min"] for part, seconds in parts.items()]
 rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
@@ -97,7 +101,7 @@ Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 # %% [markdown]
 # ## The same at half that size
 
-# %%
+# %% tags=["hide-input"]
 Markdown(steps_table(laptop))
 
 # %% [markdown]
@@ -107,8 +111,11 @@ Markdown(steps_table(laptop))
 # The exponent $p$ of time $\propto x^p$ between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`.
 # A machine that others share changes its pace within minutes, so a fixed piece of work is timed before and after every measurement, and all times are those at the
 # quickest pace seen.
+#
+# On logarithmic axes a power law is a straight line, and its slope the exponent. Which line is on top at the right end is what a larger survey waits
+# for.
 
-# %% mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 128), at three sizes each."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 128), at three sizes each."}}
 below = {"fontsize": 7.5, "ncols": 2, "loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
 panels = []
 for way, label in {"nside": "nside", "n_channels": "channels"}.items():
@@ -126,7 +133,7 @@ for axes in figure.axes:
     axes.xaxis.minorticks_off()  # the sizes are all there is
 plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 
-# %%
+# %% tags=["hide-input"]
 Markdown(growth_table(scaling))
 
 # %% [markdown]
@@ -148,6 +155,17 @@ Markdown(growth_table(scaling))
 #   `himap cache clear pipeline.observation` for instance; `himap claims` deletes those that it made itself once they are measured, but not
 #   those that an interrupted run left.
 #
+# (kills)=
+# ### What was tried
+#
+# Processes were killed at random points, alone or with all that they had started, and started again until they were done. Everything that they wrote was held
+# against an undisturbed run, bit by bit. *Failed* are runs started again that did not end well, and ends without a clear sentence; *other results* were not the same bits; *left behind* is what then lay about: files beside outputs, in the cache and
+# in temporary folders, shared memory, and processes. On a full disk a command ends with a sentence that names the file, or does without what it could not keep.
+
+# %%
+Markdown(endurance_table(read_stored("endurance", results)))
+
+# %% [markdown]
 # ## On a cluster
 #
 # With `--dask`, `himap claims` and `himap run` share independent products among the workers of a [Dask](https://distributed.dask.org) scheduler that is already there.
@@ -191,7 +209,7 @@ Markdown(growth_table(scaling))
 # What Figs. 1 and 2 need: six methods, three beams, both spectra. *Times* is how often a step is done in each realisation. *Memory* is what himap asks for before it begins.
 # The ledger measures what 64 separations leave of each realisation where these two figures have 18.
 
-# %%
+# %% tags=["hide-input"]
 rows = [
     [
         one["step"],
@@ -234,10 +252,23 @@ quote(
 # ## What to take away
 #
 # - At the paper's size every step of the chain fits a machine with two cores; the light cone and the observations are made once and shared by all methods.
-# - Most steps stay near the usual tools or ahead of them, and above their floor by what reading and writing cubes costs.
+# - Most steps stay near the usual tools or ahead of them, and above their floor for the reasons given under the first table.
 # - What can be kept is kept, so that a run that was stopped, or that shares products with an earlier one, does only what is missing.
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** The light cone needs a box of four cells per unit of $N_\mathrm{side}$. Which exponent of $N_\mathrm{side}$ would its memory have, and which
+# that of a cube of maps?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# The box has $(4\,N_\mathrm{side})^3$ cells, so 3; a cube has $12\,N_\mathrm{side}^2$ pixels in each channel, so 2. Beyond some size the box is what
+# does not fit.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 19_scale -p nside=1024 -p n_channels=1000            # another survey, another number of core hours

@@ -20,6 +20,10 @@
 # %% [markdown]
 # # What was lost, and how to get it back
 #
+# > - **Read first**: {doc}`04_pca`, {doc}`10_results`.
+# > - **Good to know**: what an estimator and its bias are.
+# > - **Time and memory**: {cost}`20_transfer_function`.
+#
 # Every method takes some HI away with the foreground. The paper measures how much against the truth; nobody with a telescope can. What observers do instead is to put a **mock** $m$, HI that they know, into their data $d$, clean
 # both together, and look how much of it comes back ({cite:t}`switzer2013`, {cite:t}`cunnington2023`):
 #
@@ -118,7 +122,11 @@ panels = [
     | shared,
 ]
 
-# %% mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Which share of the power of mocks comes back, by multipole (left, in bins) and by wavenumber along frequency (right). A method that takes more spectra keeps less of both."}}
+# %% [markdown]
+# At 1 all of a mock comes back. $T$ falls at the lowest $\ell$ and at the smallest $k_\nu$, where HI resembles what is removed, and the more so the
+# more spectra a method takes. A dip at the ripple is HI that went with components that carry it.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Which share of the power of mocks comes back, by multipole (left, in bins) and by wavenumber along frequency (right). A method that takes more spectra keeps less of both."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -151,10 +159,13 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
     after = {"label": f"{names[remover]}, corrected", "color": colour, "linestyle": "-"}
     curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
-# %% mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
+# %% [markdown]
+# Dotted is what was left, solid what becomes of it: the ratios should move to 1, and do where only HI is missing.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
 study.both_figure(case.beam, curves, n_mocks=n_mocks)
 
-# %%
+# %% tags=["hide-input"]
 columns = {"left": "raw", "over T cross": "corrected", "over T auto": "by_auto"}
 rows = {
     f"{names[remover]}, {row.band}": {
@@ -180,7 +191,7 @@ edges = np.arange(2, min(l_top, transfer[first].degrees[-1]) + 1, width)
 share, k = transfer[first].cylindrical(edges), transfer[first].k
 shown = (k > 0) & (k < 0.25)
 
-# %% mystnb={"figure": {"name": "fig-transfer-cylindrical", "caption": "The transfer function of the first method by multipole, in bins, and wavenumber along frequency."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-cylindrical", "caption": "The transfer function of the first method by multipole, in bins, and wavenumber along frequency."}}
 study.stamped(
     plotting.image(
         share[:, shown],
@@ -237,7 +248,7 @@ panels = [
     },
 ]
 
-# %% mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "The transfer function of the first method from a mock that is changed, over that from the same mock as it was. Curves beyond 3 % are cut off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "The transfer function of the first method from a mock that is changed, over that from the same mock as it was. Curves beyond 3 % are cut off."}}
 study.stamped(plotting.lines(panels), beam=case.beam, method=first.name, n_sources=first.n_sources)
 
 # %% tags=["hide-input"]
@@ -269,13 +280,13 @@ paths = results or [RESULTS / f"corrections_quick_{name}.json" for name in ("syn
 records = [read_record(Correction, path) for path in paths]
 made = [Provenance.of_stored(about) for _, about in records]
 
-# %% mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
 plotting.stamp(
     record_figure({f"{one.galaxy} Galaxy": rows for (rows, _), one in zip(records, made, strict=True)}),
     "\n".join(one.footer() for one in made),
 )
 
-# %%
+# %% tags=["hide-input"]
 Table(
     ["Galaxy", *HEADER],
     [(one.galaxy, *line) for (rows, _), one in zip(records, made, strict=True) for line in summary(rows)],
@@ -349,9 +360,9 @@ quote(
 #
 # - **$T_\mathrm{cross}$ is the one to divide by.** By $T_\mathrm{auto}$ the third column would be {glue:text}`transfer_more_auto` for BeamSubspace with four sources, and {glue:text}`transfer_many_auto` for PCA with eight: these take spectra of
 #   this very HI, and a mock changes which. By $T_\mathrm{cross}$ what they lose comes back like the loss of any other.
-# - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. What is too high in the record above is that. More sources are no way out as such: what they
+# - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. That is what is still too high in the table above. More sources are no way out as such: what they
 #   lose can be corrected in the mean, but its scatter grows.
-# - **It is no privilege of a method that knows the beam.** PCA loses more, and more of it can be corrected; the table says how well.
+# - **Correcting is no privilege of methods that know the beam.** PCA loses more, and more of it can be corrected; the table says how well.
 # - **The error bars are those of the loss alone.** They know nothing of the foreground that is left, neither of its mean nor of how it resembles the HI by chance. The last column would be 68 % if nothing but the loss mattered: they are a
 #   lower bound.
 #
@@ -362,10 +373,36 @@ quote(
 # himap transfer cube.h5 --method pca -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Is what is corrected limited by the number of mocks? Take ten.
+#
+# ```sh
+# himap run 20_transfer_function -p n_mocks=10                                       # better known
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# At $\ell \geq 10$ hardly anything moves. What is missing at $5 \leq \ell \leq 9$ stays missing: that is no scatter of the mocks but this one sky,
+# whose HI resembles the foreground by chance, and its mocks do not. Only many skies tell whether the correction is right in the mean.
+#
+# </details>
+#
+# **2.** What comes back of a mock is $\hat m = 0.9\, m + e$, with $e$ unlike $m$ and of power $0.05\, \langle |m|^2 \rangle$. What are
+# $T_\mathrm{cross}$ and $T_\mathrm{auto}$, and which is to be divided by?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $T_\mathrm{cross} = 0.9$ and $T_\mathrm{auto} = 0.81 + 0.05 = 0.86$. $e$ came with the mock and is not in the data without it, so that nothing of it
+# may be counted as HI that came back; a projection, which keeps whole what it keeps, would have $T_\mathrm{auto} = T_\mathrm{cross}$.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 20_transfer_function -p beam=degraded                                    # the easiest beam
 # himap run 20_transfer_function -p 'methods=[["beam_subspace", 3], ["gmca", 5]]'    # other methods
-# himap run 20_transfer_function -p n_mocks=10                                       # better known
 # ```

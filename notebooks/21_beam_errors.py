@@ -22,6 +22,9 @@
 # %% [markdown]
 # # How well must the beam be known?
 #
+# > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
+# > - **Time and memory**: {cost}`21_beam_errors`.
+#
 # A method that knows the beam trusts what it is told. The paper tells it the truth. On a telescope a beam is measured, and wrong by something. This chapter tells methods a beam that is wrong by a known amount, and asks at which error one
 # does better without any beam, and what one source more buys back.
 #
@@ -50,7 +53,7 @@ errors: dict = {"width": [0.0003, 0.003, 0.03], "ripple": [3e-6, 3e-5, 3e-4]}  #
 results: list | None = None  # what `himap record beam-errors` wrote; null: that of the book
 lobes: list | None = None  # the same where the data have side lobes
 
-# %%
+# %% tags=["hide-input"]
 import numpy as np
 
 from himap.companion.stored import RESULTS
@@ -90,7 +93,11 @@ study = Study(
 # %%
 rows = evaluate(cases, removers, errors)
 
-# %% mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground left in the worst band, over the power of HI and noise, by the error of the beam that a method is told. The horizontal curve is a method that is told none; the grey line is 1 %. What is less than 0.1 % is below the frame."}}
+# %% [markdown]
+# From left to right the error grows. A curve that rises is a method that trusts its beam; where it crosses the horizontal one, it would do better
+# without.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground left in the worst band, over the power of HI and noise, by the error of the beam that a method is told. The horizontal curve is a method that is told none; the grey line is 1 %. What is less than 0.1 % is below the frame."}}
 study.stamped(errors_figure(rows), beam=cases[0].beam)
 
 # %% [markdown]
@@ -112,10 +119,10 @@ paths = results or [RESULTS / f"beam_errors_quick_{name}.json" for name in galax
 records = [read_record(BeamError, path) for path in paths]
 made = [Provenance.of_stored(about) for _, about in records]
 
-# %% mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "As above, mean over several skies, by the error of each kind, with the synthetic Galaxy."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "As above, mean over several skies, by the error of each kind, with the synthetic Galaxy."}}
 plotting.stamp(errors_figure(records[0][0]), made[0].footer())
 
-# %% mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "The same with the real Galaxy."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "The same with the real Galaxy."}}
 plotting.stamp(errors_figure(records[-1][0]), made[-1].footer())
 
 # %% [markdown]
@@ -171,7 +178,11 @@ panel = {
     "ylim": (1e-3, 1.2),
 }
 
-# %% mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with its side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
+# %% [markdown]
+# The two have the same width, and part at high $\ell$: with side lobes the beam ends, and the Gaussian goes on. At the multipoles where it is far above
+# the true beam a method believes in structure that the data do not have.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with its side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6, 3.6)))
 
 # %% tags=["hide-input"]
@@ -229,12 +240,12 @@ quote(
 #
 # At `quick`, in the mean over {glue:text}`beams_skies` skies:
 #
-# - **With the number of sources that an exact beam asks for, the beam has to be exact**: three of BeamSubspace leave 1 % more of foreground than with the exact beam as soon as the width is wrong by {glue:text}`beams_width`, or by a ripple of
+# - **With the number of sources that an exact beam asks for, the beam has to be exact**: BeamSubspace with three sources leaves 1 % more of foreground than with the exact beam as soon as the width is wrong by {glue:text}`beams_width`, or by a ripple of
 #   {glue:text}`beams_ripple` of the FWHM, on the Galaxy where that is less.
 # - **Sources buy knowledge**: what a wrong beam makes of the foreground is a few spectra more, and a method that has one or two to spare finds them. It costs the HI that each further source takes, which mocks can correct
-#   ({doc}`20_transfer_function`).
+#   ({doc}`20_transfer_function`). It does not buy the smallest ripples on the real Galaxy: there the table allows five and six sources no more than three.
 # - **A Gaussian is not a beam.** Told the beam with its side lobes, three sources leave {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real) of foreground; told Gaussians of the right width,
-#   {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. What more sources make of that at best: {glue:text}`beams_best`, and {glue:text}`beams_best_real`.
+#   {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The best that more sources make of that: {glue:text}`beams_best`, and on the real Galaxy {glue:text}`beams_best_real`.
 # - **A method without a beam has nothing to be told wrong.** Where the beam is not known to the errors in the table, PCA with enough components is no worse, and simpler.
 #
 # How much hangs on the beam of a cube of one's own, without the truth:
@@ -244,7 +255,30 @@ quote(
 # himap clean cube.h5 --method beam_subspace --beam misjudged:beam=meerkat,width=0.01 -p n_sources=4 -o cleaned.h5
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** A foreground of 10 K stands before HI of 0.1 mK. To which relative accuracy must a method predict the foreground of a channel, if 1 % of the
+# power of HI is tolerated?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well. What saves a method is that an error which
+# is smooth in frequency looks like one spectrum more.
+#
+# </details>
+#
+# **2.** Why does an error of the width in all channels alike cost so much less than a ripple of the same size?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# It changes the blurring of all channels together, which for smooth foregrounds is again a smooth change with frequency, and the spectra that are
+# fitted take most of it. A ripple makes of every bright pixel a spectrum that none of these spectra has.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 21_beam_errors -p beam=meerkat_lobes -p 'errors={"beam": ["meerkat", "evolving"], "width": [0.01]}'

@@ -20,6 +20,10 @@
 # %% [markdown]
 # # How many sources, without the truth
 #
+# > - **Read first**: {doc}`11_ns_scan`, {doc}`20_transfer_function`.
+# > - **Good to know**: what a likelihood is.
+# > - **Time and memory**: {cost}`22_how_many`.
+#
 # Each method of blind source separation has to be told how many sources to remove. The paper chooses the number by the truth ({doc}`11_ns_scan`) and says in its conclusions that it should come from the data. This chapter holds criteria
 # that do not know the truth against it. A number is *right* if it is the one with which the worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is nearest to 1.
 #
@@ -48,7 +52,7 @@ n_sources_max: int = 8  # numbers from 1 to this one are tried
 n_mocks: int = 2  # mocks, each with a seed of its own
 results: list | None = None  # what `himap record suggestions` wrote; null: that of the book
 
-# %%
+# %% tags=["hide-input"]
 
 from himap.companion.stored import RESULTS
 from himap.figures import plotting, styles
@@ -66,7 +70,7 @@ from himap.paper.suggestions import CRITERIA, HEADER, Suggested, evaluate, summa
 from himap.products.provenance import Provenance
 from himap.removal import create
 
-# %% tags=["hide-input"]
+# %%
 beam = paper_beams(ripple=ripple).get(beams[0]) or named(beams[0])
 (case,), _ = cases_and_methods(
     preset=preset,
@@ -131,10 +135,14 @@ panels[2]["legend"] = {"loc": "lower left"}
 for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
-# %% mystnb={"figure": {"name": "fig-how-many-views", "caption": "Views of the number of sources. Eigenvalues of the channel covariance, at one resolution for a method that knows the beam, and the line of HI and noise. The information criterion. How much the spectra move with one source more, as they are left and corrected by mocks; the grey lines are 10 % and 3 %. And what none of them knows: how far the worst band of both spectra is from the truth."}}
+# %% [markdown]
+# For each method all panels should turn at the same number: the eigenvalues reach the line, the criterion is least, the spectra stand still, and the
+# error, which only a simulation knows, is least. A method that knows the beam turns earlier: it needs no sources for what the beam adds.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Views of the number of sources. Eigenvalues of the channel covariance, at one resolution for a method that knows the beam, and the line of HI and noise. The information criterion. How much the spectra move with one source more, as they are left and corrected by mocks; the grey lines are 10 % and 3 %. And what none of them knows: how far the worst band of both spectra is from the truth."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
-# %%
+# %% tags=["hide-input"]
 Table(
     ["method", "criterion", "advised", "best", "error with it", "with the best"],
     [
@@ -169,7 +177,7 @@ paths = results or [RESULTS / f"suggestions_quick_{name}.json" for name in ("syn
 records = [read_record(Suggested, path) for path in paths]
 made = [Provenance.of_stored(about) for _, about in records]
 
-# %%
+# %% tags=["hide-input"]
 Table(
     ["Galaxy", *HEADER],
     [(one.galaxy, *line) for (found, _), one in zip(records, made, strict=True) for line in summary(found)],
@@ -208,7 +216,8 @@ quote(
 # ## What to take away
 #
 # - **The BIC** is right for {glue:text}`many_bic` observations and methods ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** for
-#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` names one number.
+#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` names that number; where they do not, for a method that knows the beam, it names
+#   that of the criterion, if the spectra hardly move after it.
 # - **Stability** is right for {glue:text}`many_stability`. But HI is lost with every source, so that spectra never stop moving, and how much is too much depends on the survey: `himap suggest` shows it, and uses it to tell where *no*
 #   number is good.
 # - **Mocks** are right for {glue:text}`many_mocks`. They are for the number with which the *corrected* spectra have settled, which is often one more: correction buys back what that one takes.
@@ -222,10 +231,35 @@ quote(
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Try no more than six sources. Which criteria still answer for PCA, and what does AIC name?
+#
+# ```sh
+# himap run 22_how_many -p 'noises=[1, 100]' -p n_sources_max=6
+# ```
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# BIC and the eigenvalues do, as before. Stability and mocks name none: they need to see that the next source changes nothing, and there is no next one.
+# AIC names the largest number that was tried, as it did with more of them. Try a few more than you expect to need.
+#
+# </details>
+#
+# **2.** Which is stricter, BIC or AIC, and from how many pixels on?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# BIC asks $\ln N / N$ for each number, AIC $2/N$: BIC is stricter where $\ln N > 2$, from eight pixels on. With the pixels of a sky it asks several
+# times as much.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 22_how_many -p 'beams=["meerkat_lobes"]'             # side lobes: more components for PCA
 # himap run 22_how_many -p 'methods=["gmca", "fastica"]'
-# himap run 22_how_many -p 'noises=[1, 100]' -p n_sources_max=6
 # ```

@@ -17,6 +17,10 @@
 # %% [markdown]
 # # Thresholds that do no harm
 #
+# > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
+# > - **Good to know**: the Wiener filter.
+# > - **Time and memory**: {cost}`23_thresholds`.
+#
 # The paper ends with the wish for better thresholds. What would they be better at? A ratio of 1 between the power that is left and that of the truth is no proof that the HI is kept: what is lost of it and what is left of the foreground
 # may cancel. This chapter takes the two apart,
 #
@@ -46,7 +50,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_sources: list = [3, 4, 5, 6, 8]  # numbers of sources
 
-# %%
+# %% tags=["hide-input"]
 
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
@@ -58,7 +62,7 @@ from himap.paper.methods import table_1
 from himap.paper.study import Study
 from himap.removal import create
 
-# %% tags=["hide-input"]
+# %%
 names = {"sdecgmca": "SDecGMCA", "beam_subspace": "BeamSubspace", "smooth_spectra": "SmoothSpectra"}
 (case,), removers = cases_and_methods(
     preset=preset,
@@ -128,10 +132,14 @@ for band, title in (
             }
         )
 
-# %% mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "HI and noise that are kept (left) and foreground that is left (right), as powers over that of the truth, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). What is less or more than the frame is not drawn."}}
+# %% [markdown]
+# On the left a level line is a method that does not pay for further sources, and a falling one pays with HI. On the right a level line says that the
+# foreground was found with the fewest already. Points off the frame are runs that failed.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "HI and noise that are kept (left) and foreground that is left (right), as powers over that of the truth, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). What is less or more than the frame is not drawn."}}
 study.stamped(plotting.lines(panels), beam=case.beam)
 
-# %%
+# %% tags=["hide-input"]
 columns = {"C/C0": "recovered", "kept": "kept", "left": "left"}
 rows = {
     f"{label} {n}, {band.removeprefix('C/C0, ')}": {
@@ -183,7 +191,10 @@ curves = [
 bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
-# %% mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of what SDecGMCA leaves with the paper's number of sources, and the two others with four unless told otherwise; of SmoothSpectra divided by what it knows that it keeps; and their ratios to the truth. The grey band is 10 %."}}
+# %% [markdown]
+# The ratio of SmoothSpectra as it is left, and the dotted one corrected: the first should be smooth and below 1, the second 1. SDecGMCA has a loss at low $\ell$ and an excess at the last ones: their mean says nothing of either.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of what SDecGMCA leaves with the paper's number of sources, and the two others with four unless told otherwise; of SmoothSpectra divided by what it knows that it keeps; and their ratios to the truth. The grey band is 10 %."}}
 study.both_figure(case.beam, curves)
 
 # %% [markdown]
@@ -254,7 +265,30 @@ quote(
 # himap clean cube.h5 --method smooth_spectra --beam oscillating -p n_sources=5 -o cleaned.h5
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter take if $S \gg N$, if $S = N$, and if
+# there is nothing but HI and noise?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $S/(S + N)$: nearly all, a half, nothing. Least squares takes all in every case. So to a method with the filter a source too many does no harm, and to
+# one without it costs what it holds of HI.
+#
+# </details>
+#
+# **2.** A method keeps $0.9$ of the power of HI and leaves a foreground of $0.1$ of it. What are $C/C_0$ and the error of the maps?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $C/C_0 = 1$. If what was lost is a projection the mean squared error of the maps is $0.1 + 0.1 = 0.2$ of the power of HI: both parts count, where in
+# the spectrum they cancel.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 23_thresholds -p galaxy=templates -p template_dir=maps

@@ -17,6 +17,9 @@
 # %% [markdown]
 # # Masks inside of the separation
 #
+# > - **Read first**: {doc}`12_post_masking`, {doc}`13_dimmed_galaxy`.
+# > - **Time and memory**: {cost}`24_masks`.
+#
 # Foregrounds are bright in the Galactic plane, and HI is wanted everywhere else. The paper leaves the plane out *after* the separation ({doc}`12_post_masking`), asks what a fainter plane would change ({doc}`13_dimmed_galaxy`), and names masks
 # inside of SDecGMCA as future work. And a telescope sees a part of the sky only.
 #
@@ -47,7 +50,7 @@ latitude: float = 10.0  # least |b| that is kept, deg
 cap: float = 53.13  # latitude at which a survey of the north ends, deg; 53.13 is a tenth of the sky
 margin: float = 4.0  # how far inside of an edge spectra begin, deg
 
-# %%
+# %% tags=["hide-input"]
 import numpy as np
 
 from himap.figures import plotting, styles
@@ -77,7 +80,7 @@ names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in
 # %% [markdown]
 # ## The plane left out
 #
-# Four ways, measured on the same pixels, those beyond the latitude and the margin: the foreground found on the whole sky; the same, without the lines of sight whose error stands out (which needs the truth); the plane dimmed in the sky
+# Four ways, measured on the same pixels, those further from the plane than `latitude` and `margin` together (at the top of this page): the foreground found on the whole sky; the same, without the lines of sight whose error stands out (which needs the truth); the plane dimmed in the sky
 # itself; and the plane left out of the separation.
 
 # %%
@@ -116,7 +119,11 @@ def ratios(results, title):
 
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
-# %% mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power that is left over that of the truth, beyond the Galactic plane, for each method (rows) and way: across the sky (left) and along the line of sight (right). What is off by more than 40 % is not drawn."}}
+# %% [markdown]
+# One row for each method. Where the four curves lie together the mask does not matter, as it does for the method that knows the beam in all but *inside*; where
+# *inside* stands out above the others, its edge has left foreground.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power that is left over that of the truth, beyond the Galactic plane, for each method (rows) and way: across the sky (left) and along the line of sight (right). What is off by more than 40 % is not drawn."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
 
 
@@ -161,7 +168,10 @@ panel = {
     "ylabel": "rms error [mK]",
 }
 
-# %% mystnb={"figure": {"name": "fig-masks-depth", "caption": "What is wrong with the cleaned maps, by the distance from the edge of the mask, where the plane is left out of the separation (dashed) and where it is not (solid). The grey line is the margin."}}
+# %% [markdown]
+# Solid and dashed lines of a method part near the edge and run side by side further in. How far out they part, against the margin, is what the edge costs.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "What is wrong with the cleaned maps, by the distance from the edge of the mask, where the plane is left out of the separation (dashed) and where it is not (solid). The grey line is the margin."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=case.beam, latitude=latitude)
 
 # %% [markdown]
@@ -175,7 +185,11 @@ survey_of = {
     (one, way): compared(case, one, north, way, margin) for one in removers for way in ("no mask", "inside")
 }
 
-# %% mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power that is left over that of the truth within a tenth of the sky, for each method (rows), separated on the whole sky and on that tenth alone."}}
+# %% [markdown]
+# Solid is what a survey of the whole sky would have in these pixels, dashed what the tenth alone allows. For PCA the dashed curve can be the nearer
+# one: the plane, which cost it components, is not in this survey.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power that is left over that of the truth within a tenth of the sky, for each method (rows), separated on the whole sky and on that tenth alone."}}
 panels = [
     panel
     for one in removers
@@ -183,7 +197,7 @@ panels = [
 ]
 study.stamped(plotting.lines(panels), beam=case.beam, cap=cap, margin=margin)
 
-# %%
+# %% tags=["hide-input"]
 show_table({f"{names[one]}, {way}": means(result) for (one, way), result in survey_of.items()})
 
 
@@ -230,7 +244,37 @@ quote(
 # himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mask mask.fits -o cleaned.h5
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Which share of the sky is left beyond $|b| = 10°$ and a margin of $4°$?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# $1 - \sin 14° = 0.76$. The margin alone takes $\sin 14° - \sin 10° = 0.07$ of the sky.
+#
+# </details>
+#
+# **2.** From which latitude on does a cap hold a tenth of the sky?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# A cap beyond the latitude $b$ has the share $(1 - \sin b)/2$ of the sky, so $\sin b = 0.8$ and $b = 53.1°$, the `cap` in the last line of the figure.
+#
+# </details>
+#
+# **3.** Why is a margin of two widths of the beam enough, and why does the rest of the map not suffer?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# What is guessed outside of the mask enters a pixel through the beam only, and two widths away hardly anything of a Gaussian is left: $\exp(-4 \ln 2
+# \cdot 2^2) = 2^{-16}$.
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 24_masks -p galaxy=templates -p template_dir=maps

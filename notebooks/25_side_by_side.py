@@ -20,6 +20,9 @@
 # %% [markdown]
 # # What should I use on my data?
 #
+# > - **Read first**: {doc}`../book/glossary` for the words; {doc}`10_results`, {doc}`20_transfer_function` and {doc}`22_how_many` for the reasons.
+# > - **Time and memory**: {cost}`25_side_by_side`.
+#
 # The paper's method, principal components, and what this book has added, side by side through the three beams, over many skies, and the answer that follows for data of one's own.
 #
 # SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs, which it
@@ -47,7 +50,7 @@ reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 results: list | None = None  # what `himap record side-by-side` wrote; null: that of the book
 iterated: list | None = None  # the same of methods whose correction takes long
 
-# %%
+# %% tags=["hide-input"]
 import warnings
 
 from himap.companion.stored import RESULTS
@@ -85,13 +88,17 @@ study = Study(
 #
 # The first sky, as every method leaves it. The axis of ratios is even near 1, so that a deviation of 5 % can be seen, and logarithmic far from it; the grey band is 10 %.
 
-# %% tags=["hide-input"]
+# %%
 first = evaluate(skies, mocks=[])
 
-# %% mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of what each method leaves of the first sky, over that of the truth, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
+# %% [markdown]
+# Look at the oscillating beam, where the methods part most: PCA with the number of the paper is above the truth, where foreground is left, and the
+# others below it, where HI is lost.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of what each method leaves of the first sky, over that of the truth, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
 study.stamped(side_by_side_figure({"": first}, "angular"))
 
-# %% mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
 study.stamped(side_by_side_figure({"": first}, "frequency"))
 
 # %% [markdown]
@@ -130,20 +137,25 @@ def titled(stored, sources):
     return {one.galaxy.partition(" ")[0]: rows for rows, one in zip(stored, sources, strict=True)}
 
 
-# %% mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of what each method leaves, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
+# %% [markdown]
+# Narrow shades are methods that do the same on every sky. Compare the rows: what changes between them is the Galaxy.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of what each method leaves, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
 stamped(side_by_side_figure(titled(records, made), "angular"))
 
-# %% mystnb={"figure": {"name": "fig-side-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
 stamped(side_by_side_figure(titled(records, made), "frequency"))
 
 # %% [markdown]
 # What is below 1 is HI that went with the foreground: every method takes some at the lowest $k_\nu$, where HI is as smooth as the foreground. That loss is the same from sky to sky, so that mocks can tell it
 # ({doc}`20_transfer_function`). The same spectra over the transfer function of {glue:text}`side_mocks` mocks:
+#
+# What was below 1 has come back. What is still above it is foreground, which a transfer function cannot take away.
 
-# %% mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum over the transfer function, over that of the truth. As in the figures before."}}
 stamped(side_by_side_figure(titled(records, made), "angular", corrected=True))
 
-# %% mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum over the transfer function, over that of the truth. As in the figures before."}}
 stamped(side_by_side_figure(titled(records, made), "frequency", corrected=True))
 
 # %% [markdown]
@@ -151,7 +163,7 @@ stamped(side_by_side_figure(titled(records, made), "frequency", corrected=True))
 #
 # How far the mean over skies is from the truth in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, with the Galaxy where that is more: below 0 power is missing, above it foreground was left.
 
-# %%
+# %% tags=["hide-input"]
 header, lines = overview(records)
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
@@ -162,7 +174,7 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap record side-by-side --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
 # ```
 
-# %%
+# %% tags=["hide-input"]
 slow = [read_record(Curve, path)[0] for path in iterated or stored("iterated")]
 header, lines = overview(slow)
 Table(header, lines, align="l" + "r" * (len(header) - 1))
@@ -232,7 +244,7 @@ quote(
 # paper's five components by {glue:text}`side_few` through the oscillating one.
 #
 # - **How well is your beam known?** If its width is wrong by 1 %, three sources of BeamSubspace leave {glue:text}`side_wrong_few` of foreground, {glue:text}`side_many` of them {glue:text}`side_wrong_many`
-#   ({doc}`21_beam_errors`). `himap sensitivity` tells it for a cube of your own, without the truth.
+#   ({doc}`21_beam_errors`). An error that oscillates with frequency has to be far smaller than one of the width. `himap sensitivity` tells it for a cube of your own, without the truth.
 # - **Always correct what is lost**, by mocks: no method keeps all of the HI. But a transfer function is for HI that was lost and not for foreground that was left, so that the number of sources comes first.
 # - **A method that knows the beam is not better because it knows it**: through the degraded beam, where there is nothing to know, methods leave much the same.
 #
@@ -244,7 +256,29 @@ quote(
 # himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
 # ```
 #
-# Three commands worth trying:
+# ## Exercises
+#
+# **1.** Your maps are all of one resolution. Is it worth telling a method the beam?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# No: through the degraded beam the curves of PCA and BeamSubspace lie on each other. A source has one map in all channels then, which is what PCA
+# assumes.
+#
+# </details>
+#
+# **2.** Your corrected spectrum is above that of the theory at small $k_\nu$ and at one narrow $k_\nu$. What do you suspect, and what do you try first?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Foreground that was left, by a ripple of the beam with the period $2\pi/k_\nu$: a transfer function does not take it away. Try one source more, and
+# look whether both go together, as they do in {doc}`04_pca`; then ask how well the beam is known ({doc}`21_beam_errors`).
+#
+# </details>
+#
+# More to run:
 #
 # ```sh
 # himap run 25_side_by_side -p galaxy=templates -p template_dir=maps

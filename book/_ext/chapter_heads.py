@@ -1,0 +1,114 @@
+"""Sphinx extension: what the head of a chapter says that was measured.
+
+``{claim}`D1``` is a claim of the paper with the verdict of the stored ledger, and leads to its row there.
+``{cost}`04_pca``` is what a chapter took when it was last executed, at the size of the book and, where its
+figures are stored, at the paper's, and the memory that himap asks for. In Jupyter both read as their names.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.util.docutils import SphinxRole
+
+from himap.companion.notebook_files import STAMP, read_notebook
+from himap.companion.parameters import read_parameters
+from himap.paper.ledger import read_ledger
+from himap.paper.ledger_table import BADGES
+from himap.products.memory import estimate
+from himap.products.provenance import duration
+from himap.survey import Survey
+
+LEDGER = "notebooks/15_claims"
+LARGE = "paper"  # the preset of the figures that are stored
+
+
+class Claim(SphinxRole):
+    """The role of one claim, by its id; its name alone where there is no ledger."""
+
+    def run(self):
+        path = Path(self.env.srcdir, "book", "results", "claims_laptop.json")
+        self.env.note_dependency(str(path))
+        if not path.exists():
+            return [nodes.Text(self.text)], []
+        entries = _verdicts(path)
+        if self.text not in entries:
+            message = self.inliner.reporter.error(f"the ledger has no claim {self.text!r}", line=self.lineno)
+            return [], [message]
+        entry = entries[self.text]
+        said = nodes.inline("", " ".join([BADGES[entry.verdict][0], entry.label]), classes=["himap-verdict"])
+        return [self._name(entry), nodes.Text("\N{NO-BREAK SPACE}"), said], []
+
+    def _name(self, entry):
+        """The id, with what is claimed for those who point at it; it leads to the ledger where that is."""
+        if LEDGER not in self.env.found_docs:
+            return nodes.Text(self.text)
+        page = self.env.app.builder.get_relative_uri(self.env.docname, LEDGER)
+        row = f"{page}#claim-{self.text}"
+        return nodes.reference("", self.text, internal=True, refuri=row, reftitle=entry.claim["statement"])
+
+
+@cache
+def _verdicts(path):
+    """{id: entry} of a ledger."""
+    return {entry.claim["id"]: entry for entry in read_ledger(path)[0]}
+
+
+class Cost(SphinxRole):
+    """The role of what one chapter costs, by its name."""
+
+    def run(self):
+        path = Path(self.env.srcdir, "notebooks", f"{self.text}.ipynb")
+        self.env.note_dependency(str(path))
+        return [nodes.Text(cost(path, Path(self.env.srcdir, "book", "results")))], []
+
+
+def cost(path, results):
+    """Time and memory of the notebook at `path`, with figures stored in the folder `results`, in words."""
+    node = read_notebook(path)
+    seconds = node.metadata.get(STAMP, {}).get("execution", {}).get("seconds")
+    preset = _preset(node)
+    took = _range([seconds] if seconds else [])
+    if preset is None:
+        return f"{took}, for it shows what is stored"
+    names = {cell.metadata.get("mystnb", {}).get("figure", {}).get("name") for cell in node.cells}
+    said = [f"{took} and up to {_memory(preset)} at {preset}"]
+    large = _seconds(results, names)
+    if large:
+        said.append(f"{_range(large)} and up to {_memory(LARGE)} at the paper’s size")
+    return "; ".join(said) + "; what other chapters had kept was not made again"
+
+
+def _preset(node):
+    """The preset that a notebook has by default; None if it makes no maps."""
+    tagged = [cell.source for cell in node.cells if "parameters" in cell.metadata.get("tags", [])]
+    found = {one.name: one.default for source in tagged for one in read_parameters(source)}
+    return found.get("preset")
+
+
+def _seconds(results, names):
+    """What the chapter with figures of these names took at the paper's size, shortest first."""
+    rows = [row for path in results.glob("*/figures.json") for row in json.loads(path.read_text())["figures"]]
+    return sorted({row["execution"]["seconds"] for row in rows if row["name"] in names})
+
+
+def _range(seconds):
+    """A time, or the shortest and the longest, with one unit where they share it."""
+    if not seconds:
+        return "an unknown time"
+    first, last = duration(seconds[0]), duration(seconds[-1])
+    if first == last:
+        return first
+    value, unit = first.split()
+    return f"{value} to {last}" if last.endswith(f" {unit}") else f"{first} to {last}"
+
+
+def _memory(preset):
+    return f"{max(estimate(Survey.preset(preset)).values()) / 1e9:.1f} GB"
+
+
+def setup(app):
+    app.add_role("claim", Claim())
+    app.add_role("cost", Cost())
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,439 @@
+# ---
+# jupyter:
+#   himap:
+#     figures: []
+#     section: ''
+#   jupytext:
+#     formats: ipynb,py:percent
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
+# ---
+
+# %% [markdown]
+# # A survey: uneven hits, and gaps
+#
+# > - **Read first**: {doc}`17_your_own_cube`, {doc}`20_transfer_function`.
+# > - **Time and memory**: {cost}`26_a_survey`.
+#
+# The skies of the other chapters are seen everywhere, equally long, in all channels. A survey has a patch of it, looks at the middle of that longer than at its edge, and loses channels and single voxels to interference. This
+# chapter makes such a survey, about as large as a field of MeerKLASS and in its band ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`), through the beam of MeerKAT, and cleans it by principal components and by polynomials: with weights and flags, with flags alone, and with neither, the
+# gaps filled by straight lines.
+#
+# On the command line the whole chapter is
+#
+# ```sh
+# himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
+# ```
+#
+# With weights $w$ the components are those of
+#
+# ```{math}
+# \min_{m, A, S} \sum_{\nu, p} w_\nu(p) \Big( x_\nu(p) - m_\nu - \sum_j A_{\nu j} S_j(p) \Big)^2 ,
+# ```
+#
+# where a voxel without weight may be anything. Where only pixels have weights that is one eigenproblem; where voxels are missing, the model fills them in turns, until what is left settles ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is fitted by
+# weighted least squares to what there is on a line of sight. What is left in a gap is not told.
+
+# %% tags=["parameters"]
+preset: str = "quick"  # ci, quick, laptop or paper
+survey: dict = {
+    "freq_min": 971.0,
+    "freq_max": 1075.0,
+    "n_dishes": 64,
+    "t_obs": 62.0,
+    "f_sky": 0.0074,
+}  # Survey fields that differ from the preset
+galaxy: str = "synthetic"  # synthetic, templates or pysm3
+template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
+small_scales: bool = True  # add structure beyond the resolution of the templates
+beam: str = "meerkat"  # degraded, evolving, oscillating, rippled, meerkat, meerkat_lobes or a file
+patch: dict = {}  # fields of the patch that differ from its defaults, such as seed or voxels
+n_sources: int = 3  # of PCA
+order: int = 3  # of the polynomial
+n_mocks: int = 3  # for the transfer function
+bin_width: int = 24  # multipoles in a bin
+
+# %%
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import healpy as hp
+import numpy as np
+
+from himap.cubes import beams_of, clean_cube, read_cube
+from himap.cubes.mocks import made_mocks
+from himap.figures import plotting, styles
+from himap.figures.numbers import quote, show, show_table
+from himap.figures.patches import patch_maps
+from himap.instrument.beams import named
+from himap.measures import diagnostics
+from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky
+from himap.paper.study import Study
+
+selected, field = named(beam), Patch(**patch)
+study = Study(
+    preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
+)
+nside, n_channels = study.survey.nside, study.survey.n_channels
+
+# %% [markdown]
+# ## The survey
+#
+# Dishes scan to and fro at one elevation, while the sky drifts by, rising or setting. A block of observation covers a parallelogram, sheared to one side or to the other, and where many cross there are most hits. Noise falls with their root. Lost are a few
+# channels altogether, bursts in some channels while a part of the sky drifts by, and single voxels. All of it is a formula with a seed (`himap.paper.patch.Patch`).
+
+# %% tags=["hide-input"]
+hits = field.hits(nside)
+flags = field.flags(nside, n_channels)
+inside = hits > 0
+foreground, signal = patch_sky(study.case(selected))
+noise = noise_by_hits(study.survey, hits, study.survey.rng("noise by hits"))
+truth = signal + noise
+maps = foreground + truth
+
+
+def shown(pixels):
+    """A map of the patch, NaN outside."""
+    return np.where(inside, pixels, np.nan)
+
+
+maps_of_hits = {
+    "hits": shown(hits),
+    "share of the channels that is lost [%]": shown(100 * flags.mean(axis=0)),
+}
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, the most of them 1 (left), and the share of the channels that is lost on each line of sight (right)."}}
+study.stamped(patch_maps(maps_of_hits, field.box, unit=""), beam=selected, patch=patch)
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel. Channels at 100 % are lost altogether, and are left out of the cube."}}
+lost = 100 * flags[:, inside].mean(axis=1)
+panel = {
+    "curves": [(study.survey.freqs, lost, {"color": styles.BLUE})],
+    "xlabel": styles.CHANNELS,
+    "ylabel": "lost [%]",
+}
+study.stamped(plotting.lines([panel], columns=1, size=(7.2, 2.8)), beam=selected, patch=patch)
+
+# %% tags=["hide-input"]
+show(
+    {
+        "area": (float(inside.mean() * 41253), 2.0, "deg^2"),
+        "pixels": int(inside.sum()),
+        "channels that are lost": int((lost == 100).sum()),
+        "other voxels that are lost": (float(lost[lost < 100].mean()), 0.1, "%"),
+        "rms of the foreground less its mean": (
+            float(np.sqrt(foreground[:, inside].var(axis=1).mean())),
+            2.0,
+            "mK",
+        ),
+        "rms of HI": (float(signal[:, inside].std()), 0.001, "mK"),
+        "rms of the noise": (float(noise[:, inside].std()), 0.003, "mK"),
+    }
+)
+
+# %% [markdown]
+# ## The files, and the cube
+#
+# Hits are a HEALPix map, one for all channels; flags an array of all voxels. Maps are NaN where nothing was observed; what stands in a voxel that is flagged counts nothing, and here it is bright.
+
+# %%
+folder = Path(tempfile.mkdtemp())
+with h5py.File(folder / "cube.h5", "w") as file:
+    disturbed = np.where(flags, 1e4, maps)
+    file["maps"] = np.where(inside, disturbed, np.nan).astype(np.float32)
+    file["freqs"] = study.survey.freqs
+    file.attrs.update(unit="mK", order="RING")
+hp.write_map(folder / "hits.fits", hits, dtype=np.float32)
+np.save(folder / "flags.npy", flags)
+
+cube = read_cube(folder / "cube.h5", weights=folder / "hits.fits", flags=folder / "flags.npy")
+print(*cube.remarks, sep="\n")
+
+# %% [markdown]
+# ## Cleaning
+#
+# Three ways. *Weights and flags* is the cube as it is. For *flags alone* every voxel that is there counts the same. For *neither* each gap is filled by a straight line between the channels around it, and the cube is cleaned as if that had been observed.
+
+# %%
+WAYS = {"weights and flags": "-", "flags alone": "--", "neither": ":"}
+
+
+def of_way(way, maps=cube.maps):
+    """The cube, or one with other maps, as one of `WAYS` has it."""
+    if way == "neither":
+        return replace(cube, maps=interpolated(maps, cube.missing), weights=None)
+    weights = cube.weights if way == "weights and flags" else (~cube.missing).astype(float)
+    return replace(cube, maps=maps, weights=weights)
+
+
+methods = {
+    styles.numbered("pca", n_sources): ("pca", {"n_sources": n_sources}),
+    f"polynomial of order {order}": ("polynomial", {"order": order}),
+}
+
+
+def left_of(method, way, maps=cube.maps):
+    """What is left by a method, in all channels and pixels, 0 where nothing is."""
+    name, parameters = methods[method]
+    cleaned = clean_cube(of_way(way, maps), name, peaks=False, **parameters)
+    return on_grid(cleaned.residual)
+
+
+def on_grid(residual):
+    out = np.zeros(maps.shape, dtype=np.float32)
+    out[np.ix_(cube.layout.channels, cube.mask)] = residual
+    return out
+
+
+left = {(method, way): left_of(method, way) for method in methods for way in WAYS}
+
+# %% tags=["hide-input"]
+channel = int(cube.layout.channels[len(cube.freqs) // 2])
+freq = study.survey.freqs[channel]
+good = inside & ~flags[channel]
+first, *_ = methods
+
+
+def at(pixels):
+    """One channel less its mean, NaN where it is not seen."""
+    return np.where(good, pixels - pixels[good].mean(), np.nan)
+
+
+pictures = {
+    "before": at(maps[channel]),
+    "HI and noise": at(truth[channel]),
+    "left, weights and flags": at(left[first, "weights and flags"][channel]),
+    "left, neither": at(left[first, "neither"][channel]),
+}
+low, high = np.nanpercentile(pictures["HI and noise"], (1, 99))
+span = {title: (low, high) for title in pictures if title != "before"}
+errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS}
+widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "One channel in the middle of the band: as observed; the truth; and what principal components leave with weights and flags, and with neither, all but the first on one scale of colours. White is not seen."}}
+study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
+
+# %% [markdown]
+# Less the truth, on a scale of its own, these are errors: with weights or flags HI and noise that the components took, patch by patch; without, foreground that the lines across the gaps left.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: what is left less the truth, by principal components with weights and flags, with flags alone, and with neither, on one scale, even about 0."}}
+study.stamped(
+    patch_maps(errors_at, field.box, span=(-widest, widest), diverging=True),
+    beam=selected,
+    patch=patch,
+    channel=f"{freq:g} MHz",
+)
+
+# %% [markdown]
+# ## Spectra
+#
+# Pixels count by their hits, and gaps are 0, in the truth as in what is left. There are few modes in such a patch: what a method takes of HI by chance is a larger share than on the whole sky, most at the largest scales.
+
+# %% tags=["hide-input"]
+power = PatchPower(
+    weights=hits,
+    seen=inside & ~flags,
+    channel_width=study.survey.channel_width,
+    bin_width=bin_width,
+)
+true = power(truth)
+spectra = {key: power(one) for key, one in left.items()}
+wrong = {key: power(one - truth) for key, one in left.items()}
+
+
+COLOURS = dict(zip(WAYS, (styles.BLUE, styles.ORANGE, styles.VERMILION), strict=True))
+
+
+def panels_of(over, label, curve):
+    """Panels of spectra over those of the truth, {(method, way): {kind: ratio}}: a row for each method.
+
+    `curve` makes one of a ratio: what stands between its x and its style.
+    """
+    return [
+        {
+            "curves": [
+                (
+                    true[kind][0],
+                    *curve(over[method, way][kind]),
+                    {"color": COLOURS[way], "linestyle": dashes, "label": way},
+                )
+                for way, dashes in WAYS.items()
+            ],
+            "title": method,
+            "xlabel": styles.AXES[kind]["xlabel"],
+            "ylabel": label,
+        }
+        for method in methods
+        for kind in ("angular", "frequency")
+    ]
+
+
+def ratios_figure(over, label):
+    """Of ratios that should be 1; there is one sky, and no spread."""
+    panels = panels_of(over, label, lambda ratio: (ratio, ratio, ratio))
+    return plotting.ratios(panels, columns=2, size=(4.6, 3.2))
+
+
+def over_truth(found):
+    return {key: {kind: one[kind][1] / true[kind][1] for kind in true} for key, one in found.items()}
+
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power that is left over that of HI and noise, for each method (rows): across the sky (left) and along the line of sight (right)."}}
+study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of what is left less HI and noise, over that of HI and noise: foreground that is left and HI that is lost together."}}
+panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
+scales = {"xscale": "log", "yscale": "log", "ylim": (0.01, 20)}
+study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selected, patch=patch)
+
+# %% [markdown]
+# ## Corrected by mocks
+#
+# Mocks of HI with other seeds, and noise by hits, are put into the cube, through the same gaps, and cleaned with it ({doc}`20_transfer_function`). What comes back of them says how much of the signal each way keeps; the power that is left is divided by that.
+
+# %%
+windows = beams_of(cube, selected)
+drawn = np.random.default_rng(7)
+mocks = [
+    mock + noise_by_hits(study.survey, hits, drawn)[np.ix_(cube.layout.channels, cube.mask)]
+    for mock in made_mocks(cube, windows, n_mocks)
+]
+shares = {}
+for key in left:
+    returned = [left_of(*key, cube.maps + mock) - left[key] for mock in mocks]
+    shares[key] = power.share([on_grid(mock) for mock in mocks], returned)
+
+corrected = {
+    key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left
+}
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "As the figure of what is left, over the transfer function."}}
+study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
+
+# %% [markdown]
+# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$), of what is left, of that corrected, and of the error, each over the truth.
+
+
+# %% tags=["hide-input"]
+def means(over):
+    """Means of ratios in bands, for `show_table`."""
+    k = true["frequency"][0]
+    values = {
+        "C, all l": over["angular"].mean(),
+        "C, but for the first bin": over["angular"][1:].mean(),
+        "P, k < 0.3": diagnostics.band_mean(k, over["frequency"], 0, 0.3),
+        "P, k > 0.3": diagnostics.band_mean(k, over["frequency"], 0.3, np.inf),
+    }
+    return {name: (float(value), 0.03 * max(1, abs(float(value)))) for name, value in values.items()}
+
+
+ratios, errors = over_truth(spectra), over_truth(wrong)
+show_table({f"{method}, {way}": means(ratios[method, way]) for method, way in left}, head="left / truth")
+
+# %% tags=["hide-input"]
+show_table(
+    {f"{method}, {way}": means(corrected[method, way]) for method, way in left}, head="corrected / truth"
+)
+
+# %% tags=["hide-input"]
+show_table({f"{method}, {way}": means(errors[method, way]) for method, way in left}, head="error / truth")
+
+
+# %% tags=["hide-input"]
+def worst(found, method, way):
+    """How far the ratio of a method is from 1 in the worst of the bands, %."""
+    off = 100 * max(abs(value - 1) for value, _ in means(found[method, way]).values())
+    return (off, max(1, 0.1 * off), "%")
+
+
+def band(found, method, way, name):
+    """The ratio in one band, %."""
+    value = 100 * means(found[method, way])[name][0]
+    return (value, max(1, 0.05 * value), "%")
+
+
+fit = list(methods)[-1]
+quote(
+    survey_pca=first,
+    survey_lost=(float(100 * cube.missing.mean()), 0.1, "%"),
+    survey_weighted=band(errors, first, "weights and flags", "P, k > 0.3"),
+    survey_flagged=band(errors, first, "flags alone", "P, k > 0.3"),
+    survey_neither=band(errors, first, "neither", "P, k > 0.3"),
+    survey_weighted_low=band(ratios, first, "weights and flags", "P, k < 0.3"),
+    survey_flagged_low=band(ratios, first, "flags alone", "P, k < 0.3"),
+    survey_neither_low=band(ratios, first, "neither", "P, k < 0.3"),
+    survey_weighted_corrected=worst(corrected, first, "weights and flags"),
+    survey_flagged_corrected=worst(corrected, first, "flags alone"),
+    survey_neither_corrected=worst(corrected, first, "neither"),
+    survey_fit=fit,
+    survey_fit_low=band(ratios, fit, "weights and flags", "P, k < 0.3"),
+)
+
+# %% [markdown]
+# ## What to take away
+#
+# Of {glue:text}`survey_pca` on this sky, in shares of the power of HI and noise:
+#
+# | | left at small $k_\nu$ | error at large $k_\nu$ | corrected: off in the worst band |
+# |---|---|---|---|
+# | weights and flags | {glue:text}`survey_weighted_low` | {glue:text}`survey_weighted` | {glue:text}`survey_weighted_corrected` |
+# | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
+# | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
+#
+# - **Gaps must be told.** Of this cube {glue:text}`survey_lost` are missing. A straight line across a gap is off by far more than HI, and each gap has one of its own, so that a few components cannot take it.
+# - **Weights are a choice between noise and signal.** They keep the noise of the edge out of the components. But with weights fewer pixels count, which a component can follow more closely: compare how much HI and noise is lost, and correct for it.
+# - **A small patch loses more** than the whole sky with as many components, and mocks through the same gaps tell how much.
+# - **Fits feel the gaps less**, and weights of pixels not at all: each line of sight is fitted by itself. The {glue:text}`survey_fit` leaves {glue:text}`survey_fit_low` of the power at small $k_\nu$ behind this beam.
+#
+# On a cube of one's own:
+#
+# ```sh
+# himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
+# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 -o transfer.html
+# ```
+#
+# ## Exercises
+#
+# **1.** Hits fall by a factor of four from the middle of a patch to its edge. By how much does the noise rise, and how much less does an edge pixel weigh?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Noise falls with the root of the hits: it is twice as large at the edge. Its inverse variance, the weight, is a quarter of that in the middle.
+#
+# </details>
+#
+# **2.** Weights that are twice as large in all pixels: what changes?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# Nothing. The sum of squares has them as a factor, so that its least place is the same; only ratios of weights matter. The same goes for a factor of each channel where there are as
+# many components as foregrounds and no noise; with noise a channel of large weight is followed more closely.
+#
+# </details>
+#
+# **3.** A channel is flagged altogether. Why is it left out, and not filled by the model?
+#
+# <details class="himap-answer">
+# <summary>Answer</summary>
+#
+# No line of sight has a value there, so the data say nothing of the components in that channel: any number fits as well as any other. Where some pixels see the channel, they tell the
+# components there, and the others are filled by them.
+#
+# </details>
+#
+# More to run:
+#
+# ```sh
+# himap run 26_a_survey -p n_sources=5
+# himap run 26_a_survey -p beam=degraded -p order=4
+# himap run 26_a_survey -p 'patch={"voxels": 0.2, "n_bursts": 0}'
+# ```
