@@ -121,6 +121,84 @@ class TestCheck:
         assert Path("a.json").read_text() == before
 
 
+class TestGrow:
+    @pytest.fixture
+    def command(self, himap_command, monkeypatch):
+        """The command with corrections not computed, two skies of them recorded in a.json."""
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        seen = []
+
+        def evaluate(cases, removers, mocks):
+            seen.append(([case.survey.seed for case in cases], mocks))
+            row = {"method": "pca", "n_sources": 5, "band": "C/C0, 2-4", "raw": 0.9, "corrected": 1.0}
+            return [corrections.Correction(seed=n, by_auto=1.0, sigma=0.1, **row) for n in seen[-1][0]]
+
+        monkeypatch.setattr(corrections, "evaluate", evaluate)
+        assert himap_command(*self.COMMAND, "-p", "n_realisations=2", "-o", "a.json")[0] == 0
+        return himap_command, seen
+
+    COMMAND = ("record", "corrections", "--preset", "ci")
+
+    def test_only_the_skies_that_are_not_there(self, command):
+        himap_command, seen = command
+        before, told = read_record(corrections.Correction, "a.json")
+        grow = (*self.COMMAND, "--grow", "a.json")
+        code, out, err = himap_command(*grow, "-p", "n_realisations=4")
+        assert (code, err) == (0, "") and "4 of 4" in out
+        (first, mocks), *more = seen
+        assert [seeds for seeds, _ in more] == [[first[1] + 1], [first[1] + 2]]
+        assert all(one == mocks for _, one in more)
+        rows, about = read_record(corrections.Correction, "a.json")
+        assert rows[:2] == before and [row.seed for row in rows] == list(range(first[0], first[0] + 4))
+        assert about["code"] == told["code"] and about["seconds"] > told["seconds"]
+        assert dict(about["overrides"]) == dict(told["overrides"]) | {"n_realisations": 4}
+        assert about["grown"] == [told["commit"]]
+        assert himap_command(*grow, "-p", "n_realisations=4")[0] == 0 and len(seen) == 3  # nothing is left
+
+    def test_what_is_measured_stays(self, command, monkeypatch):
+        himap_command, _ = command
+        evaluate = corrections.evaluate
+
+        def fails(cases, *others):
+            if cases[0].survey.seed % 2:  # the first of those that are not there is 2027
+                return evaluate(cases, *others)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(corrections, "evaluate", fails)
+        assert himap_command(*self.COMMAND, "-p", "n_realisations=4", "--grow", "a.json")[0] != 0
+        rows, about = read_record(corrections.Correction, "a.json")
+        assert len(rows) == 3 and dict(about["overrides"])["n_realisations"] == 3
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["-p", "n_mocks=3"], r"other parameters (n_mocks)"),
+            (["-p", 'methods=[["pca", 4]]'], "other parameters (methods)"),
+            (["-p", "seed=7"], "other parameters (seed)"),
+            (["-o", "b.json"], "leave -o out"),
+            (["--check", "a.json"], "--check and --grow are two things"),
+        ],
+    )
+    def test_refused(self, command, options, message):
+        himap_command, seen = command
+        before = Path("a.json").read_text()
+        code, _, err = himap_command(*self.COMMAND, "--grow", "a.json", *options)
+        assert code == 2 and message in err and len(seen) == 1
+        assert Path("a.json").read_text() == before
+
+    def test_other_code_is_checked_first(self, command):
+        himap_command, seen = command
+        text = Path("a.json").read_text()
+        Path("a.json").write_text(text.replace(corrections_code(), "0" * 64))
+        grow = (*self.COMMAND, "--grow", "a.json", "-p", "n_realisations=3")
+        code, _, err = himap_command(*grow)
+        assert code == 2 and "was made by other code; see with --check" in err and len(seen) == 1
+        assert himap_command(*self.COMMAND, "-p", "n_realisations=2", "--check", "a.json")[0] == 0
+        assert himap_command(*grow)[0] == 0
+        rows, about = read_record(corrections.Correction, "a.json")
+        assert len(rows) == 3 and about["code"] == "0" * 64 and about["checked"]["code"] == corrections_code()
+
+
 class TestBeamErrors:
     @pytest.fixture
     def command(self, himap_command, monkeypatch):

@@ -181,7 +181,7 @@ def claims(preset, pairs, output, overwrite, check):
     if check is None:
         path = json_output(output, name, overwrite=overwrite)
     else:
-        check_alone(output, overwrite)
+        check_alone("--check", output, overwrite)
         ledger.read_ledger(check)  # fails now
         chosen["n_realisations"] = 1
     skies = ledger.realisations(**chosen, oscillating=oscillating)

@@ -17,6 +17,7 @@ from himap.cli.shared import (
 )
 from himap.companion.notebook_files import copy_name
 from himap.companion.parameters import Parameter
+from himap.errors import InputError
 from himap.figures.tables import Table
 from himap.products.fingerprint import CodeTree
 from himap.products.provenance import Provenance
@@ -46,6 +47,7 @@ def _record_options(chapter, name):
         ),
         overwrite_option,
         click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
+        click.option("--grow", metavar="FILE", help="Measure the skies that a record lacks, and add them."),
     ]
 
     def with_options(command):
@@ -68,6 +70,7 @@ def _record(
     output,
     overwrite,
     check,
+    grow,
     chapter,
     own,
     measure,
@@ -75,11 +78,12 @@ def _record(
 ):
     """Measure a record of `row`, write it, and print its table.
 
-    `measure` gives skies, rows and their parameters. With `check` one sky is measured again.
+    `measure` gives the cases of all skies, what was chosen for them as parameters of the provenance, and the
+    function that evaluates the skies of some seeds. With `check` one sky is measured again, with `grow` those
+    that are not there yet.
     """
-    from himap.paper.record_file import check_record, read_record, write_record
+    from himap.paper.record_file import check_record, grow_record, lacking, read_record, write_record
 
-    name = row.command.replace("-", "_")
     chosen, given = judging_parameters(
         pairs,
         preset,
@@ -88,28 +92,58 @@ def _record(
         more=[Parameter("n_realisations", "int", n_skies, _SKIES)],
         notebook=chapter,
     )
+    if check is None and grow is None:
+        name = copy_name(row.command.replace("-", "_"), chosen["preset"], given, suffix=".json")
+        path = json_output(output, name, overwrite=overwrite)
+    else:
+        path = _told_again(row, check, grow, output, overwrite)
+    started = time.monotonic()
+    cases, parameters, evaluate = measure(chosen)
+    seeds = list(dict.fromkeys(case.survey.seed for case in cases))
+    parameters = {"n_realisations": len(seeds)} | parameters | provenance_parameters(given)
+
+    def about(since):
+        made = Provenance.of(
+            cases[0].survey,
+            galaxy=cases[0].galaxy,
+            preset=chosen["preset"],
+            parameters=parameters,
+            started=since,
+        )
+        # That ran, whatever was edited in the hours since.
+        return asdict(made) | {"code": code_of(CodeTree(loaded=True))}
+
     if check is not None:
-        check_alone(output, overwrite)
-        read_record(row, check)  # fails now
-        _, rows, _ = measure(chosen | {"n_realisations": 1})
-        check_record(rows, check, code_of(CodeTree(loaded=True)))
-        click.echo(f"{check}: {len(rows)} rows of one sky are the same with today's code.")
+        rows = evaluate(seeds[:1])
+        check_record(rows, path, about(started)["code"])
+        click.echo(f"{path}: {len(rows)} rows of one sky are the same with today's code.")
         return
-    file = copy_name(name, chosen["preset"], given, suffix=".json")
-    path = json_output(output, file, overwrite=overwrite)
-    started, preset = time.monotonic(), chosen["preset"]
-    cases, rows, parameters = measure(chosen)
-    about = Provenance.of(
-        cases[0].survey,
-        galaxy=cases[0].galaxy,
-        preset=preset,
-        parameters={"n_realisations": len(cases)} | parameters | provenance_parameters(given),
-        started=started,
-    )
-    code = code_of(CodeTree(loaded=True))  # that ran, whatever was edited in the hours since
-    write_record(rows, path, asdict(about) | {"code": code})
+    if grow is None:
+        write_record(evaluate(seeds), path, about(started))
+    else:
+        for seed in lacking(row, path, seeds, about(started)):
+            since = time.monotonic()
+            grow_record(evaluate([seed]), path, about(since))  # at once: no sky is lost
+    rows, _ = read_record(row, path)
     click.echo(Table(measured.HEADER, measured.summary(rows), align=align))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+def _told_again(row, check, grow, output, overwrite):
+    """The path of the record that is checked or grows, which is one of `row`."""
+    from himap.paper.record_file import read_record
+
+    if check is not None and grow is not None:
+        raise InputError("--check and --grow are two things; check the record, and let it grow then.")
+    option, path = ("--check", check) if grow is None else ("--grow", grow)
+    check_alone(option, output, overwrite)
+    read_record(row, path)  # fails now
+    return path
+
+
+def _of(cases, seeds):
+    """Those of the skies of some seeds."""
+    return [case for case in cases if case.survey.seed in seeds]
 
 
 @click.group(short_help="Measure what a chapter beyond the paper shows, on many skies.")
@@ -145,8 +179,12 @@ def corrections(**options):
     def measure(chosen):
         n_mocks = whole_number("n_mocks", chosen.pop("n_mocks"), 2, 1000)  # one has no scatter
         cases, removers = measured.cases_and_methods(**chosen)
-        rows = measured.evaluate(cases, removers, first_mocks(n_mocks, cases))
-        return cases, rows, {"n_mocks": n_mocks}
+        mocks = first_mocks(n_mocks, cases)
+        return (
+            cases,
+            {"n_mocks": n_mocks},
+            lambda seeds: measured.evaluate(_of(cases, seeds), removers, mocks),
+        )
 
     methods = [["beam_subspace", 3], ["pca", 5], ["pca", 8], ["gmca", 5], ["sdecgmca", 5]]
     _record(
@@ -186,7 +224,7 @@ def beam_errors(**options):
     def measure(chosen):
         errors = chosen.pop("errors")
         cases, removers = cases_and_methods(**chosen)
-        return cases, measured.evaluate(cases, removers, errors), {}
+        return cases, {}, lambda seeds: measured.evaluate(_of(cases, seeds), removers, errors)
 
     _record(
         measured.BeamError,
@@ -222,8 +260,12 @@ def side_by_side(**options):
         corrected = chosen.pop("corrected")
         skies = measured.skies_and_methods(**chosen)
         cases = [case for sky in skies for case in sky]
-        rows = measured.evaluate(skies, first_mocks(n_mocks, cases), corrected)
-        return cases, rows, {"n_realisations": len(skies), "n_mocks": n_mocks}
+        mocks = first_mocks(n_mocks, cases)
+
+        def evaluate(seeds):
+            return measured.evaluate([sky for sky in skies if _of(sky, seeds)], mocks, corrected)
+
+        return cases, {"n_mocks": n_mocks}, evaluate
 
     _record(
         measured.Curve,
@@ -268,8 +310,12 @@ def suggestions(**options):
         (first,), _ = cases_and_methods(**chosen, methods=(), n_realisations=1)
         beams = [paper.get(name) or named(name) for name in beams]
         cases = measured.cases_over(first, beams=beams, noises=noises, n_realisations=skies)
-        rows = measured.evaluate(cases, methods, first_mocks(n_mocks, cases), range(1, most + 1))
-        return cases, rows, {"n_realisations": skies, "n_mocks": n_mocks}
+        mocks, counts = first_mocks(n_mocks, cases), range(1, most + 1)
+
+        def evaluate(seeds):
+            return measured.evaluate(_of(cases, seeds), methods, mocks, counts)
+
+        return cases, {"n_mocks": n_mocks}, evaluate
 
     _record(
         measured.Suggested,

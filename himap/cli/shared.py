@@ -147,10 +147,10 @@ def json_output(output, name, *, overwrite):
     return check_output(path, suffix=".json", overwrite=overwrite)
 
 
-def check_alone(output, overwrite):
-    """Refuse outputs beside --check."""
+def check_alone(option, output, overwrite):
+    """Refuse outputs beside an option that writes into the file it names, such as --check."""
     if output is not None or overwrite:
-        raise InputError("--check writes into the file that it checks; leave -o out, and --overwrite.")
+        raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
 
 
 def named_values(pairs):

@@ -8,9 +8,10 @@ from himap.outputs import whole_file
 from himap.paper.checking import marked, same
 from himap.reading import regular_file, there_is
 
-__all__ = ["check_record", "read_record", "write_record"]
+__all__ = ["check_record", "grow_record", "lacking", "read_record", "write_record"]
 
 _FORMAT = 2
+_SKIES = "n_realisations"
 _DIGITS = 4  # of a number: more than two machines agree on
 
 
@@ -94,3 +95,50 @@ def check_record(rows, path, code):
             f"{other[0][1]} in the place of {other[0][0]}; measure all of it again."
         )
     write_record(stored, path, marked(about, code))
+
+
+def lacking(kind, path, seeds, about):
+    """The seeds of skies that a record of `kind` does not have yet, a list.
+
+    Parameters
+    ----------
+    seeds
+        Of all skies that it is to have.
+    about
+        What would make them, as of `write_record`.
+
+    Raises
+    ------
+    InputError
+        It was made with other parameters or by other code, so that its skies would not be alike.
+    """
+    rows, told = read_record(kind, path)
+    differing = [name for name in ("preset", "galaxy", "seed") if about[name] != told[name]]
+    ours, theirs = ({name: json.dumps(value) for name, value in one["overrides"]} for one in (about, told))
+    names = (ours.keys() | theirs.keys()) - {_SKIES}
+    differing += sorted(name for name in names if ours.get(name) != theirs.get(name))
+    if differing:
+        raise InputError(
+            f"{path} was made with other parameters ({', '.join(differing)}): give those that it was made "
+            "with, and more n_realisations."
+        )
+    if about["code"] not in (told["code"], told.get("checked", {}).get("code")):
+        raise InputError(f"{path} was made by other code; see with --check whether it gives the same.")
+    there = {row.seed for row in rows}
+    return [seed for seed in seeds if seed not in there]
+
+
+def grow_record(rows, path, about):
+    """Add rows of skies that a record lacks to it; see `lacking`. Whole, or left as it is.
+
+    It keeps what it says of its beginning, with the number of skies as it is now, the time of all, and in
+    "grown" the commits that added to it.
+    """
+    stored, told = read_record(type(rows[0]), path)
+    rows = stored + rows
+    n_skies = len({row.seed for row in rows})
+    overrides = [[name, n_skies if name == _SKIES else value] for name, value in told["overrides"]]
+    grown = told.get("grown", []) + [about["commit"]]
+    seconds = told["seconds"] + about["seconds"]
+    changed = {"overrides": overrides, "seconds": seconds, "grown": list(dict.fromkeys(grown))}
+    write_record(rows, path, told | changed)
