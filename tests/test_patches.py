@@ -1,11 +1,13 @@
 """Flat patches of the sphere, and P(k_perp, k_par) from them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from astropy.wcs import WCS
 from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
-from himap.cubes import read_cube
+from himap.cubes import clean_cube, patches, read_cube
 from himap.cubes.cube import make_cube
 from himap.cubes.patches import patch_power
 from himap.cubes.raw import RawCube
@@ -96,3 +98,20 @@ def test_on_the_page(rng, tmp_path):
     page = (tmp_path / "c.html").read_text()
     assert page.count("<img alt=") == 4 and "flat patches of 14 deg" in page
     assert read_cube(cube).whole_sky
+
+
+def test_the_truth_is_missing_where_the_cube_is(rng, tmp_path, monkeypatch):
+    """What is left of the truth itself, flagged, is as much as the truth beside it."""
+    maps = power_law_maps(rng)
+    np.save(tmp_path / "flags.npy", rng.random(maps.shape) < 0.3)
+    truth = rng.standard_normal(maps.shape).astype("f4")
+    path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
+    cube = read_cube(path, flags=tmp_path / "flags.npy")
+    told = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
+    perfect = replace(clean_cube(cube, "pca", n_sources=2), residual=np.where(cube.missing, 0, truth))
+    shown = []
+    monkeypatch.setattr(patches, "cylindrical_figure", lambda *powers: shown.append(powers))
+    monkeypatch.setattr(patches.page, "figure", lambda *words: "")
+    patches.patches_part(perfect, told)
+    ((left, true),) = shown
+    assert np.array_equal(left.power, true.power, equal_nan=True)

@@ -40,7 +40,7 @@ class TestSuggestion:
         np.save(tmp_path / "a.npy", maps)
         cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = sphere_views.SpectraBeside(three)
+        beside = sphere_views.spectra_beside(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
             found, expected = beside(cleaned), report.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE

@@ -170,12 +170,17 @@ class Cube:
         return replace(self, maps=maps, mask=kept, weights=weights, remarks=(*self.remarks, remark))
 
     def on_sphere(self, maps):
-        """Maps (n, n_seen) on the whole sphere, (n, n_pix), 0 where nothing is seen; themselves if all is."""
+        """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""
         if self.whole_sky:
             return maps
         out = np.zeros((len(maps), len(self.mask)), dtype=maps.dtype)
         out[:, self.mask] = maps
         return out
+
+    def seen_of(self, truth):
+        """Maps of a truth of the same pixels and channels, (n_channels, n_seen), 0 where missing here."""
+        true = truth.maps[:, self.mask[truth.mask]]
+        return true if self.missing is None else np.where(self.missing, 0, true)
 
 
 def read_cube(

@@ -15,11 +15,11 @@ from himap.measures.power_spectra import FrequencyPower, frequency_power
 __all__ = [
     "PlaneComparison",
     "PlaneSpectra",
-    "SpectraBeside",
     "compared",
     "cylindrical_figure",
     "maps_figure",
     "scales",
+    "spectra_beside",
     "spectra_of",
     "spectra_part",
 ]
@@ -81,23 +81,17 @@ def _spectra(cube, maps):
     frequency = frequency_power(maps, cube.channel_width)
     try:
         cell, _ = cell_of(cube.freqs, cube.layout.pixels.pixel_angles())
-        full = np.zeros((len(maps), len(cube.mask)), dtype=maps.dtype)
-        full[:, cube.mask] = maps
         shape = cube.layout.pixels.shape
-        power = cylindrical_power(full.reshape(-1, *shape), cell, mask=cube.mask.reshape(shape))
+        images = cube.on_sphere(maps).reshape(-1, *shape)
+        power = cylindrical_power(images, cell, mask=cube.mask.reshape(shape))
     except InputError as error:
         return PlaneSpectra(frequency=frequency, why_not=str(error))
     return PlaneSpectra(frequency=frequency, cylindrical=power)
 
 
-class SpectraBeside:
-    """`spectra_of` cubes, one after the other; `first` is one of them."""
-
-    def __init__(self, first):
-        pass
-
-    def __call__(self, cleaned):
-        return spectra_of(cleaned)
+def spectra_beside(first):
+    """`spectra_of`: of a cube in the plane nothing is gained by knowing that `first` differs little."""
+    return spectra_of
 
 
 def compared(cleaned, true):

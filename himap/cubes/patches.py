@@ -63,7 +63,7 @@ def patches_part(cleaned, truth=None):
     try:
         power, n_patches = patch_power(cube, cleaned.residual)
         if truth is not None:
-            true, _ = patch_power(cube, truth.maps[:, cube.mask[truth.mask]])
+            true, _ = patch_power(cube, cube.seen_of(truth))
     except InputError as error:
         return [page.note(f"There is no P(k_perp, k_par): {error}")]
     text = (

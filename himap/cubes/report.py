@@ -69,10 +69,7 @@ def compared(cleaned, truth):
     """
     cube = cleaned.cube
     check_truth(cube, truth)
-    true = truth.maps[:, cube.mask[truth.mask]]
-    if cube.missing is not None:
-        true = np.where(cube.missing, 0, true)
-    return views_of(cube).compared(cleaned, true)
+    return views_of(cube).compared(cleaned, cube.seen_of(truth))
 
 
 def check_truth(cube, truth):

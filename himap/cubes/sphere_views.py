@@ -16,10 +16,10 @@ from himap.measures.power_spectra import (
 from himap.measures.results import Comparison, PowerSpectra
 
 __all__ = [
-    "SpectraBeside",
     "compared",
     "maps_figure",
     "scales",
+    "spectra_beside",
     "spectra_figure",
     "spectra_of",
     "spectra_part",
@@ -35,27 +35,31 @@ def spectra_of(cleaned):
     )
 
 
-class SpectraBeside:
-    """`spectra_of` HEALPix cubes that differ from a first one by a few spectra, without analysing each anew.
+def spectra_beside(first):
+    """`spectra_of`, for cubes that differ from a first one by a few spectra, without analysing each anew.
 
     Parameters
     ----------
     first
         A `CleanedCube`; the others are the same cube, cleaned in another way.
+
+    Returns
+    -------
+    callable
+        It takes one of them.
     """
+    mask = _mask_of(first.cube)
+    maps = first.cube.on_sphere(first.residual)
+    alms = masked_alms(maps, mask=mask)
 
-    def __init__(self, first):
-        self._mask = _mask_of(first.cube)
-        self._maps = first.cube.on_sphere(first.residual)
-        self._alms = masked_alms(self._maps, mask=self._mask)
-
-    def __call__(self, cleaned):
-        maps = cleaned.cube.on_sphere(cleaned.residual)
-        more = difference(maps, self._maps, mask=self._mask)
+    def spectra(cleaned):
+        more = difference(cleaned.cube.on_sphere(cleaned.residual), maps, mask=mask)
         return PowerSpectra(
-            angular=recovered_angular_power(self._alms, more, mask=self._mask),
+            angular=recovered_angular_power(alms, more, mask=mask),
             frequency=frequency_power(cleaned.residual, cleaned.cube.channel_width),
         )
+
+    return spectra
 
 
 def _mask_of(cube):

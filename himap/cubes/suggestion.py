@@ -140,7 +140,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     variances, spectra, spectra_of, views = [], [], None, views_of(cube)
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
-        spectra_of = spectra_of or views.SpectraBeside(cleaned)
+        spectra_of = spectra_of or views.spectra_beside(cleaned)
         variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
         spectra.insert(0, views.scales(cube, spectra_of(cleaned)))
     change = changes(spectra)

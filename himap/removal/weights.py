@@ -87,6 +87,4 @@ def check_lines(weights, least, label):
 def weighted_means(maps, weights):
     """The weighted mean of every channel of maps (n_channels, n_pix), (n_channels,) float64."""
     rows = np.broadcast_to(weights, maps.shape)
-    return np.array(
-        [np.average(row, weights=w.astype(float)) for row, w in zip(maps.astype(float), rows, strict=True)]
-    )
+    return np.array([np.average(row, weights=w.astype(float)) for row, w in zip(maps, rows, strict=True)])
