@@ -336,7 +336,7 @@ class ForegroundRemover(ABC):
             The method takes no weights, or too few channels are seen on some line of sight.
         """
         if not self.takes_weights:
-            raise InputError(f"{self.name} takes no weights and no flags; pca and polynomial do.")
+            raise InputError(f"{self.name} takes no weights and no flags; parametric, pca and polynomial do.")
         if np.ndim(weights) == 2:
             check_lines(weights, self.least_channels(len(weights)), self.name)
 
