@@ -17,7 +17,7 @@ from sklearn.exceptions import ConvergenceWarning
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover
-from himap.removal.gmca import details
+from himap.removal.details import details_of
 from himap.removal.parametric import FIXED_INDEX
 
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on
@@ -166,7 +166,8 @@ def beside_gmca(run):
     channels = evenly(n_channels, N_CHANNELS)
     factor = n_channels / len(channels)
     inverse = np.linalg.pinv(run.mixing)[:, channels]
-    scales, seconds_once = timed(details, run.masked[channels].astype(float), run.remover.n_scales)
+    cube = run.masked[channels].astype(float)
+    scales, seconds_once = timed(details_of(cube, run.remover.n_scales).details, cube)
     _, seconds_each = timed(lambda: [scale @ (inverse @ scale).T for scale in scales])
     sample = f"{len(channels)} of {n_channels} channels"
     yield Alternative(

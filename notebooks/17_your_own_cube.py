@@ -232,8 +232,8 @@ show_table(rows)
 #
 # Radio telescopes give image cubes: FITS with two axes of the sky, in some projection, and one of frequency. They are taken as they are, in K or mK, with
 # frequencies that rise or fall, and what is written has the same header; a folder of such files is one band. Pixels that one channel does not see are left out in all,
-# and come back as NaN. PCA, FastICA, the polynomial and parametric fits and the Gaussian process look at lines of sight and need no more than that; the other methods look at
-# multipoles, and say that they need the sphere. The page shows the maps in their own projection, and the power across and along the line of sight, $P(k_\perp, k_\parallel)$, in
+# and come back as NaN. PCA, FastICA, the polynomial and parametric fits and the Gaussian process look at lines of sight and need no more than that; GMCA takes its starlets
+# in the plane, of the seen pixels alone; the other methods look at multipoles, and say that they need the sphere. The page shows the maps in their own projection, and the power across and along the line of sight, $P(k_\perp, k_\parallel)$, in
 # comoving Mpc/h, where foreground that is left lies at the smallest $k_\parallel$. For HEALPix `--patches` shows the same, as the mean over flat patches of the sky.
 #
 # ```sh

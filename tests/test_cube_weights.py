@@ -175,7 +175,9 @@ class TestCleaning:
 
     def test_methods_that_take_none(self, hits):
         cube = read_cube("cube.h5", weights=hits)
-        with pytest.raises(InputError, match="fastica takes no weights and no flags; pca and polynomial do"):
+        with pytest.raises(
+            InputError, match="fastica takes no weights and no flags; parametric, pca and polynomial do"
+        ):
             clean_cube(cube, "fastica")
 
     def test_written_as_it_came(self, hits, flags):

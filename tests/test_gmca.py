@@ -3,12 +3,14 @@
 import healpy as hp
 import numpy as np
 import pytest
+from gmca_twin import mixing_error, plain_gmca, similarity
 
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import starlet_filters, starlets
 from himap.removal import gmca
 from himap.removal.base import SeparationWarning
+from himap.removal.details import SphereDetails
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 
@@ -46,20 +48,6 @@ def clean(maps, **parameters):
     return GMCA(**parameters).clean(maps, freqs=FREQS[: len(maps)])
 
 
-def similarity(one, two):
-    """Largest absolute correlation of every row of `one` with a row of `two`."""
-    return np.abs(np.corrcoef(one, two)[: len(one), len(one) :]).max(axis=1)
-
-
-def mixing_error(found, true):
-    """Mean absolute entry of A^+ A_true less the permutation with signs that fits best (C21, Eq. 33)."""
-    product = np.linalg.pinv(found) @ true
-    best = np.abs(product).argmax(axis=0)
-    assert sorted(best) == list(range(len(product)))  # each source found once
-    product = product[best] * np.sign(product[best].diagonal())[:, None]
-    return np.abs(product - np.eye(len(product))).mean()
-
-
 @pytest.mark.parametrize("penalty", ["l1", "l0"])
 def test_recovers_sparse_sources(sky, mixing, sources, penalty):
     found = clean(sky, penalty=penalty).separation
@@ -79,25 +67,6 @@ def phi(n_scales, nside):
         for scale, band in enumerate(filters):
             rest[scale, :, pixel] = hp.alm2map(hp.almxfl(alm, band), nside)
     return np.concatenate([np.eye(n_pix)[None] - rest.sum(axis=0), rest[:-1]])
-
-
-def plain_gmca(maps, n_sources, matrices, n_iterations, n_falling, soft):
-    """GMCA as in its definition: the starlets of the whole cube, pseudo-inverses, sorted coefficients."""
-    starlets = np.concatenate([maps @ matrix.T for matrix in matrices], axis=1)
-    mixing = np.linalg.svd(maps, full_matrices=False)[0][:, :n_sources]
-    for iteration in range(n_iterations):
-        coefficients = np.linalg.pinv(mixing) @ starlets
-        for row in coefficients:
-            for scale in np.split(row, len(matrices)):
-                last = 3 * 1.4826 * np.median(np.abs(scale))
-                size = np.sort(np.abs(scale)[np.abs(scale) > last])
-                n_kept = int(np.ceil(min(1, (iteration + 1) / n_falling) * len(size)))
-                limit = last if n_kept == len(size) else size[-n_kept - 1]
-                kept = np.abs(scale) > limit
-                scale[:] = np.where(kept, scale - limit * np.sign(scale) * soft, 0)
-        mixing = starlets @ np.linalg.pinv(coefficients)
-        mixing /= np.linalg.norm(mixing, axis=0)
-    return mixing
 
 
 @pytest.mark.parametrize("penalty", ["l1", "l0"])
@@ -150,10 +119,11 @@ def test_as_many_sources_as_channels(sky):
 def test_details_against_starlets_and_their_transpose(rng):
     smooth = np.where(np.arange(3 * NSIDE) < NSIDE, 1.0, 0.0)
     maps = sphere.synthesise(sphere.gaussian_alm(smooth, rng), NSIDE)[None]
-    ours, theirs = gmca.details(maps, 3), starlets(maps, 3)[:-1]
+    phi = SphereDetails(3, NSIDE)
+    ours, theirs = phi.details(maps), starlets(maps, 3)[:-1]
     assert ours == pytest.approx(theirs, abs=5e-3 * float(maps.std()))
     scales = rng.standard_normal(ours.shape)
-    backward = np.sum(maps * gmca.details_adjoint(scales))
+    backward = np.sum(maps * phi.details_adjoint(scales))
     assert np.sum(ours * scales) == pytest.approx(backward, abs=1e-9)
 
 

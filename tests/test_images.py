@@ -137,18 +137,20 @@ class TestCleaning:
         assert np.allclose(mixing[:, 0], MHZ)
         assert np.allclose(mixing[:, 1:], cleaned.separation.mixing)
 
-    @pytest.mark.parametrize("method", ["pca", "fastica", "polynomial", "parametric", "gaussian_process"])
-    def test_methods_that_take_lines_of_sight(self, maps, method, tmp_path):
+    @pytest.mark.parametrize(
+        "method", ["pca", "fastica", "polynomial", "parametric", "gaussian_process", "gmca"]
+    )
+    def test_methods_that_take_images(self, maps, method, tmp_path):
         cube = read_cube(write_image(tmp_path / "a.fits", maps))
         assert np.isfinite(clean_cube(cube, method).residual).all()
 
-    @pytest.mark.parametrize("method", ["gmca", "gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"])
+    @pytest.mark.parametrize("method", ["gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"])
     def test_methods_of_the_sphere_say_which_ones_work(self, maps, method, tmp_path):
         path = write_image(tmp_path / "a.fits", maps)
         words = ["--method", method, "--beam", "evolving", "-o", tmp_path / "c.fits"]
         done = himap("clean", path, *words)
         assert done.exit_code == 2 and not (tmp_path / "c.fits").exists()
-        able = "fastica, gaussian_process, parametric, pca or polynomial"
+        able = "fastica, gaussian_process, gmca, parametric, pca or polynomial"
         assert f"{method} looks at the sphere" in done.output and able in done.output
 
     def test_beams_and_mocks_are_of_the_sphere(self, maps, tmp_path):

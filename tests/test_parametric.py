@@ -47,27 +47,28 @@ def test_amplitudes_and_index_to_rounding(truth):
     laws = parametric._TwoPowerLaws(X, -4.0, -2.2)
     flat, series = laws.project(model(*truth))
     found = parametric._highest(series)
-    fit, parameters = laws.evaluate(flat, series, found.t)
+    fit, parameters = laws.evaluate(flat, chebyshev.chebval(found.t, series, tensor=False), found.t)
     assert parameters == pytest.approx(truth, rel=1e-7)
     assert laws.spectra @ fit == pytest.approx(model(*truth), rel=1e-12)
     assert laws.spectra.shape[1] < 10
 
 
-def twin(line, bounds):
+def twin(line, bounds, weights=1.0):
     """The best of scipy's bounded fits from several starting points: its parameters and sum of squares."""
+    root = np.sqrt(weights) * np.ones(len(line))
 
     def left(p):
-        return p[0] * X**-2.13 + p[1] * X ** p[2] - line
+        return root * (p[0] * X**-2.13 + p[1] * X ** p[2] - line)
 
     def jacobian(p):
-        return np.stack([X**-2.13, X ** p[2], p[1] * X ** p[2] * np.log(X)], axis=1)
+        return root[:, None] * np.stack([X**-2.13, X ** p[2], p[1] * X ** p[2] * np.log(X)], axis=1)
 
     inf = np.inf
     limits = ([-inf, -inf, bounds[0]], [inf, inf, bounds[1]])
     tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "x_scale": "jac", "max_nfev": 2000}
     fits = []
     for beta in np.linspace(*bounds, 7)[1:-1]:
-        start = np.linalg.lstsq(np.stack([X**-2.13, X**beta], axis=1), line, rcond=None)[0]
+        start = np.linalg.lstsq(np.stack([root * X**-2.13, root * X**beta], axis=1), root * line)[0]
         fits.append(least_squares(left, [*start, beta], jac=jacobian, bounds=limits, **tight))
     best = min(fits, key=lambda fit: fit.cost)
     return best.x, 2 * best.cost
@@ -90,6 +91,39 @@ def test_the_minimum_is_that_of_scipy(truth, rng, bounds):
         [x[2] for (x, _), kept in zip(others, inside, strict=True) if kept], abs=1e-4
     )
     assert 0 < np.count_nonzero(inside) < 24
+
+
+def test_the_weighted_minimum_is_that_of_scipy(truth, rng):
+    """Channels of unequal weight, a fifth of them without any, where the maps hold anything."""
+    first, second, beta = truth[:, :12]
+    weights = rng.uniform(0.1, 10, (len(FREQS), 12)) * (rng.random((len(FREQS), 12)) > 0.2)
+    noise = rng.standard_normal(weights.shape) * np.geomspace(1e-4, 1e-2, 12) * (first + second)
+    maps = model(first, second, beta) + noise / np.sqrt(np.maximum(weights, 0.1))
+    given = np.where(weights > 0, maps, np.nan).astype(np.float32)
+    separation = Parametric().clean(given, freqs=FREQS, weights=weights).separation
+    fit = model(*separation.sources)
+    assert separation.foreground.lines(slice(None)) == pytest.approx(fit, rel=1e-9)
+    seen = np.where(weights > 0, given, 0).astype(float)
+    squares = (weights * (seen - fit) ** 2).sum(axis=0)
+    others = [twin(line, (-4.0, -2.2), weight) for line, weight in zip(seen.T, weights.T, strict=True)]
+    assert squares == pytest.approx([other[1] for other in others], rel=1e-6)
+    inside = ~separation.flagged
+    assert separation.sources[2][inside] == pytest.approx(
+        np.array([x[2] for x, _ in others])[inside], abs=1e-4
+    )
+    assert np.count_nonzero(inside) > 4
+
+
+def test_channels_without_weight_are_as_if_they_were_not_there(truth, rng):
+    maps = model(*truth) + rng.standard_normal((len(FREQS), 200))
+    seen = np.arange(len(FREQS)) % 7 > 1
+    weights = np.tile(seen[:, None].astype(float), 200)
+    weights[:, 0] = 1  # one line of sight is whole, or the weights would be of pixels
+    ours = Parametric().separate(maps, freqs=FREQS, weights=weights)
+    fewer = Parametric().separate(maps[seen], freqs=FREQS[seen])
+    assert ours.sources[2, 1:] == pytest.approx(fewer.sources[2, 1:], abs=1e-7)
+    whole = Parametric().separate(maps, freqs=FREQS)
+    assert ours.sources[:, 0] == pytest.approx(whole.sources[:, 0], rel=1e-7)
 
 
 def test_the_highest_peak_is_found_in_pure_noise(rng):

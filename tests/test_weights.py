@@ -322,6 +322,8 @@ def test_bad_voxels_that_are_seen(sky):
 
 @pytest.mark.parametrize("name", sorted(set(available()) - set(TAKING)))
 def test_methods_that_take_none_say_so(name, sky):
-    assert TAKING == ["pca", "polynomial"]
-    with pytest.raises(InputError, match=f"{name} takes no weights and no flags; pca and polynomial do"):
+    assert TAKING == ["parametric", "pca", "polynomial"]
+    with pytest.raises(
+        InputError, match=f"{name} takes no weights and no flags; parametric, pca and polynomial do"
+    ):
         create(name).clean(sky, freqs=FREQS, beams=np.ones((16, 20)), weights=ONES)

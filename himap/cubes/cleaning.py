@@ -107,11 +107,14 @@ class Basis:
     def given_to(self, method, maps):
         """What `method` is given of maps (n_channels, n_seen) of the cube: (maps, its further arguments).
 
-        A method that looks at the whole sky gets them on the sphere, with the mask.
+        A method that looks at the whole sky gets them on the sphere, with the mask; one that takes images
+        gets the seen pixels of one, and where they are.
         """
         options = {"modes": self.modes} if method.needs_modes else {}
         if self._cube.weights is not None:
             options["weights"] = self._cube.weights
+        if method.takes_image and self._cube.image is not None:
+            return maps, options | {"image": self._cube.image}
         if method.needs_whole_sky and not self._cube.whole_sky:
             return self._cube.on_sphere(maps), options | {"mask": self._cube.mask}
         return maps, options
@@ -199,9 +202,9 @@ def _solvable(method):
 
 
 def check_pixels(cube, remover):
-    """Refuse a method that looks at the whole sphere for a cube of images in the plane."""
-    if remover.needs_whole_sky and not cube.layout.pixels.whole_sky:
-        able = [name for name in available() if not REGISTRY[name].needs_whole_sky]
+    """Refuse a method that needs the sphere for a cube of images in the plane."""
+    if remover.needs_sphere() and not cube.layout.pixels.whole_sky:
+        able = [name for name in available() if not REGISTRY[name].needs_sphere()]
         raise InputError(
             f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
             f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "

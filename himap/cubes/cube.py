@@ -116,6 +116,11 @@ class Cube:
         return self.layout.pixels.whole_sky and bool(self.mask.all())
 
     @property
+    def image(self):
+        """Which pixels of an image in the plane are seen, (n_y, n_x) bool; None for HEALPix maps."""
+        return None if self.layout.pixels.whole_sky else self.layout.pixels.shaped(self.mask)[0]
+
+    @property
     def channel_width(self):
         """MHz; the mean distance of two channels."""
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))

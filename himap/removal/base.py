@@ -45,6 +45,9 @@ class ForegroundRemover(ABC):
         Whether the method uses the noise of the instrument.
     needs_whole_sky
         Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
+    takes_image
+        Whether a method that needs the whole sky takes an image in the plane too, or a part of it: then
+        `_separate` gets the lines of sight that are kept, and their places as `image`, (n_y, n_x) bool.
     ends_by_count
         Whether the method as published also ends after so many iterations, settled or not; then to have come
         to that end is recorded (`Separation.converged`), and no warning.
@@ -64,10 +67,16 @@ class ForegroundRemover(ABC):
     needs_beams: ClassVar[bool] = False
     needs_noise: ClassVar[bool] = False
     needs_whole_sky: ClassVar[bool] = False
+    takes_image: ClassVar[bool] = False
     needs_modes: ClassVar[bool] = False
     takes_mask: ClassVar[bool] = False
     takes_weights: ClassVar[bool] = False
     ends_by_count: ClassVar[bool] = False
+
+    @classmethod
+    def needs_sphere(cls):
+        """Whether the method refuses images in the plane."""
+        return cls.needs_whole_sky and not cls.takes_image
 
     @property
     def ends(self):
@@ -93,6 +102,7 @@ class ForegroundRemover(ABC):
         modes=None,
         mask=None,
         weights=None,
+        image=None,
     ):
         """Find the foreground and subtract it.
 
@@ -112,6 +122,8 @@ class ForegroundRemover(ABC):
         weights
             As in `separate`; the residual is 0 where a voxel is missing, and the foreground what was found of
             it there.
+        image
+            As in `separate`.
 
         Returns
         -------
@@ -122,7 +134,7 @@ class ForegroundRemover(ABC):
         InputError
             Maps of different shapes; and as `separate`.
         """
-        seen = self._seen(maps, mask, weights)
+        seen = self._seen(maps, mask, weights, image)
         maps = seen.within("maps", maps)
         if separate_on is not None and np.shape(separate_on) != maps.shape:
             got = np.shape(separate_on)
@@ -133,7 +145,19 @@ class ForegroundRemover(ABC):
         seen.finish(maps, residual, separation)
         return Cleaned(maps=maps, residual=residual, separation=separation)
 
-    def separate(self, maps, *, freqs, beams=None, noise=None, rng=None, modes=None, mask=None, weights=None):
+    def separate(
+        self,
+        maps,
+        *,
+        freqs,
+        beams=None,
+        noise=None,
+        rng=None,
+        modes=None,
+        mask=None,
+        weights=None,
+        image=None,
+    ):
         """Find the foreground.
 
         Parameters
@@ -159,6 +183,9 @@ class ForegroundRemover(ABC):
             Hits or inverse variances, of which only ratios matter, for methods that take them: of pixels,
             (n_pix,), or of voxels, (n_channels, n_pix). A pixel without any is not kept. A voxel without any
             in a pixel with some is missing: what is there may be anything and counts nothing.
+        image
+            For pixels of an image in the plane: which of them the maps have, row by row, (n_y, n_x) bool.
+            Methods that take any lines of sight do without.
 
         Returns
         -------
@@ -169,15 +196,17 @@ class ForegroundRemover(ABC):
         InputError
             Maps that are not finite or of one channel; frequencies or beams that do not fit them; more
             sources than channels; a bad mask, or one that the method cannot work with; bad weights, or any
-            if the method does not take them.
+            if the method does not take them; an image of other pixels, or where the method needs the sphere.
         """
-        seen = self._seen(maps, mask, weights)
+        seen = self._seen(maps, mask, weights, image)
         return self._found(seen.within("maps", maps), freqs, beams, noise, rng, modes, seen)[0]
 
-    def _seen(self, maps, mask, weights):
+    def _seen(self, maps, mask, weights, image):
         if weights is not None:
             self.check_weights(None)
-        return Seen.of(maps, mask, weights)
+        if image is not None and self.needs_sphere():
+            raise InputError(f"{self.name} looks at the sphere, by multipoles; image= must be left out.")
+        return Seen.of(maps, mask, weights, image)
 
     def _found(self, maps, freqs, beams, noise, rng, modes, seen):
         """The `Separation` of checked maps, and their `CubeModes` where the method needs them."""
@@ -186,9 +215,11 @@ class ForegroundRemover(ABC):
         noise = self.checked_noise(noise, len(maps))
         self.check(len(maps))
         shape, kept, weights = maps.shape, seen.kept, seen.lines()
-        whole = kept is not None and self.needs_whole_sky
+        in_plane = self.takes_image and seen.image is not None
+        whole = kept is not None and self.needs_whole_sky and not in_plane
         if kept is not None:
-            self.check_kept(kept, beams)
+            if not in_plane:
+                self.check_kept(kept, beams)
             maps = maps[:, kept]
         if weights is not None:
             self.check_weights(weights)
@@ -200,9 +231,11 @@ class ForegroundRemover(ABC):
         means = means_of(maps, weights) if self.centred else np.zeros(len(maps))
         maps = centred(maps, means) if self.centred else lean(maps)
         if whole:
-            maps, modes = _completed(maps, kept, modes)
+            maps, modes = seen.completed(maps, modes)
         if self.needs_modes:
             find = partial(find, modes=modes)
+        if in_plane:
+            find = partial(find, image=seen.image_of_lines())
         if kept is not None and self.takes_mask:
             find = partial(find, kept=kept)
         if weights is not None:
@@ -212,7 +245,7 @@ class ForegroundRemover(ABC):
             separation, means=means if separation.means is None else means + separation.means
         )
         if kept is not None and not whole:
-            separation = _on_sphere(separation, kept)
+            separation = seen.among_all(separation)
         self._check_result(separation, shape)
         return separation, modes
 
@@ -243,18 +276,7 @@ class ForegroundRemover(ABC):
 
     def _check_result(self, separation, shape):
         """Hold a method to what it promises, and pass on what it says of its result."""
-        foreground = separation.foreground
-        pairs = (separation.mixing, separation.sources), (foreground.spectra, foreground.maps)
-        for spectra, maps in pairs:
-            expected = (shape[0], len(maps)), (len(maps), shape[1])
-            # A foreground is 1e5 times brighter than what is left: single precision would not do.
-            double = spectra.dtype == maps.dtype == np.float64
-            if (spectra.shape, maps.shape) != expected or not double:
-                name, got = type(self).__name__, f"{spectra.dtype} {spectra.shape}, {maps.dtype} {maps.shape}"
-                raise TypeError(
-                    f"{name}._separate must return spectra {expected[0]} times maps {expected[1]}, float64, "
-                    f"got {got}."
-                )
+        separation.check(type(self).__name__, shape)
         if not (separation.converged or self.ends_by_count):
             warnings.warn(
                 f"{self.name}: stopped after {separation.n_iterations} iterations without converging.",
@@ -314,7 +336,7 @@ class ForegroundRemover(ABC):
             The method takes no weights, or too few channels are seen on some line of sight.
         """
         if not self.takes_weights:
-            raise InputError(f"{self.name} takes no weights and no flags; pca and polynomial do.")
+            raise InputError(f"{self.name} takes no weights and no flags; parametric, pca and polynomial do.")
         if np.ndim(weights) == 2:
             check_lines(weights, self.least_channels(len(weights)), self.name)
 
@@ -324,18 +346,3 @@ class ForegroundRemover(ABC):
 
         They are float32, or float64 where that would round HI away (`himap.maps.blocked.precision`).
         """
-
-
-def _completed(lines, kept, modes):
-    """Maps of the whole sky that go on outside of `kept`, and their `CubeModes`, made unless given."""
-    from himap.removal.analysis import analysed
-    from himap.removal.masked import completed, lines_on_sphere
-
-    modes = analysed(lines_on_sphere(lines, kept), kept) if modes is None else modes
-    return completed(lines, kept, modes), modes
-
-
-def _on_sphere(separation, kept):
-    from himap.removal.masked import on_sphere
-
-    return on_sphere(separation, kept)

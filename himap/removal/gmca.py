@@ -5,17 +5,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.maps import sphere
 from himap.maps.blocked import SplitCube, projection
-from himap.maps.starlets import starlet_bands
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.conventions import ordered
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
+from himap.removal.details import details_of
 from himap.removal.harmonic import safe_inverse
 from himap.removal.thresholds import NORMAL, share_threshold
 
-__all__ = ["GMCA", "Step", "details", "details_adjoint", "thresholds"]
+__all__ = ["GMCA", "Step", "thresholds"]
 
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
@@ -39,11 +38,17 @@ class GMCA(ForegroundRemover):
     The cube is never transformed. X^wt = X Phi^T with Phi linear, so A^+ X^wt = Phi(A^+ X), and
     X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
 
-    Pixels must be a whole HEALPix sphere. Sources are in mK (columns of A of unit length), by variance.
+    Pixels must be a whole HEALPix sphere, or of an image in the plane: there starlets are the B-spline
+    wavelets of Starck et al. (2007), made of the seen pixels alone (`himap.maps.plane_starlets`). Those that
+    are not seen, and what lies beyond the border, have no part in A and in the thresholds. Of a masked
+    sphere all pixels count: bright foreground goes on smoothly outside of the mask (`himap.maps.filling`).
+
+    Sources are in mK (columns of A of unit length), by variance.
     """
 
     name: ClassVar[str] = "gmca"
     needs_whole_sky: ClassVar[bool] = True
+    takes_image: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
     n_scales: int = parameter(4, "number of starlet detail scales", minimum=1, maximum=12)
     penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)", choices=("l0", "l1"))
@@ -54,8 +59,8 @@ class GMCA(ForegroundRemover):
         1e-3, "change of the foreground to stop at, in units of what is left", minimum=0, above=True
     )
 
-    def _separate(self, maps, *, freqs, beams, rng):
-        for step in progress(self.iterate(maps), "gmca", total=self.max_iterations):
+    def _separate(self, maps, *, freqs, beams, rng, image=None):
+        for step in progress(self.iterate(maps, image), "gmca", total=self.max_iterations):
             last = step
         mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), maps))
         return Separation(
@@ -65,17 +70,21 @@ class GMCA(ForegroundRemover):
             n_iterations=last.n_iterations,
         )
 
-    def iterate(self, maps):
-        """The iterations one by one: a `Step` after each, on maps less their channel means."""
+    def iterate(self, maps, image=None):
+        """The iterations one by one: a `Step` after each, on maps less their channel means.
+
+        `image` is as in `clean`, for pixels of an image in the plane.
+        """
+        starlets = details_of(maps, self.n_scales, image)
         covariance = channel_covariance(maps)
         mixing = principal_axes(covariance, self.n_sources)
         cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
         for n_iterations in range(1, self.max_iterations + 1):
             share = min(1, n_iterations / self.n_falling)
-            sources = details(cube.projection(_inverse(mixing)), self.n_scales)
+            sources = starlets.details(cube.projection(_inverse(mixing)))
             limits = thresholds(sources, share, self.n_sigma)
             _drop(sources, limits, soft=self.penalty == "l1")
-            updated = _updated(mixing, cube, sources)
+            updated = _updated(mixing, cube, sources, starlets)
             converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
             mixing = updated
             yield Step(n_iterations=n_iterations, mixing=mixing, thresholds=limits, converged=converged)
@@ -96,13 +105,13 @@ class Step:
     converged: bool
 
 
-def _updated(mixing, cube, sources):
+def _updated(mixing, cube, sources, starlets):
     """X^wt S^T (S S^T)^-1 for sparse coefficients S (n_scales, n_sources, n_pix), columns of unit length."""
     gram = np.einsum("jmp,jnp->mn", sources, sources)
     length = np.sqrt(np.diag(gram))
     alive = length > 0  # a source without coefficients keeps its column
     length = length[alive]
-    cross = cube.correlation(details_adjoint(sources)[alive]) / length
+    cross = cube.correlation(starlets.details_adjoint(sources)[alive]) / length
     gram = gram[np.ix_(alive, alive)] / np.outer(length, length)
     columns = cross @ np.linalg.pinv(gram, rcond=_RANK, hermitian=True) / length
     updated = mixing.copy()
@@ -142,48 +151,6 @@ def _drop(coefficients, limits, *, soft):
             row -= np.clip(row, -limit, limit)
         else:
             row[np.abs(row) <= limit] = 0
-
-
-def details(maps, n_scales):
-    """Starlet detail scales of maps (n_maps, n_pix), fine to coarse: (n_scales, n_maps, n_pix) float64.
-
-    Phi of the class above. Those of `sphere.starlets`, but with plain quadrature, which is less exact (by
-    1 % of white noise on HEALPix) and easy to transpose; being linear it leaves the mixture X = A S as it is.
-    """
-    nside = sphere.nside_of(maps)
-    bands = _bands(n_scales, nside)
-    scales = np.empty((n_scales, *maps.shape))
-    scales[0] = maps
-    alms = sphere.analyse(maps, _widest(bands), n_iter=0)
-    for scale, (keep, band) in enumerate(bands, start=1):
-        smooth = sphere.synthesise(alms[:, keep] * band, nside)
-        scales[0] -= smooth
-        if scale < n_scales:
-            scales[scale] = smooth
-    return scales
-
-
-def details_adjoint(scales):
-    """Phi^T: the transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""
-    nside = sphere.nside_of(scales)
-    bands = _bands(len(scales), nside)
-    alms = np.zeros((scales.shape[1], len(bands[0][0])), dtype=complex)
-    for scale, (keep, band) in enumerate(bands, start=1):
-        difference = scales[scale] - scales[0] if scale < len(scales) else -scales[0]
-        alms[:, keep] += sphere.analyse(difference, sphere.lmax_of_size(len(band)), n_iter=0) * band
-    return scales[0] + sphere.synthesise(alms, nside)
-
-
-def _bands(n_scales, nside):
-    """`starlet_bands` of every scale but the finest, among the coefficients of the widest of them."""
-    bands = starlet_bands(n_scales, 3 * nside - 1)[1:]
-    widest = bands[0][0]
-    return [(keep[widest], band) for keep, band in bands]
-
-
-def _widest(bands):
-    """The largest l of any."""
-    return sphere.lmax_of_size(len(bands[0][1]))
 
 
 def _inverse(mixing):

@@ -18,6 +18,7 @@ FIXED_INDEX = -2.13
 """Spectral index of the first term, free-free emission (Bennett et al. 1992)."""
 
 _BLOCK = 4096  # pixels at a time: the float64 copies of a block stay small
+_N_PARAMETERS = 3  # a1, a2 and beta
 _RANK = 1e-13  # directions of q2(beta) below this share of the largest are rounding
 _DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band and indices the fields allow
 _N_GRID = 65  # starting values of beta
@@ -30,12 +31,12 @@ class Parametric(ForegroundRemover):
     """Two power laws in frequency, fitted to each line of sight on its own.
 
     T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), least squares in mK, all channels with the same
-    weight: the paper names no weights. The amplitudes are linear and of either sign, so for a given beta they
-    follow at once, and what is left to search is the best beta alone (variable projection, Golub & Pereyra
-    1973). beta is bounded, because the two terms are one at beta = -2.13, where the amplitudes diverge. The
-    default range holds every synchrotron index that is plausible: electrons of energy index p = 2 to 3 give
-    -2.5 to -3, energy losses and the steepest sources up to one more, and -2.2 is flatter than any mixture of
-    them.
+    weight unless voxels have weights of their own: the paper names none. Those of whole pixels change
+    nothing. The amplitudes are linear and of either sign, so for a given beta they follow at once, and what
+    is left to search is the best beta alone (variable projection, Golub & Pereyra 1973). beta is bounded,
+    because the two terms are one at beta = -2.13, where the amplitudes diverge. The default range holds every
+    synchrotron index that is plausible: electrons of energy index p = 2 to 3 give -2.5 to -3, energy losses
+    and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
 
     A line of sight whose best beta is a bound, or that used up its steps, is in `Separation.flagged`. Only
     the second is a failure of the search, and makes the result not converged; the first says that the sky is
@@ -44,6 +45,7 @@ class Parametric(ForegroundRemover):
     """
 
     name: ClassVar[str] = "parametric"
+    takes_weights: ClassVar[bool] = True
     centred: ClassVar[bool] = False  # power laws need the total brightness
     beta_min: float = parameter(-4.0, "steepest spectral index of the second term", minimum=-6)
     beta_max: float = parameter(-2.2, "flattest spectral index of the second term", maximum=-2.14)
@@ -60,20 +62,33 @@ class Parametric(ForegroundRemover):
     def check(self, n_channels):
         """Refuse fewer channels than parameters."""
         super().check(n_channels)
-        if n_channels < 3:
-            raise InputError(f"{self.name} fits 3 parameters and needs as many channels, got {n_channels}.")
+        if n_channels < _N_PARAMETERS:
+            raise InputError(
+                f"{self.name} fits {_N_PARAMETERS} parameters and needs as many channels, got {n_channels}."
+            )
 
-    def _separate(self, maps, *, freqs, beams, rng):
-        _check_total(maps)
+    def least_channels(self, n_channels):
+        return _N_PARAMETERS
+
+    def _separate(self, maps, *, freqs, beams, rng, weights=None):
+        weights = weights if np.ndim(weights) == 2 else None
+        _check_total(maps, weights)
         model = _TwoPowerLaws(freqs / self.nu0, self.beta_min, self.beta_max)
         fits = np.empty((model.spectra.shape[1], maps.shape[1]))
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
 
         def fit(block):
-            flat, series = model.project(maps[:, block].astype(np.float64))
-            best = _highest(series)
-            fits[:, block], sources[:, block] = model.evaluate(flat, series, best.t)
+            lines = maps[:, block].astype(np.float64)
+            if weights is None:
+                flat, series = model.project(lines)
+                best = _highest(series)
+                height = np.einsum("ij,ij->j", chebyshev.chebvander(best.t, _DEGREE).T, series)
+            else:
+                shares = weights[:, block] / weights[:, block].max(axis=0)
+                best = _highest(model.weighted_series(lines, shares))
+                flat, height = model.weighted_project(lines, shares, best.t)
+            fits[:, block], sources[:, block] = model.evaluate(flat, height, best.t)
             flagged[block] = best.at_bound | ~best.converged
             return best.n_steps, np.count_nonzero(~best.converged)
 
@@ -88,9 +103,10 @@ class Parametric(ForegroundRemover):
         )
 
 
-def _check_total(maps):
-    """Refuse maps whose mean along some line of sight is not positive."""
-    n_bad = np.count_nonzero(maps.mean(axis=0, dtype=np.float64) <= 0)
+def _check_total(maps, weights):
+    """Refuse maps whose mean, weighted if there are weights, along some line of sight is not positive."""
+    total = maps.sum(axis=0, dtype=np.float64) if weights is None else np.einsum("ij,ij->j", weights, maps)
+    n_bad = np.count_nonzero(total <= 0)
     if n_bad:
         raise InputError(
             "parametric fits power laws to the total brightness, which is positive, but the mean along "
@@ -142,10 +158,41 @@ class _TwoPowerLaws:
         """
         return self.q1 @ lines, self.q2 @ (lines - np.outer(self.q1, self.q1 @ lines))
 
-    def evaluate(self, flat, series, t):
-        """The fit along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix), at the t, (n_pix,)."""
+    def weighted_series(self, lines, weights):
+        """The series of `project` of each line of sight where channels have weights, (degree + 1, n_pix).
+
+        It is of the coefficient along the unit vector that q2(beta) adds to q1 in sum w x y, so that again
+        the weighted residual has its minimum where its square is largest. Lines, (n_channels, n_pix) float64,
+        and weights of that shape are finite.
+        """
+        nodes = chebyshev.chebpts1(_DEGREE + 1)
+        second = self.q2.T @ chebyshev.chebvander(nodes, _DEGREE).T
+        norm = self.q1**2 @ weights
+        shared = (self.q1[:, None] * second).T @ weights
+        left = lines - np.outer(self.q1, (self.q1 @ (weights * lines)) / norm)
+        heights = second.T @ (weights * left) / np.sqrt((second**2).T @ weights - shared**2 / norm)
+        return np.linalg.solve(chebyshev.chebvander(nodes, _DEGREE), heights)
+
+    def weighted_project(self, lines, weights, t):
+        """Coefficients of q1 and q2(beta) of the weighted fit at the t, (n_pix,) each."""
+        second = self.q2.T @ chebyshev.chebvander(t, _DEGREE).T
+        norm = self.q1**2 @ weights
+        flat = (self.q1 @ (weights * lines)) / norm
+        shared = (self.q1 @ (weights * second)) / norm
+        alone = weights * (second - np.outer(self.q1, shared))
+        left = lines - np.outer(self.q1, flat)
+        height = np.einsum("ij,ij->j", alone, left) / np.einsum("ij,ij->j", alone, second)
+        return flat - height * shared, height
+
+    def evaluate(self, flat, height, t):
+        """What coefficients of q1 and q2(beta), (n_pix,) each, are at the t, (n_pix,).
+
+        Returns
+        -------
+        tuple
+            The fit along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix).
+        """
         powers = chebyshev.chebvander(t, _DEGREE).T
-        height = np.einsum("ij,ij->j", powers, series)
         fit = np.vstack([flat, (self._along.T @ powers) * height])
         beta = self.middle + self.half * t
         slope = height * (self.inverse_norm @ powers)

@@ -50,6 +50,20 @@ class Separation:
         """The foreground up to `lmax`, less `means`, a `MapModes`."""
         return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
 
+    def check(self, method, shape):
+        """Hold the class `method` to what it promises of maps of this shape; TypeError if it fails."""
+        foreground = self.foreground
+        for spectra, maps in ((self.mixing, self.sources), (foreground.spectra, foreground.maps)):
+            expected = (shape[0], len(maps)), (len(maps), shape[1])
+            # A foreground is 1e5 times brighter than what is left: single precision would not do.
+            double = spectra.dtype == maps.dtype == np.float64
+            if (spectra.shape, maps.shape) != expected or not double:
+                got = f"{spectra.dtype} {spectra.shape}, {maps.dtype} {maps.shape}"
+                raise TypeError(
+                    f"{method}._separate must return spectra {expected[0]} times maps {expected[1]}, "
+                    f"float64, got {got}."
+                )
+
     def left_of(self, maps, basis, modes=None, *, channels=slice(None)):
         """What is left of `maps` once the foreground of `basis` is taken, (n_channels, n_pix) float32.
 
