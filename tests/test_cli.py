@@ -159,11 +159,29 @@ def test_who_does_the_work(himap_command, monkeypatch):
         return Path("out.ipynb"), True
 
     monkeypatch.setattr(reproduce, "run", run)
+    monkeypatch.setattr("himap.cli.shared.check_scheduler", lambda: None)
     options = ["--jobs", "2", "--dask", "tcp://host:8786", "--max-memory", "16GB"]
     assert himap_command("run", "01_toy", *options)[0] == 0
     assert himap_command("run", "01_toy")[0] == 0
     assert seen == [options[1::2], ["3", None, None]]
     assert [os.environ.get(name) for name in variables] == seen[1]
+
+
+def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command, runs, monkeypatch):
+    """Given as an option or in the environment; whether anything is to be shared or not."""
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("himap.products.parallel._CHECK", 0.3)
+    code, _, error = himap_command("run", "01_toy", "--dask", "tcp://127.0.0.1:1")
+    assert code == 2 and "there is no Dask scheduler at tcp://127.0.0.1:1" in " ".join(error.split())
+    monkeypatch.setenv(DASK_VARIABLE, "tcp://127.0.0.1:2")
+    code, _, error = himap_command("run", "01_toy")
+    assert code == 2 and "tcp://127.0.0.1:2" in error and not runs
+
+
+def test_without_an_address_nobody_is_asked(himap_command, runs, monkeypatch):
+    monkeypatch.delenv(DASK_VARIABLE, raising=False)
+    monkeypatch.setattr("himap.products.parallel._client", lambda seconds: pytest.fail("asked"))
+    assert himap_command("run", "01_toy")[0] == 0 and runs
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from himap.errors import InputError
 from himap.paper import cleaned, pipeline
 from himap.products import cache
-from himap.products.parallel import DASK_VARIABLE, make_all
+from himap.products.parallel import DASK_VARIABLE, check_scheduler, make_all
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
@@ -110,6 +110,18 @@ def test_no_scheduler(monkeypatch, tmp_path):
         monkeypatch.setenv(DASK_VARIABLE, address)
         with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):
             make_all(cleaned.assessment, CALLS, "test")
+
+
+def test_what_answers_is_a_scheduler_or_refused(address, monkeypatch):
+    """What another service says may be taken for the length of an array."""
+    check_scheduler()
+
+    def client(address, timeout):
+        raise MemoryError("3 EiB")
+
+    monkeypatch.setattr(distributed, "Client", client)
+    with pytest.raises(InputError, match="no Dask scheduler at tcp:.* .3 EiB"):
+        check_scheduler()
 
 
 def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):

@@ -191,7 +191,7 @@ class TestCleaning:
         assert np.array_equal(np.isnan(foreground), (hits == 0) | (np.arange(24) == 7)[:, None])
 
     def test_a_truth_and_mocks(self, maps, hits, flags, rng):
-        """The truth is 0 where the cube is missing; a mock comes back with what is missing filled."""
+        """The truth is 0 where the cube is missing, and so is a mock."""
         true = rng.standard_normal(SHAPE).astype(np.float32)
         write_hdf5("truth.h5", true, **SAID)
         write_hdf5("both.h5", maps + true, **SAID)

@@ -193,9 +193,25 @@ def _tell(cleaned, files, started):
 @click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
 @click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most.")
 @click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
+@weight_options
 @cube_options
 @debug
-def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, output, overwrite, **reading):
+def suggest(
+    path,
+    method,
+    beam,
+    dish,
+    pairs,
+    mask,
+    keep_peaks,
+    weights,
+    flags,
+    least,
+    most,
+    output,
+    overwrite,
+    **reading,
+):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
 
     \b
@@ -207,15 +223,20 @@ def suggest(path, method, beam, dish, pairs, mask, keep_peaks, least, most, outp
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
-    inputs = inputs_of([path, beam, reading["freqs"], mask], pairs)
+    inputs = inputs_of([path, beam, reading["freqs"], mask, weights, flags], pairs)
     page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
     parameters = method_parameters(pairs)
     if "n_sources" in parameters:
         raise InputError(
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
         )
-    cube, beams = cube_and_beams(path, create(method, **parameters), beam, dish, mask, reading)
-    most = min(10, len(cube.freqs) - 1) if most is None else most
+    # Lines of sight must have channels enough for the largest number.
+    largest = suggestion.MOST_SOURCES if most is None or most < 1 else most
+    remover, weighed = create(method, n_sources=largest, **parameters), {"weights": weights, "flags": flags}
+    cube, beams = cube_and_beams(
+        path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
+    )
+    most = min(suggestion.MOST_SOURCES, len(cube.freqs) - 1) if most is None else most
     if most <= least:
         raise InputError(f"--to must be more than --from, got {most} and {least} sources.")
     if least < 1 or most > len(cube.freqs):

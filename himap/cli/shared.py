@@ -14,7 +14,7 @@ from himap.companion.notebooks import find
 from himap.companion.parameters import check_parameters, parse_texts
 from himap.errors import InputError, shortened
 from himap.products.memory import LIMIT_VARIABLE, parse_size
-from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
+from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
 __all__ = [
     "SETTINGS",
@@ -124,13 +124,15 @@ _WORKERS = {
 def workers(command):
     """The options that say who does the work of a command, and with how much memory.
 
-    Kernels and worker processes read them from the environment, where they are while the command runs.
+    Kernels and worker processes read them from the environment, where they are while the command runs. An
+    address without a scheduler is refused before any work, also where all is in the cache already.
     """
 
     @functools.wraps(command)
     def wrapped(*args, **options):
         settings = {name: options.pop(name.lower()) for name in _WORKERS}
         with changed_environment({name: str(value) for name, value in settings.items() if value is not None}):
+            check_scheduler()
             return command(*args, **options)
 
     for option in reversed(_WORKERS.values()):

@@ -11,6 +11,10 @@ Information criterion
 Stability
     How much both recovered spectra move from one n_s to the next. They fall steeply while foreground is left,
     then hardly, and fall slowly for good as signal is taken. It shows where no number is good.
+
+With weights and flags each is of the weighted problem: the eigenvalues of the covariance of what is there
+(`himap.removal.weighted_pca.seen_covariance`), weighted variances and as many samples as there are, and
+spectra with 0 in the gaps, whatever the number.
 """
 
 from dataclasses import dataclass
@@ -27,8 +31,12 @@ from himap.measures.how_many import STABLE, changes, eigenvalue_line, informatio
 from himap.progress import progress
 from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.covariance import channel_covariance
+from himap.removal.weighted_pca import seen_covariance
 
-__all__ = ["Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
+__all__ = ["MOST_SOURCES", "Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
+
+MOST_SOURCES = 10
+"""The largest number that is tried unless another is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +64,8 @@ class Suggestion:
         Whether the eigenvalues are those of maps at one resolution.
     widths
         Least and largest FWHM of the beam that the method was told, degrees, or None.
+    weighted
+        Whether the cube has weights or gaps.
     """
 
     n_sources: np.ndarray
@@ -69,6 +79,7 @@ class Suggestion:
     knows_beam: bool
     at_one_resolution: bool
     widths: tuple[float, float] | None = None
+    weighted: bool = False
 
     @property
     def best(self):
@@ -111,7 +122,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     Parameters
     ----------
     cube
-        A `Cube`.
+        A `Cube`; with weights or flags for a method that takes them.
     method
         Name of a method that has a number of sources.
     n_sources
@@ -128,38 +139,56 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     Raises
     ------
     InputError
-        A method without sources, numbers that do not ascend, or what the method refuses.
+        A method without sources, numbers that do not ascend, or what the method refuses, such as lines of
+        sight with too few channels for the largest number.
     """
-    n_sources = range(1, min(11, len(cube.freqs))) if n_sources is None else n_sources
+    n_sources = range(1, min(MOST_SOURCES + 1, len(cube.freqs))) if n_sources is None else n_sources
     counts = np.array(list(n_sources))
     if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
     # Refused now, not after the others.
     knows_beam = method_for(cube, method, n_sources=int(counts[-1]), **parameters).needs_beams
     basis = Basis(cube, peaks=peaks)
-    variances, spectra, spectra_of, views = [], [], None, views_of(cube)
+    found, variances, spectra, spectra_of, views = {}, [], [], None, views_of(cube)
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
         spectra_of = spectra_of or views.spectra_beside(cleaned)
-        variances.insert(0, [channel.var(dtype=np.float64) for channel in cleaned.residual])
+        if cube.weights is not None:
+            found[count] = cleaned.separation
+        variances.insert(0, _variances(cleaned))
         spectra.insert(0, views.scales(cube, spectra_of(cleaned)))
     change = changes(spectra)
     # The edge of a part of the sky would stand out too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
-    values = _eigenvalues(cube, basis, beams if at_one else None)
+    n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
+    criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
+    values = _eigenvalues(cube, basis, beams if at_one else None, found.get(counts[criterion.argmin()]))
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
         line=eigenvalue_line(values),
         n_bright=n_above(values),
-        criterion=information(np.array(variances), counts, cube.maps.shape[1]),
+        criterion=criterion,
         change=change,
         stable=settled(change, counts),
         method=method,
         knows_beam=knows_beam,
         at_one_resolution=at_one,
         widths=_widths(beams) if knows_beam else None,
+        weighted=cube.weights is not None,
     )
+
+
+def _variances(cleaned):
+    """Of what is left in each channel, by the weights of the cube, a list of floats, mK^2."""
+    weights = cleaned.cube.weights
+    if weights is None:
+        return [channel.var(dtype=np.float64) for channel in cleaned.residual]
+    found = []
+    for channel, some in zip(cleaned.residual, np.broadcast_to(weights, cleaned.residual.shape), strict=True):
+        share = some / some.sum(dtype=np.float64)
+        found.append(float(share @ (channel - share @ channel.astype(np.float64)) ** 2))
+    return found
 
 
 def _widths(beams):
@@ -168,8 +197,14 @@ def _widths(beams):
     return float(widths.min()), float(widths.max())
 
 
-def _eigenvalues(cube, basis, beams):
-    """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given."""
+def _eigenvalues(cube, basis, beams, found):
+    """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given.
+
+    With weights gaps are bridged by `found`, the `Separation` that the criterion takes: what more sources
+    make of noise in a gap would stand out.
+    """
+    if cube.weights is not None:
+        return np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, found))[::-1]
     if beams is None:
         return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     lmax = min(2 * cube.nside, beams.shape[1] - 1)
@@ -249,6 +284,11 @@ def write_suggestion(suggestion, path):
         "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
         "Spectra that hardly move with one more source, below the dashed line, do not hang on the choice."
     )
+    if suggestion.weighted:
+        text += (
+            " Covariance and variances are weighted, only voxels that are there count as samples, and "
+            "spectra have 0 in the gaps."
+        )
     picture = page.figure(views_figure(suggestion), "Three views of the choice", text)
     path.write_text(
         page.page("How many sources?", [f"<p>{advice(suggestion)}</p>", picture]), encoding="utf-8"

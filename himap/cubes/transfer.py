@@ -10,7 +10,8 @@ from himap.errors import InputError
 from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
-from himap.measures.transfer import TransferFunction, recovery
+from himap.measures.transfer import TransferFunction, recovery, recovery_of_cubes
+from himap.removal.weights import weighted_means
 
 __all__ = ["Corrected", "correct", "measure_transfer"]
 
@@ -51,13 +52,17 @@ class Corrected:
 def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
     """The `TransferFunction` of a method on a cube, from mocks that are cleaned with it.
 
+    Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing both the
+    mock and what comes back of it count as 0, as does what is left of the cube: gaps take the same of all
+    three, so that the ratio is what the method loses, and what it makes up in a gap is not in it.
+
     Parameters
     ----------
     cleaned
         The `CleanedCube`.
     mocks
         Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
-        they are a generator.
+        they are a generator. What they have where a voxel is missing counts nothing.
     beams, peaks, seed
         As the cube was cleaned (`clean_cube`).
 
@@ -66,10 +71,11 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
     InputError
         No mock, or one of another shape than the cube.
     """
-    cube, method, without = cleaned.cube, cleaned.method, cleaned.separation
+    cube, method = cleaned.cube, cleaned.method
     cube.check_sphere()
     method_for(cube, method)
-    mask = None if cube.whole_sky else cube.mask
+    missing = cube.missing
+    back_of = _back_of_seen if missing is None else _back_through_gaps
     recoveries = []
     for mock in mocks:
         mock = checked_cube("a mock", mock)
@@ -78,16 +84,38 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
+        if missing is not None:
+            mock = np.where(missing, np.zeros((), mock.dtype), mock)
         both = Basis(replace(cube, maps=cube.maps + mock), peaks=peaks)
         found = both.separation(method, beams=beams, seed=seed)
-        variance = float(mock.var(axis=1, dtype=np.float64).sum())
-        wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
-        alms = masked_alms(cube.on_sphere(mock), mask=mask)
-        if found.lmax is not None:
-            alms = sphere.alms_upto(alms, found.lmax)
-        wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
-        recoveries.append(recovery(alms, wrong, cube.channel_width))
+        recoveries.append(back_of(cube, mock, cleaned.separation, found))
     return TransferFunction(recoveries=tuple(recoveries))
+
+
+def _back_of_seen(cube, mock, without, found):
+    """The `Recovery` of a mock, from the `Separation` without and with it; no voxel is missing."""
+    variance = float(mock.var(axis=1, dtype=np.float64).sum())
+    wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
+    alms = masked_alms(cube.on_sphere(mock), mask=_mask_of(cube))
+    if found.lmax is not None:
+        alms = sphere.alms_upto(alms, found.lmax)
+    wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
+    return recovery(alms, wrong, cube.channel_width)
+
+
+def _back_through_gaps(cube, mock, without, found):
+    """The same where voxels are missing, of both cubes with 0 there."""
+    back = (found.foreground + -without.foreground).taken_from(mock, found.means - without.means)
+    cubes = (mock - weighted_means(mock, cube.weights)[:, None]).astype(mock.dtype), back
+    alms, missing = [], cube.missing
+    for maps in cubes:
+        maps[missing] = 0
+        alms.append(masked_alms(cube.on_sphere(maps), mask=_mask_of(cube)))
+    return recovery_of_cubes(*alms, cube.channel_width)
+
+
+def _mask_of(cube):
+    return None if cube.whole_sky else cube.mask
 
 
 def correct(spectra, transfer):

@@ -25,12 +25,14 @@ _BULK = (0.2, 0.8)  # of the components: HI and noise for sure
 def eigenvalue_line(values):
     """A straight line through the logarithms of the eigenvalues of HI and noise, carried on to the others.
 
-    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number.
+    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number, none of
+    them taken as less than the rounding of the first.
     """
     number = np.arange(len(values))
     first, last = (int(share * len(values)) for share in _BULK)
     bulk = slice(first, max(last, first + 2))
-    slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], np.finfo(float).tiny)), 1)
+    least = max(values[0] * np.finfo(float).eps, np.finfo(float).tiny)
+    slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], least)), 1)
     return np.exp(offset + slope * number)
 
 
@@ -39,15 +41,19 @@ def n_above(values):
     return int(np.argmin(values > _STANDS_OUT * eigenvalue_line(values)))
 
 
-def information(variances, counts, n_pix, *, kind="bic"):
-    """An information criterion over n_pix n_channels, less its least, (n,).
+def information(variances, counts, n_pix, *, n_seen=None, kind="bic"):
+    """An information criterion over the number of voxels, less its least, (n,).
 
     The mean over channels of ln(variance), and ln(n_pix) / n_pix ("bic", Schwarz 1978) or 2 / n_pix ("aic",
-    Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels.
+    Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels. Where
+    voxels are missing, `n_seen` (n_channels,) says how many of each channel are there: the logarithms count
+    by that, and its mean is in the place of n_pix, but for how many numbers the sources have.
     """
     n_channels = variances.shape[1]
-    price = {"bic": np.log(n_pix), "aic": 2.0}[kind] / n_pix
-    found = np.log(variances).mean(axis=1) + counts * price * (n_channels + n_pix) / n_channels
+    n_samples = n_pix if n_seen is None else np.mean(n_seen)
+    price = {"bic": np.log(n_samples), "aic": 2.0}[kind] / n_samples
+    found = np.average(np.log(variances), axis=1, weights=n_seen)
+    found += counts * price * (n_channels + n_pix) / n_channels
     return found - found.min()
 
 

@@ -28,6 +28,7 @@ __all__ = [
     "bands",
     "cylindrical_power",
     "recovery",
+    "recovery_of_cubes",
 ]
 
 DEFINITIONS = ("cross", "auto")
@@ -231,17 +232,39 @@ def recovery(alms, wrong, channel_width):
     InputError
         The two have not the same channels.
     """
-    if len(alms) != len(wrong.spectra):
-        raise InputError(
-            f"what came back has {len(wrong.spectra)} channels, what was put in {len(alms)}; both must be of "
-            "one cube."
-        )
+    _check_channels(alms, wrong.spectra)
     lmax = sphere.lmax_of_size(alms.shape[-1])
     more = sphere.analyse(wrong.maps.astype(np.float32), lmax)
     spectra = fft.rfft(wrong.spectra, axis=0)
+    return _recovery(alms, channel_width, lambda waves, degree: waves + spectra @ _modes(more, degree))
+
+
+def recovery_of_cubes(alms, back, channel_width):
+    """The `Recovery` of a cube T from coefficients of T and of what came back, each (n_channels, n_alm), mK.
+
+    For what differs from T by more than a few spectra, as with gaps, each of which takes another part of T.
+
+    Raises
+    ------
+    InputError
+        The two have not the same channels.
+    """
+    _check_channels(alms, back)
+    return _recovery(alms, channel_width, lambda waves, degree: fft.rfft(_modes(back, degree), axis=0))
+
+
+def _check_channels(alms, back):
+    if len(alms) != len(back):
+        raise InputError(
+            f"what came back has {len(back)} channels, what was put in {len(alms)}; both must be of one cube."
+        )
+
+
+def _recovery(alms, channel_width, returned):
+    """The `Recovery` of coefficients; ``returned(waves, degree)`` are the waves that came back."""
 
     def powers(waves, degree):
-        back = waves + spectra @ _modes(more, degree)
+        back = returned(waves, degree)
         return np.abs(waves) ** 2, np.abs(back) ** 2, (waves * back.conj()).real
 
     put_in, came_back, common = _sum_over_modes(alms, channel_width, powers)

@@ -16,7 +16,7 @@ from himap.folders import note_worker, run_folder
 from himap.products import cache
 from himap.progress import progress
 
-__all__ = ["DASK_VARIABLE", "JOBS_VARIABLE", "dask_address", "make_all", "n_jobs"]
+__all__ = ["DASK_VARIABLE", "JOBS_VARIABLE", "check_scheduler", "dask_address", "make_all", "n_jobs"]
 
 JOBS_VARIABLE = "HIMAP_JOBS"
 """Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
@@ -26,6 +26,7 @@ DASK_VARIABLE = "HIMAP_DASK"
 
 _TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
 _CONNECT = 30  # s to reach the scheduler
+_CHECK = 5  # s the same before any work, when somebody waits: enough for one that is starting
 _LOOK = 1  # s between looks for the process that started this one
 _RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
 
@@ -47,6 +48,19 @@ def n_jobs():
 def dask_address():
     """Address of the Dask scheduler that the variable HIMAP_DASK names, or None."""
     return os.environ.get(DASK_VARIABLE) or None
+
+
+def check_scheduler():
+    """Refuse, before any work, an address in HIMAP_DASK where no scheduler answers; without one do nothing.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if dask_address():
+        with _told_here("distributed.client"):
+            _client(_CHECK).close()
 
 
 def make_all(product, calls, description):
@@ -129,20 +143,27 @@ def _end_with(asking):
     threading.Thread(target=watch, daemon=True).start()
 
 
-def _on_cluster(product, missing):
-    """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
+def _client(seconds):
+    """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer."""
     try:
-        from distributed import Client, KilledWorker, as_completed
+        from distributed import Client
     except ImportError:
         raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
     try:
-        client = Client(address, timeout=_CONNECT)
-    except (OSError, ValueError) as error:
+        return Client(address, timeout=seconds)
+    except Exception as error:  # what answers there may be no scheduler, and say anything
         raise InputError(
             f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler` and give "
             "the address that it prints, such as tcp://host:8786."
         ) from None
+
+
+def _on_cluster(product, missing):
+    """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
+    address, client = dask_address(), _client(_CONNECT)
+    from distributed import KilledWorker, as_completed
+
     settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
     with client, _told_here("distributed.client"):

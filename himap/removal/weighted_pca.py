@@ -3,13 +3,13 @@
 import numpy as np
 from scipy import linalg
 
-from himap.maps.blocked import in_threads, projection
+from himap.maps.blocked import centred, in_threads, projection
 from himap.progress import progress
 from himap.removal.covariance import principal_axes
 from himap.removal.separation import Separation
 from himap.removal.weighted_fits import least_squares
 
-__all__ = ["weighted_components"]
+__all__ = ["seen_covariance", "weighted_components"]
 
 _SETTLED = 1e-7  # relative change of the squares that are left at which the turns end
 _ROUGHLY = 1e-2  # the same while there are fewer components than asked for
@@ -63,6 +63,44 @@ def _central(first, second, total):
     """Mean and covariance of sums of w x, w x x^T and w."""
     mean = first / total
     return mean, second / total - np.outer(mean, mean)
+
+
+def seen_covariance(maps, weights, found):
+    """The covariance between channels of what is there, (n_channels, n_channels) float64, mK^2.
+
+    Where pixels have weights, that of which `weighted_components` takes the axes. Where voxels have, each
+    pair of channels sees another part of a sky that is far brighter than HI, and means over these parts do
+    not fit together. So maps are taken as a model, which has no gaps, and what that leaves, which is faint:
+    the products of each with each are means over what tells them, with the weights of that, and of the model
+    with itself over all pixels, with the largest weight of each. Of equal weights this is the plain
+    covariance, whatever the model.
+
+    Parameters
+    ----------
+    maps, weights
+        As in `weighted_components`; maps need not be less their means.
+    found
+        The `Separation` whose foreground is the model.
+    """
+    maps = centred(maps, found.means)
+    if weights.ndim == 1:
+        return _covariance(maps, weights)
+
+    def sums(block):
+        some, model = weights[:, block].astype(np.float64), found.foreground.lines(block)
+        rest = np.where(some > 0, maps[:, block] - model, 0)
+        largest, pull, roots = some.max(axis=0), some * rest, np.sqrt(some)
+        own, both = model * largest, roots * rest
+        firsts = own.sum(axis=1), pull.sum(axis=1)
+        seconds = own @ model.T, model @ pull.T, both @ both.T
+        return *firsts, *seconds, largest.sum(), some.sum(axis=1), roots @ roots.T
+
+    parts = in_threads(sums, maps.shape[1], "weighted covariance", _BLOCK)
+    model, rest, own, cross, both, largest, total, pairs = map(sum, zip(*parts, strict=True))
+    cross /= total
+    both = np.divide(both, pairs, out=np.zeros_like(both), where=pairs > 0)
+    mean = model / largest + rest / total
+    return own / largest + cross + cross.T + both - np.outer(mean, mean)
 
 
 class _Turns:

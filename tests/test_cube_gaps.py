@@ -1,0 +1,179 @@
+"""What is lost of a cube with weights and gaps, and how many sources it has, against slow twins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
+
+from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
+from himap.cubes.report import spectra_of
+from himap.cubes.sphere_views import SpectraBeside
+from himap.errors import InputError
+from himap.measures import how_many
+from himap.paper.patch import PatchPower
+from himap.removal.covariance import channel_covariance
+from himap.removal.pca import PCA
+from himap.removal.weighted_pca import seen_covariance
+
+SAID = {"unit": "mK", "order": "RING"}
+SHAPE = (len(FREQS), N_PIX)
+
+
+@pytest.fixture
+def hits(rng):
+    return rng.integers(1, 50, N_PIX).astype(float)
+
+
+@pytest.fixture
+def flags(rng):
+    """A tenth of the voxels, a burst in six channels of a quarter of the sky, and one channel altogether."""
+    flags = rng.random(SHAPE) < 0.1
+    flags[10:16, : N_PIX // 4] = True
+    flags[7] = True
+    return flags
+
+
+@pytest.fixture
+def cube(rng, hits, flags, tmp_path):
+    """Two power laws and noise of 1 mK; what is flagged is bright."""
+    maps = np.where(flags, 1e5, power_law_maps(rng)).astype(np.float32)
+    return read_cube(write_hdf5(tmp_path / "cube.h5", maps, **SAID), weights=hits, flags=flags)
+
+
+def mock_of(cube, rng):
+    """Noise that is brighter in one part of the sky, and has means."""
+    mock = rng.standard_normal(cube.maps.shape) * np.linspace(1, 3, cube.maps.shape[1])
+    return (mock + rng.standard_normal(len(mock))[:, None]).astype(np.float32)
+
+
+class TestTransfer:
+    @pytest.mark.parametrize(
+        ("method", "parameters"), [("pca", {"n_sources": 4}), ("polynomial", {"order": 4})]
+    )
+    @pytest.mark.parametrize("share", [1, 0.6])
+    def test_is_that_of_two_cubes_that_are_cleaned(self, cube, rng, method, parameters, share):
+        """Left with the mock less left without, over the mock, all 0 in the gaps; of a part of it too."""
+        cube = cube.within(np.arange(N_PIX) < share * N_PIX)
+        cleaned = clean_cube(cube, method, peaks=False, **parameters)
+        mocks = [mock_of(cube, rng) for _ in range(2)]
+        found = measure_transfer(cleaned, mocks, peaks=False)
+        power = PatchPower(
+            weights=cube.mask.astype(float),
+            seen=cube.on_sphere(~cube.missing),
+            channel_width=cube.channel_width,
+            bin_width=1,
+        )
+        put_in, returned = [], []
+        for mock in mocks:
+            both = clean_cube(replace(cube, maps=cube.maps + mock), method, peaks=False, **parameters)
+            returned.append(cube.on_sphere(both.residual.astype(float) - cleaned.residual))
+            means = [np.average(one, weights=w) for one, w in zip(mock, cube.weights, strict=True)]
+            put_in.append(cube.on_sphere(mock - np.array(means)[:, None]))
+        expected = power.share(put_in, returned)
+        assert found.frequency[1:] == pytest.approx(expected["frequency"], abs=0.01)
+        assert found.angular[2:25].mean() == pytest.approx(expected["angular"][1:24].mean(), abs=0.003)
+        assert found.frequency[1] < 0.8
+
+    def test_what_mocks_have_in_a_gap_counts_nothing(self, cube, rng):
+        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
+        mock = mock_of(cube, rng)
+        disturbed = np.where(cube.missing, np.float32(1e6), mock)
+        one, two = (measure_transfer(cleaned, [each], peaks=False) for each in (mock, disturbed))
+        assert np.array_equal(one.frequency, two.frequency) and np.array_equal(one.angular, two.angular)
+
+    def test_corrects_what_is_left_through_gaps(self, cube, rng):
+        """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
+        cleaned = clean_cube(cube, "pca", n_sources=6, peaks=False)
+        mocks = (rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(3))
+        found = correct(spectra_of(cleaned), measure_transfer(cleaned, mocks, peaks=False))["frequency"]
+        true = cube.channel_width * np.mean(~cube.missing)
+        assert (found.left / true).mean() < 0.8
+        assert (found.corrected / true).mean() == pytest.approx(1, abs=0.02)
+
+
+class TestSuggestion:
+    @pytest.mark.parametrize("noise", [0, 1])
+    @pytest.mark.parametrize("n_components", [2, 4])
+    def test_finds_the_number_through_gaps(self, n_components, noise, hits, flags, rng, tmp_path):
+        smooth = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
+        maps = smooth @ (1e3 * rng.standard_normal((n_components, N_PIX))) + noise * rng.standard_normal(
+            SHAPE
+        )
+        np.save(tmp_path / "a.npy", np.where(flags, 1e5, maps))
+        given = {"freqs": FREQS, "weights": hits, "flags": flags}
+        found = suggestion.suggest(read_cube(tmp_path / "a.npy", **SAID, **given), n_sources=range(1, 7))
+        assert found.n_bright == found.best == n_components and found.range == (n_components, n_components)
+        assert found.eigenvalues[n_components:] == pytest.approx(noise, abs=0.3)
+        suggestion.write_suggestion(found, tmp_path / "a.html")
+        assert "only voxels that are there count as samples" in (tmp_path / "a.html").read_text()
+
+    def test_weights_that_hardly_differ_are_none(self, rng, tmp_path):
+        path = write_hdf5(tmp_path / "a.h5", power_law_maps(rng), **SAID)
+        plain, *weighted = (
+            suggestion.suggest(read_cube(path, weights=weights), n_sources=range(1, 5), peaks=False)
+            for weights in (np.ones(N_PIX), *(1 + 1e-7 * rng.random(one) for one in (N_PIX, SHAPE)))
+        )
+        assert not plain.weighted
+        for found in weighted:
+            assert found.weighted and found.range == plain.range
+            for name in ("eigenvalues", "criterion", "change"):
+                assert getattr(found, name) == pytest.approx(getattr(plain, name), rel=1e-3, abs=1e-3), name
+
+    def test_weighted_covariance_against_a_loop(self, cube, rng):
+        """Of pixels with weights, of equal weights with any model, and of gaps that a model bridges."""
+        maps, weights = cube.maps.astype(np.float64), rng.integers(1, 5, N_PIX).astype(float)
+        found = PCA(n_sources=2).separate(maps, freqs=cube.freqs, weights=weights)
+        expected = np.cov(maps, aweights=weights, ddof=0)
+        for one in (weights, np.tile(weights, (len(maps), 1))):
+            assert seen_covariance(maps, one, found) == pytest.approx(expected, rel=1e-6)
+        equal = seen_covariance(maps, np.ones(maps.shape), found)
+        assert equal == pytest.approx(channel_covariance(maps), rel=1e-6)
+        faint = np.where(rng.random(maps.shape) < 0.2, 0.0, 1.0)
+        smooth = np.array([cube.freqs / 1000, np.ones(len(maps))]).T @ (1e3 * rng.standard_normal((2, N_PIX)))
+        noise = rng.standard_normal(maps.shape)
+        found = PCA(n_sources=2).separate(smooth + noise, freqs=cube.freqs, weights=faint)
+        gaps = seen_covariance(np.where(faint > 0, smooth + noise, 0), faint, found)
+        values = np.linalg.eigvalsh(gaps)[::-1]
+        assert values[:2] == pytest.approx(np.linalg.eigvalsh(np.cov(smooth))[:-3:-1], rel=0.01)
+        assert values[2:] == pytest.approx(1, abs=0.3)
+
+    def test_information_of_samples_that_are_there(self, rng):
+        """-2 ln L of the residuals that are there, each channel with a variance of its own, and the price."""
+        n_pix, counts = 400, np.array([3, 4])
+        seen = rng.random((12, n_pix)) < np.linspace(0.4, 1, 12)[:, None]
+        variances = rng.uniform(1, 3, (2, 12))
+        n_seen = seen.sum(axis=1)
+        price = np.log(n_seen.mean()) * counts * (12 + n_pix)
+        expected = (n_seen * np.log(variances)).sum(axis=1) + price
+        found = how_many.information(variances, counts, n_pix, n_seen=n_seen)
+        assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / n_seen.sum())
+
+    def test_spectra_beside_those_of_another_number(self, cube):
+        three, two = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2))
+        found, expected = SpectraBeside(three)(two), spectra_of(two)
+        assert found.angular.mean[2:33] == pytest.approx(expected.angular.mean[2:33], rel=1e-3)
+        assert np.array_equal(found.frequency.power, expected.frequency.power)
+
+    def test_lines_of_sight_with_too_few_channels(self, hits, flags, rng, tmp_path):
+        """Refused by the library, left out by the command for the largest number that it tries."""
+        flags[:20, :30] = True
+        path = write_hdf5(tmp_path / "a.h5", power_law_maps(rng), **SAID)
+        cube = read_cube(path, weights=hits, flags=flags)
+        with pytest.raises(InputError, match="pca needs 5 channels on a line of sight"):
+            suggestion.suggest(cube, n_sources=range(1, 5), peaks=False)
+        np.save(tmp_path / "w.npy", hits)
+        np.save(tmp_path / "f.npy", flags)
+        page, weights, bad = (tmp_path / name for name in ("n.html", "w.npy", "f.npy"))
+        words = ("--weights", weights, "--flags", bad, "--to", 4, "--keep-peaks", "--overwrite")
+        done = himap("suggest", path, *words, "-o", page)
+        assert done.exit_code == 0 and "which fewer than 5 channels see" in done.output, done.output
+        assert "For pca, consider n_sources = 2, by both criteria." in done.output
+        found = suggestion.suggest(cube.seen_in(5), n_sources=range(1, 5), peaks=False)
+        for value in found.criterion:
+            assert f"{value:.4f}" in done.output
+        assert "only voxels that are there" in page.read_text()
+        done = himap("suggest", path, *words, "--method", "gmca")
+        assert done.exit_code == 2 and "gmca takes no weights and no flags" in done.output
+        done = himap("suggest", path, "--flags", page, "-o", page, "--overwrite")
+        assert done.exit_code == 2 and "would change what it is made from" in done.output
