@@ -26,7 +26,7 @@
 # subtracted from the maps as observed. The component methods remove 3, 4 and 5 components for the three beams, as in the paper.
 #
 # The truth is HI plus noise through the same beam. A curve above it is foreground that was left, a curve below it is signal that was lost;
-# a ratio of 1 may also be some of each. {glue:text}`results_reading`; which choices the paper's text leaves, and what hangs on them,
+# a ratio of 1 may also be some of each. {glue:text}`results_reading` ([readings](sdecgmca-reading)); which choices the paper's text leaves, and what hangs on them,
 # is in {doc}`16_readings`.
 
 # %% tags=["parameters"]
@@ -68,7 +68,7 @@ removers = {beams[name]: methods_for(beams[name], n, reading=reading) for name, 
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # which methods did not settle is listed at the end
 titles = {beams[name]: f"{name}, {n} components" for name, n in n_sources.items()}
-quote(results_reading=captions.of_sdecgmca(removers[beams["oscillating"]][3], study.survey.nside))
+quote(results_reading=captions.in_short(removers[beams["oscillating"]][3], study.survey.nside))
 
 # %% [markdown]
 # ## Across the sky
@@ -78,7 +78,7 @@ quote(results_reading=captions.of_sdecgmca(removers[beams["oscillating"]][3], st
 # both fits do, and the component methods spread, GMCA most at low $\ell$. In every panel ask which curves are above 1, where foreground is left, and
 # which below, where HI is lost.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)). PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
 study.angular_figure(removers, titles=titles)
 
 # %% [markdown]
@@ -89,7 +89,7 @@ study.angular_figure(removers, titles=titles)
 # falls below the black one at high $k_\nu$ is no loss: its maps end at the last $\ell$ of the inversion, and its ratio is to a truth that ends there
 # too.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading`. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 study.frequency_figure(removers, titles=titles)
 
 # %% [markdown]

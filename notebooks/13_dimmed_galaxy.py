@@ -37,7 +37,7 @@
 # not say. Here it is $\sigma = b_\mathrm{edge} / 3$, and the two subtractions make the ends exact. HI and noise stay as they are.
 #
 # This is no method for real data, where nobody can dim the Galaxy without knowing it. It asks which part of the failures of
-# {doc}`10_results` comes from the brightest sky, on one sky and one beam, at the defaults the oscillating one with the synthetic Galaxy. {glue:text}`dimmed_reading`.
+# {doc}`10_results` comes from the brightest sky, on one sky and one beam, at the defaults the oscillating one with the synthetic Galaxy. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -90,7 +90,7 @@ full, dimmed = Study(**common), Study(**common, dimming=dimming)
 removers = methods_for(selected, n_sources, reading=reading)
 full.check({selected: removers})
 warnings.simplefilter("ignore", SeparationWarning)  # which methods settle is listed in 10_results
-quote(dimmed_reading=captions.of_sdecgmca(removers[3], full.survey.nside))
+quote(dimmed_reading=captions.in_short(removers[3], full.survey.nside))
 
 # %%
 for study in (full, dimmed):
@@ -138,12 +138,12 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # The first figure is the paper's: all six methods, on the dimmed sky. The second has the full Galaxy beside it, dotted, for three of them. Look at the
 # peak of the ripple and at low $\ell$: where the solid line is nearer to 1 than the dotted one, the plane was to blame.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading`. The curves of PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). The curves of PCA and FastICA coincide."}}
 curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 dimmed.both_figure(selected, curves, **look)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading`."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
 for remover in (removers[0], removers[2], removers[3]):
     method = styles.method_style(remover)

@@ -114,7 +114,7 @@ panels = [
 ]
 for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
     views = views_of(case, tuple(create(name, n_sources=n) for n in counts), mocks)
-    label = styles.METHOD_STYLES.get(name, {"label": name})["label"]
+    label = styles.numbered(name, None)
     look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
     faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}
     shown = views.eigenvalues[:20]
@@ -147,7 +147,7 @@ Table(
     ["method", "criterion", "advised", "best", "error with it", "with the best"],
     [
         (
-            row.method,
+            styles.numbered(row.method, None),
             CRITERIA[row.criterion],
             row.advised or "none",
             row.best,
