@@ -29,11 +29,11 @@
 # and *in part* otherwise.
 #
 # $C/C_0$ and $P/P_0$ are what a method leaves over the truth (HI plus noise), across the sky and along the line of sight, $k$ is in MHz$^{-1}$; SD is SDecGMCA, PAR and POL are the two fits. A claim may have several parts and its row shows one
-# number: it can lie on the paper's side of the limit while another part fails.
+# number: it can lie on the paper's side of the limit while another part fails, and the parts that fail on half of the skies or more stand below it.
 #
-# What to use on data of your own: [here](25_side_by_side.ipynb).
+# What to use on data of your own: [a table by what you have](what-to-use).
 
-# %% tags=["parameters"]
+# %% tags=["parameters", "hide-input"]
 results: str | None = None  # folder of stored results; None: that of the book
 large: str = "paper_templates"  # the ledger and the figures at the paper's size
 several: str = "claims_laptop"  # the ledger over several skies
@@ -173,4 +173,4 @@ Markdown(picture(large, "fig-dimmed-spectra", folder))
 # ## Where to go from here
 #
 # - Every claim, with its reading and its numbers: {doc}`15_claims`; at the paper's size: {doc}`18_paper_size`.
-# - All methods side by side, and a table by what you have: {doc}`25_side_by_side`.
+# - All methods side by side: {doc}`25_side_by_side`; [a table by what you have](what-to-use).

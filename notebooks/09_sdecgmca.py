@@ -77,7 +77,10 @@ removers[selected] = [sdecgmca_for(selected, reading=reading, n_sources=n_source
 study.check(removers)
 remover = removers[selected][0]
 warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is printed with its numbers
-quote(sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside))
+quote(
+    sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside),
+    sdecgmca_reading_short=captions.in_short(remover, study.survey.nside),
+)
 
 # %% [markdown]
 # ## How it works
@@ -137,6 +140,7 @@ rows = {
 show(rows)
 
 # %% [markdown]
+# (sdecgmca-reading)=
 # ## What the paper leaves open
 #
 # Some of these steps can be read in more than one way, and what the authors' public code does is not always what the text says. So each choice has a name, and
@@ -157,7 +161,7 @@ Markdown("\n".join(Table(head, body).markdown()))
 # The columns fall with frequency and are nearly parallel, and the sources are many times brighter than the sky, with both signs: as those of GMCA they
 # cancel. The last source is the faintest by far; what it follows decides what becomes of HI.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading`. Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
 study.mixing_figure(selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, mK. Colours span the central 96 % of the pixels."}}
@@ -175,10 +179,10 @@ study.sources_figure(selected, remover)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 study.channel_figure(selected, remover)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
 study.angular_figure(removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
 study.frequency_figure(removers)
 
 # %% tags=["hide-input"]
@@ -236,7 +240,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 
 # %% [markdown]
 # Where $\epsilon$ is at work, the foreground is too small, and what is left too large: this is the paper's explanation of a peak beyond $\ell = 200$. The first multipole at which
-# strategy 3 has an $\epsilon$ above zero, with $c$ of Table 1 and the $\mathbf{A}$ that was found:
+# strategy 3 has an $\epsilon$ above zero, of those looked at, with $c$ of Table 1 and the $\mathbf{A}$ that was found:
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -245,8 +249,8 @@ for each, methods in removers.items():
     problem = Problem(modes=None, beams=windows, noise=None, floor=0)
     mixing = study.assessed(each, methods[0]).mixing
     epsilon = problem.of_matrices(mixing, table_1(each)["regularisation"])[:, 0]
-    onset = (int(np.flatnonzero(epsilon)[0]), 20) if epsilon.any() else f"nowhere to l = {len(epsilon) - 1}"
-    numbers[f"{each}: strategy 3 begins at l"] = onset
+    onset = (int(np.flatnonzero(epsilon)[0]), 20) if epsilon.any() else f"none up to l = {len(epsilon) - 1}"
+    numbers[f"{each}: first l with an epsilon above zero"] = onset
 show(numbers)
 
 # %% [markdown]
@@ -348,7 +352,7 @@ quote(
 #
 # The two lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$, and at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading`. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
 curves = [(styles.method_style(method), study.compared(selected, method)) for method in pair]
 study.both_figure(selected, curves, n_sources=n_sources, reading=reading)

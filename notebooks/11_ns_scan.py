@@ -26,7 +26,7 @@
 # Every component method asks its user for one number before it starts: $n_s$, how many spectra it may take out of the maps. Too few leave
 # foreground, too many take HI. {cite:t}`gkogkou2025` try 2 to 20 with SDecGMCA on the oscillating beam, compare both spectra with the truth, and
 # choose 5. This notebook repeats the scan, beside it that of a method which does not know the beam, and asks how much of the answer
-# depends on what is called an error. {glue:text}`scan_reading`.
+# depends on what is called an error. {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -109,7 +109,7 @@ study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # which runs did not settle is listed at the end
 stated = {"reading": reading} if "sdecgmca" in methods else {}  # in the lines under the figures
 quote(
-    scan_reading=captions.of_sdecgmca(sdecgmca_for(selected, reading=reading), study.survey.nside)
+    scan_reading=captions.in_short(sdecgmca_for(selected, reading=reading), study.survey.nside)
     if stated
     else "There is no SDecGMCA in this run"
 )
@@ -211,7 +211,7 @@ whole = whole | {"ylim": None, "title": "all of it"}
 # Follow one curve from left to right. It falls steeply while foreground is left, and rises slowly once each further source takes HI; the mark is where
 # the one becomes the other. Jumps of SDecGMCA between neighbours are runs that went astray.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading`. The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -258,7 +258,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # is lost, and whether their order is the same on all scales. In the paper the order differs: few sources are best at low $k_\nu$, more at intermediate
 # $\ell$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading`. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
 lines = styles.sequence([f"$n_s$ = {n}" for n in drawn])
 curves = [(look, comparisons[method][n]) for look, n in zip(lines, drawn, strict=True)]
 study.both_figure(selected, curves, method=method, **stated)
@@ -317,7 +317,7 @@ quote(
 # On the left the excess falls off a cliff and the loss creeps up: their sum is the curve of the first figure. On the right the losses lie near a
 # straight line, one part in the number of channels for each source; those of C/C0 fall faster.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: the total relative MSE as the sum of a part where the spectra are too high and one where they are too low; the axis cuts both off. {glue:text}`scan_reading`. Right: mean of P/P0 at all k and of C/C0 at the l of the total, for numbers of sources that leave no excess; the dotted line loses one part in the number of channels for each source. Parts that are zero are not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: the total relative MSE as the sum of a part where the spectra are too high and one where they are too low; the axis cuts both off. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean of P/P0 at all k and of C/C0 at the l of the total, for numbers of sources that leave no excess; the dotted line loses one part in the number of channels for each source. Parts that are zero are not drawn."}}
 
 
 def part(name, sign):
@@ -379,15 +379,17 @@ for n, excess, loss in zip(scanned, part(method, 1), part(method, -1), strict=Tr
 show_table(rows)
 
 # %% [markdown]
-# Which runs say that they did not settle:
+# Which runs say that they did not settle, by the number of sources:
 
 # %% tags=["hide-input"]
-unsettled = [
-    f"{styles.method_style(tried)['label']}, {tried.n_sources}"
-    for tried in removers[selected]
-    if not study.assessed(selected, tried).converged
-]
-print("; ".join(unsettled) or "none")
+by_method = {}
+for tried in removers[selected]:
+    own = by_method.setdefault(styles.method_style(tried)["label"], {})
+    own[tried.n_sources] = study.assessed(selected, tried).converged
+for label, settled in by_method.items():
+    those = [f"{n}" for n, one in settled.items() if not one]
+    which = f"all {len(settled)}" if len(those) == len(settled) > 1 else ", ".join(those)
+    print(f"{label}: {f'{which}' if those else 'none'}")
 
 # %% [markdown]
 # ## Over several skies, on the real Galaxy

@@ -34,7 +34,7 @@
 #
 # with mean and standard deviation over the sky, and compute both power spectra without them. The rule needs the truth, so it is
 # a diagnosis and not a part of any method: it shows how much of what is wrong sits where. The maps themselves are those of
-# {doc}`10_results`, for the hardest beam. {glue:text}`post_reading`.
+# {doc}`10_results`, for the hardest beam. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,7 +84,7 @@ if method not in removers:
     raise InputError(f"unknown method {method!r}; there are {', '.join(removers)}.")
 study.check({selected: list(removers.values())})
 warnings.simplefilter("ignore", SeparationWarning)  # which methods settle is listed in 10_results
-quote(post_reading=captions.of_sdecgmca(removers["sdecgmca"], study.survey.nside))
+quote(post_reading=captions.in_short(removers["sdecgmca"], study.survey.nside))
 
 # %%
 study.prepare({selected: list(removers.values())}, post_mask=True)
@@ -129,7 +129,7 @@ quote(
 # The first figure follows the flagged lines of sight through the band, what is left of them and what is wrong: does the error sit in a part of the
 # band, and does it swing with the period of the ripple? The second has them on the sky. In the paper they lie along the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading`. Of the flagged lines the numbers beside the picture are percentiles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Of the flagged lines the numbers beside the picture are percentiles."}}
 stated = {"reading": reading} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
 
@@ -284,7 +284,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # low $\ell$. The fits are in a figure of their own, as they would flatten this one.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). PCA and FastICA coincide. {glue:text}`post_reading`. With a mask C_l is in bins, and starts later. The black line is the truth of the whole sky, not cut. The two fits are in the next figure."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra after PCA, FastICA, GMCA and SDecGMCA, of the whole sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth with the same mask (the paper's Fig. 6). PCA and FastICA coincide. {glue:text}`post_reading` ([readings](sdecgmca-reading)). With a mask C_l is in bins, and starts later. The black line is the truth of the whole sky, not cut. The two fits are in the next figure."}}
 def both(remover):
     """`Comparison` of a method on the whole sky, and without the lines of sight that it got wrong."""
     return study.compared(selected, remover), study.compared(selected, remover, masked=True)

@@ -27,7 +27,7 @@
 # Power spectra averaged over channels, as in {doc}`10_results`, can be right for the wrong reason: power that was lost may be replaced by power that
 # does not belong there, and a channel that is too bright hides one that is too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics that see one of these
 # each: how well the *maps* agree, channel by channel, and how much the error of $C_\ell$ *scatters* from channel to channel. Here they are for all
-# six methods on one beam, at the defaults the oscillating one. {glue:text}`diagnostics_reading`.
+# six methods on one beam, at the defaults the oscillating one. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -71,7 +71,7 @@ study.case(selected)  # an unknown beam is refused here
 removers = {selected: methods_for(selected, n_sources, reading=reading)}
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is in the table at the end
-quote(diagnostics_reading=captions.of_sdecgmca(removers[selected][3], study.survey.nside))
+quote(diagnostics_reading=captions.in_short(removers[selected][3], study.survey.nside))
 
 # %%
 study.prepare(removers)
@@ -103,7 +103,7 @@ freqs = study.survey.freqs
 # The left panel holds all methods, the right one those that come near 1. Look for swings with the period of the ripple, and for the channels in which
 # one curve crosses another: the paper has SDecGMCA on top at every frequency.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading`. PCA and FastICA remove the same foreground, so their curves coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA remove the same foreground, so their curves coincide."}}
 curves = [(freqs, assessed.correlation, looks[name]) for name, assessed in assessments.items()]
 near = [(freqs, assessments[remover.name].correlation, looks[remover.name]) for remover in component]
 low = min(values.min() for _, values, _ in near)
@@ -188,7 +188,7 @@ for remover in component:
 # From left to right: what was lost, what counting says must be lost, and what was left of the foreground. Where the first two go together, a method
 # takes the HI that its number of sources makes it take.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(values.max() for values in signal_lost.values())
 panels = [
@@ -280,7 +280,7 @@ quote(
 # Low is good, and says that an error is shared by all channels, not that it is small. In the table below the figure, *settled* says whether the iteration came to rest before it was ended. The paper has SDecGMCA lowest between the grey lines.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading`. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(assessed):
     """l from 2 to 2 nside, or where the curve ends, and C_l of each channel, recovered and true."""
     power, of_truth = assessed.power_spectra.angular, (assessed.truth or study.truth(selected)).angular
@@ -329,7 +329,7 @@ for name, assessed in assessments.items():
         "l where smallest": (100 * least.mean(), 5, "%"),
         "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
         "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
-        "settled": assessed.converged,
+        "settled": "yes" if assessed.converged else "no",
     }
 show_table(rows)
 

@@ -135,9 +135,9 @@ print(advice(suggestion))
 least = suggestion.n_sources[suggestion.criterion.argmin()]
 show(
     {
-        "eigenvalues that stand out": (suggestion.n_bright, 0.5),
-        "number of sources of the least criterion": (int(least), 0.5),
-        "first number after which the spectra hardly move": (suggestion.stable or 0, 0.5),
+        "eigenvalues that stand out": suggestion.n_bright,
+        "number of sources of the least criterion": int(least),
+        "first number after which the spectra hardly move": suggestion.stable or "none",
     }
 )
 

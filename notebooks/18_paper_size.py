@@ -71,7 +71,7 @@ for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
 # ## The claims
 #
 # The sign says ✓ reproduced, ≈ in part (all that the sentence of the paper is about, but not all of it), ✗ not reproduced, – does not apply; the number is the one that the row describes, with its
-# range over realisations. A claim can have other parts, which this number does not show: a ✗ beside a number within the paper's mark means that one of those fails. {doc}`15_claims` has the words of the paper and how they are read.
+# range over realisations. A claim can have other parts, which this number does not show: those that fail on half of the skies or more are named below it. {doc}`15_claims` has the words of the paper and how they are read.
 
 # %% tags=["hide-input"]
 told = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."

@@ -43,6 +43,7 @@ from IPython.display import Markdown
 from himap.companion.stored import extrapolated, read_stored, times_of_all
 from himap.companion.stored_tables import endurance_table, growth_table, short, steps_table
 from himap.figures import plotting, styles
+from himap.figures.marks import label_ends
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.products.provenance import Provenance
@@ -116,21 +117,25 @@ Markdown(steps_table(laptop))
 # for.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 128), at three sizes each."}}
-below = {"fontsize": 7.5, "ncols": 2, "loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
+looks = [("black", "-"), (styles.BLUE, "--"), (styles.VERMILION, "-.")]  # of neighbours
+with_nside = scaling["found"]["nside"]
+slowest_first = sorted(with_nside, key=lambda name: -with_nside[name]["seconds"][-1])
 panels = []
 for way, label in {"nside": "nside", "n_channels": "channels"}.items():
     found = scaling["found"][way]
-    curves = [
-        (run["sizes"], run["seconds"], style | {"marker": "."})
-        for run, style in zip(found.values(), styles.sequence(list(found)), strict=True)
-    ]
+    curves = []
+    for n, name in enumerate(slowest_first):
+        colour, dashes = looks[n % len(looks)]
+        style = {"label": f"_{name}", "color": colour, "linestyle": dashes, "marker": "."}
+        curves.append((found[name]["sizes"], found[name]["seconds"], style))
     sizes = sorted({size for run in found.values() for size in run["sizes"]})
     ticks = {"xscale": "log", "xticks": sizes, "xticklabels": sizes, "xlabel": label}
     panels.append(ticks | {"curves": curves, "title": f"with {label}"})
-    panels[-1] |= {"ylabel": "time [s]", "yscale": "log", "legend": below}
+    panels[-1] |= {"ylabel": "time [s]", "yscale": "log"}
 figure = plotting.lines(panels, size=(4.6, 4.6))
 for axes in figure.axes:
     axes.xaxis.minorticks_off()  # the sizes are all there is
+    label_ends(axes)
 plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 
 # %% tags=["hide-input"]

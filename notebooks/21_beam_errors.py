@@ -133,9 +133,16 @@ plotting.stamp(errors_figure(records[-1][0]), made[-1].footer())
 
 
 # %% tags=["hide-input"]
+MANY = 1000  # percent from where on a factor reads better
+
+
 def digits(value, unit="%"):
-    """Two digits of a number, "less" for none."""
-    return "less" if np.isnan(value) else f"{float(f'{value:.2g}'):g} {unit}"
+    """Two digits of a number, "less" for none, and a share of many times the whole as a factor."""
+    if np.isnan(value):
+        return "less"
+    factor = unit == "%" and value >= MANY
+    value, unit = (value / 100, "times") if factor else (value, unit)
+    return f"{float(f'{value:.2g}'):g}\N{NO-BREAK SPACE}{unit}"
 
 
 def tolerable(rows, known, method, kind):
@@ -199,7 +206,13 @@ for rows, about in lobed:
             kept = min(share for _, share, _ in means.values())
             name = styles.numbered(method, n_sources)
             lines.append(
-                (galaxy_of, name, told[kind, error], f"{kept:.1%}", digits(100 * most_excess(means)))
+                (
+                    galaxy_of,
+                    name,
+                    told[kind, error],
+                    f"{100 * kept:.1f}\N{NO-BREAK SPACE}%",
+                    digits(100 * most_excess(means)),
+                )
             )
 Table(["Galaxy", "method", "told", "HI kept at least", "foreground left at most"], lines, align="lllrr")
 

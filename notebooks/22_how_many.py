@@ -114,7 +114,7 @@ panels = [
 ]
 for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
     views = views_of(case, tuple(create(name, n_sources=n) for n in counts), mocks)
-    label = styles.METHOD_STYLES.get(name, {"label": name})["label"]
+    label = styles.numbered(name, None)
     look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
     faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}
     shown = views.eigenvalues[:20]
@@ -131,7 +131,6 @@ for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
     panels[3]["curves"] += [(views.counts, views.error, look), (views.counts, views.corrected_error, faint)]
 for limit in (STABLE, SETTLED):
     panels[2]["curves"].append(((1, n_sources_max), (limit, limit), {"color": "0.7", "linewidth": 0.8}))
-panels[2]["legend"] = {"loc": "lower left"}
 for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
@@ -140,14 +139,14 @@ for panel in panels:
 # error, which only a simulation knows, is least. A method that knows the beam turns earlier: it needs no sources for what the beam adds.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Views of the number of sources. Eigenvalues of the channel covariance, at one resolution for a method that knows the beam, and the line of HI and noise. The information criterion. How much the spectra move with one source more, as they are left and corrected by mocks; the grey lines are 10 % and 3 %. And what none of them knows: how far the worst band of both spectra is from the truth."}}
-study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
+study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
 Table(
     ["method", "criterion", "advised", "best", "error with it", "with the best"],
     [
         (
-            row.method,
+            styles.numbered(row.method, None),
             CRITERIA[row.criterion],
             row.advised or "none",
             row.best,

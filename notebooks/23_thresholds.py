@@ -237,7 +237,7 @@ quote(
     thresholds_paper_n=f"{paper}",
     thresholds_corrected=furthest(both[0]),
     thresholds_more=furthest(both[1]),
-    thresholds_alike=(alike, 1, "%"),
+    thresholds_alike=(alike, 1, "%") if alike >= 1 else "less than 1\N{NO-BREAK SPACE}%",
     thresholds_few=f"{few}",
     thresholds_many=f"{more}",
     thresholds_kept_paper=(100 * in_bands("sdecgmca", more, "kept")["C/C0, 10-19"], 3, "%"),
@@ -254,7 +254,7 @@ quote(
 #
 # - **No cube meets the goal, and none can**: the spectra that the foreground needs hold that much HI, whoever finds them.
 # - **More sources do no harm any more**: with {glue:text}`thresholds_many` of them SmoothSpectra keeps {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
-#   {glue:text}`thresholds_kept_beam`, SDecGMCA {glue:text}`thresholds_kept_paper`. What is corrected moves by {glue:text}`thresholds_alike` at most between {glue:text}`thresholds_few` and {glue:text}`thresholds_many`.
+#   {glue:text}`thresholds_kept_beam`, SDecGMCA {glue:text}`thresholds_kept_paper`. In the worst band, what is corrected moves by {glue:text}`thresholds_alike` between {glue:text}`thresholds_few` and {glue:text}`thresholds_many`.
 # - **Corrected without mocks** most bands come within the goal. What it rests on is the power of HI at the smallest $k_\nu$, where foregrounds are: it is continued from where HI is all that there is, and an error of that
 #   continuation is one of the correction.
 # - **A ratio near 1 says little by itself.** The excess that the authors' code leaves at some multipoles, with four sources, fills what it takes.

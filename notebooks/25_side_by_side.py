@@ -226,6 +226,7 @@ quote(
 )
 
 # %% [markdown]
+# (what-to-use)=
 # ## What should I use?
 #
 # From the table above, and from the chapters named; all at `quick`, in the worst band and with the Galaxy where it is more. The number of sources is the one that `himap suggest` names for the method ({doc}`22_how_many`).

@@ -124,7 +124,7 @@ study.stamped(plotting.lines([panel], columns=1, size=(7.2, 2.8)), beam=selected
 # %% tags=["hide-input"]
 show(
     {
-        "area": (float(inside.mean() * 41253), 2.0, "deg^2"),
+        "area": (float(inside.mean() * 41253), 2.0, "deg²"),
         "pixels": int(inside.sum()),
         "channels that are lost": int((lost == 100).sum()),
         "other voxels that are lost": (float(lost[lost < 100].mean()), 0.1, "%"),

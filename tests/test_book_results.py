@@ -207,9 +207,9 @@ def ledger_of(verdict, *, overrides=()):
 def test_ledgers_stand_side_by_side():
     columns = [ledger_of(FAILED), ledger_of(REPRODUCED, overrides=[("reading", "letter")])]
     ((head, *rows, last),) = tables(ledgers_table(columns))
-    assert head[3:] == ["ci, synthetic", "ci, synthetic, letter"]
+    assert head[3:] == ["ci, 1 sky", "ci, letter, 1 sky"]
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
-    assert rows[0][3:] == ["✗ 0.25", "✓ 0.25"] and rows[2][3:] == ["– –", "– –"]
+    assert rows[0][3:] == ["✗ 0.25<br>fails: a", "✓ 0.25"] and rows[2][3:] == ["– –", "– –"]
     assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
 
 
@@ -218,7 +218,26 @@ def test_some_claims_of_ledgers():
     for only, shown in ((differing, ["D1"]), (of_chapter("12_post_masking"), ["M2"])):
         ((_, *rows),) = tables(ledgers_table(columns, only))
         assert [row[0].strip("*") for row in rows] == shown
-    assert "ci, synthetic: ci" in ledgers_table(columns, lambda entries: False)
+
+
+def test_what_ledgers_have_in_common_is_said_once():
+    (entries, about), other = ledger_of(FAILED), ledger_of(FAILED, overrides=[("reading", "letter")])
+    *_, shared, first, second = ledgers_table([(entries, about), other]).split("\n\n")
+    assert shared.startswith("*All: ci · synthetic Galaxy · seed ") and "ci ·" not in first + second
+    assert second.startswith("*ci, letter, 1 sky: reading = letter")
+    alone = ledgers_table([(entries, about)]).split("\n\n")
+    assert len(alone) == 2 and alone[1].startswith("*ci, 1 sky: ci · synthetic Galaxy · ")
+    real = about | {"preset": "laptop", "galaxy": "templates (nside 64)"}
+    ((head, *_),) = tables(ledgers_table([(entries, about), (entries, real)]))
+    assert head[3:] == ["ci, synthetic Galaxy, 1 sky", "half size, real Galaxy, 1 sky"]
+
+
+def test_parts_that_fail_on_few_skies_are_not_named():
+    entries = [entry(FAILED, FAILED, REPRODUCED), entry(FAILED, REPRODUCED, REPRODUCED, id="O3")]
+    ((_, *rows, _),) = tables(
+        ledgers_table([(entries, MADE | {"overrides": [], "version": "1", "packages": []})])
+    )
+    assert [row[3].partition("<br>")[2] for row in rows] == ["fails: a", ""]
 
 
 def test_verdicts_of_ledgers_are_counted():

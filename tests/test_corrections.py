@@ -117,7 +117,7 @@ ROWS = [ROW, replace(ROW, seed=2, corrected=1.05), replace(ROW, band=BANDS[3], r
 class TestSummary:
     def test_of_each_band(self):
         first, second = summary(ROWS)
-        assert first == ("pca 5", BANDS[0], "0.9000", "1.0300", "1.0200", "0.0283", "0.0200", "1 of 2")
+        assert first == ("PCA 5", BANDS[0], "0.9000", "1.0300", "1.0200", "0.0283", "0.0200", "1 of 2")
         assert second[2:] == ("0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1")
         assert [len(found) for found in grouped(ROWS).values()] == [2, 1]
 
@@ -189,7 +189,7 @@ def test_a_method_without_a_number_of_sources(tmp_path):
     _, (remover,) = cases_and_methods(**TINY, methods=[["gnilc", None]], n_realisations=1)
     assert remover.name == "gnilc"
     (line,) = summary([replace(ROW, method="gnilc", n_sources=0)])
-    assert line[0] == "gnilc"
+    assert line[0] == "GNILC"
     figure = record_figure({"one": [replace(ROW, method="gnilc", n_sources=0)]})
     assert figure.axes[0].get_legend_handles_labels()[1] == ["GNILC"]
 

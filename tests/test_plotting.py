@@ -7,6 +7,7 @@ import pytest
 matplotlib.use("agg")
 
 from himap.figures import plotting, styles
+from himap.figures.marks import label_ends
 from himap.instrument import beams
 from himap.instrument.beams import Degraded
 from himap.maps import sphere
@@ -217,3 +218,33 @@ def test_a_logarithmic_bar_has_ticks_to_be_read(low, factor):
     low, high = bar.get_xlim()
     ticks = [tick for tick in bar.get_xticks() if low <= tick <= high]
     assert 2 <= len(ticks) <= 7
+
+
+def test_one_legend_above_all_panels_has_each_label_once():
+    first = {"curves": [([1, 2], [1, 2], {"label": "a"}), ([1, 2], [2, 1], {"label": "b"})]}
+    second = {"curves": [([1, 2], [1, 2], {"label": "a"}), ([1, 2], [2, 1], {"label": "_c"})]}
+    figure = plotting.lines([first, second], legend_above=True)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a", "b"]
+    assert not any(axes.get_legend() for axes in figure.axes)
+    assert not plotting.lines([{"curves": [([1], [1], {})]}], legend_above=True).legends
+
+
+def test_names_at_the_ends_of_curves_lie_apart_and_in_their_order():
+    heights = {"low": 0.0, "middle": 9.9, "near": 9.95, "high": 10.0}
+    panel = {"curves": [([1, 2], [1, y], {"label": f"_{name}"}) for name, y in heights.items()]}
+    axes = plotting.lines([panel | {"ylim": (0, 10)}]).axes[0]
+    label_ends(axes, gap=0.1)
+    places = {text.get_text(): text.get_position()[1] for text in axes.texts}
+    assert list(places) == list(heights)
+    assert list(places.values()) == pytest.approx([0, 0.8, 0.9, 1])
+
+
+def test_several_of_one_method_differ_in_lightness_and_in_their_lines():
+    for name in ("pca", "sdecgmca", "beam_subspace"):
+        looks = list(styles.of_methods([(name, n) for n in range(5)]).values())
+        assert looks[0]["linestyle"] == styles.METHOD_STYLES[name]["linestyle"]
+        assert len({look["linestyle"] for look in looks}) == 5
+        lightness = [np.mean(look["color"]) for look in looks]
+        assert lightness == sorted(lightness) and lightness[1] > lightness[0] + 0.1
+    first, second = styles.of_methods([("pca", 5), ("pca", 6)]).values()
+    assert (first["linestyle"], second["linestyle"]) == ("--", "-")

@@ -23,6 +23,7 @@ from himap.paper.readings_table import (
     plain_rows,
     standing,
     unmoved,
+    with_columns,
 )
 from himap.removal.sdecgmca.readings import OPTIONS
 
@@ -171,6 +172,12 @@ class TestTables:
         assert (found["C/C0, 5 to 9"], found["C/C0, 10 to 19"], found["bump"]) == ("3", "–", "30")
         far = plain_rows({"default": outcome({"D1": FAILED}, runs=[run(bump=90_910.0), run(bump=2.0)])})
         assert far[0][-1] == "90,900"
+
+    def test_columns_without_a_number_are_left_out(self):
+        rows = plain_rows(OUTCOMES)
+        header, lines = with_columns(("reading", "C/C0, 10 to 19", "C/C0, 2 to 4"), rows)
+        assert header == ["reading", "C/C0, 2 to 4"]
+        assert lines[1] == ["letter (thresholds = mad)", "0.02"] and len(lines) == len(rows)
 
     def test_a_row_for_each_choice(self):
         rows = option_rows(OUTCOMES)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from himap.paper.captions import of_sdecgmca
+from himap.paper.captions import in_short, of_sdecgmca
 from himap.removal import SDecGMCA
 
 ENDS = "; it ends at ℓ = 128, as does the truth that it is divided by"
@@ -36,3 +36,17 @@ SILENT = (
 )
 def test_words(options, words):
     assert words in of_sdecgmca(SDecGMCA(**options), 64)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({}, "SDecGMCA “default”: the text, with thresholds = analytic; ends at ℓ = 128"),
+        ({"reading": "letter"}, "SDecGMCA “letter”: the text; ends at ℓ = 128"),
+        ({"reading": "letter", "sign": "free", "lmax": 30}, "the text but for sign = free; ends at ℓ = 30"),
+        ({"reading": "code"}, "the text but for 6 choices, with floor = 1e-09"),
+        ({"beyond": "projection"}, "but for beyond = projection, with thresholds = analytic; goes on beyond"),
+    ],
+)
+def test_short_words_for_under_a_figure(options, words):
+    assert words in in_short(SDecGMCA(**options), 64)

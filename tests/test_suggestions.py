@@ -143,7 +143,7 @@ def test_confusion_and_summary():
     ]
     assert confusion(rows) == {("pca", "bic"): {1: 1, 0: 1, 6: 1, None: 1, -1: 1, -2: 1}}
     (line,) = summary(rows)
-    assert line == ("pca", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100")
+    assert line == ("PCA", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100")
 
 
 def test_file(tmp_path):

@@ -5,7 +5,9 @@ import os
 from himap.companion.captions import figure_order, plain_caption
 from himap.companion.notebooks import notebooks, notebooks_folder
 from himap.companion.stored import RESULTS, read_stored, stored_figure
+from himap.figures import styles
 from himap.figures.tables import Table
+from himap.paper.claims import FAILED, IN_PART
 from himap.paper.ledger_table import BADGES, measured, summary
 from himap.products.provenance import Provenance, duration
 
@@ -24,6 +26,9 @@ __all__ = [
 ]
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
+_PARTS = 3  # of a claim that a cell can list
+_SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}
+_GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
 _DISTURBED = {
     "run_killed": ("`himap run` killed", "kills"),
     "claims_killed": ("`himap claims` killed, with two processes", "kills"),
@@ -113,7 +118,7 @@ def endurance_table(found):
 
 
 def ledgers_table(ledgers, only=None):
-    """Verdicts and numbers of several ledgers side by side, as Markdown.
+    """Verdicts and numbers of several ledgers side by side, and the parts that fail, as Markdown.
 
     Parameters
     ----------
@@ -125,12 +130,23 @@ def ledgers_table(ledgers, only=None):
     """
     rows = list(zip(*(entries for entries, _ in ledgers), strict=True))
     made = [Provenance.of_stored(about) for _, about in ledgers]
-    names = [_ledger_name(one) for one in made]
+    names = [
+        f"{_ledger_name(one, made)}, {_skies(entries)}"
+        for one, (entries, _) in zip(made, ledgers, strict=True)
+    ]
     shown = [_claim(entries) for entries in rows if only is None or only(entries)]
     total = [["all", "", "", *map(_count, zip(*rows, strict=True))]] if only is None else []
     table = _markdown(["Claim", "Measured", "The paper says", *names], shown + total)
-    notes = [f"*{name}: {one.footer()}*" for name, one in zip(names, made, strict=True)]
-    return "\n\n".join([table, *notes])
+    return "\n\n".join([table, *_notes(names, made)])
+
+
+def _notes(names, made):
+    """What made each ledger, as paragraphs; what several have in common stands in one of its own."""
+    lines = [one.footer().split(" · ") for one in made]
+    shared = [word for word in lines[0] if len(lines) > 1 and all(word in line for line in lines)]
+    common = [f"*All: {' · '.join(shared)}*"] if shared else []
+    own = [" · ".join(word for word in line if word not in shared) for line in lines]
+    return [*common, *(f"*{name}: {one}*" for name, one in zip(names, own, strict=True))]
 
 
 def of_chapter(notebook):
@@ -145,12 +161,13 @@ def differing(entries):
 
 def verdicts_table(ledgers):
     """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
+    every = [Provenance.of_stored(about) for _, about in ledgers]
     rows = []
     for entries, about in ledgers:
         made, realisations = Provenance.of_stored(about), len(entries[0].findings)
-        rows.append([_ledger_name(made), f"{realisations}", *summary(entries).values()])
+        rows.append([_ledger_name(made, every), f"{realisations}", *summary(entries).values()])
     signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
-    return _markdown(["", "realisations", *signs], rows)
+    return _markdown(["", "skies", *signs], rows)
 
 
 def failed_table(entries):
@@ -170,18 +187,35 @@ def _most(entries):
     return max(len(entry.findings) for entry in entries)
 
 
-def _ledger_name(made):
-    """Preset and Galaxy of a ledger, and what stands in the place of SDecGMCA's default reading."""
+def _ledger_name(made, every):
+    """Size of a ledger, its Galaxy if `every` has several, and what stands for SDecGMCA's default reading."""
     changed = dict(made.overrides)
-    other = [str(changed[name]) for name in ("method", "reading") if name in changed]
-    return ", ".join([made.preset, made.galaxy, *other])
+    galaxies = {one.galaxy for one in every}
+    galaxy = [_GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if len(galaxies) > 1 else []
+    method = [styles.numbered(changed["method"], None)] if "method" in changed else []
+    reading = [str(changed["reading"])] if "reading" in changed else []
+    return ", ".join([_SIZES.get(made.preset, made.preset), *galaxy, *method, *reading])
+
+
+def _skies(entries):
+    n = len(entries[0].findings)
+    return f"{n} sk{'y' if n == 1 else 'ies'}"
 
 
 def _claim(entries):
     """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
     claim = entries[0].claim
-    cells = [f"{_signed(entry)} {measured(entry)}" for entry in entries]
+    cells = [f"{_signed(entry)} {measured(entry)}{_which_fail(entry)}" for entry in entries]
     return [f"**{claim['id']}**", f"{claim['number']} ({claim['beam']})", claim["paper"], *cells]
+
+
+def _which_fail(entry):
+    """The parts of a claim that its verdict hangs on: those that fail on half of the skies or more."""
+    often = [part for part, n in entry.failed_parts().items() if 2 * n >= len(entry.findings)]
+    if not often or entry.verdict not in (FAILED, IN_PART):
+        return ""
+    more = f"; and {len(often) - _PARTS} more" if len(often) > _PARTS else ""
+    return f"<br>fails: {'; '.join(often[:_PARTS])}{more}"
 
 
 def _signed(entry):

@@ -13,6 +13,7 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, 
 
 from himap.figures import ratio_scale
 from himap.figures.data import with_curves, with_image, with_maps
+from himap.figures.marks import legend_above_all
 from himap.maps import sphere
 
 __all__ = [
@@ -204,7 +205,7 @@ def _plain_ticks(axis, values):
     axis.set_minor_formatter("")
 
 
-def lines(panels, *, columns=2, size=(4.6, 3.4)):
+def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     """A figure of line plots, one for each panel.
 
     Parameters
@@ -215,6 +216,8 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
         that lie below the others, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel,
         xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves. A
         label that begins with "_" is not in the legend.
+    legend_above
+        Whether one legend of all panels stands above them; curves of one label are the same in all.
     """
     rows = -(-len(panels) // columns)
     with plt.rc_context(_RC):
@@ -222,11 +225,8 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         for axes, panel in zip(grid.flat, panels, strict=False):
-            settings = {
-                key: value
-                for key, value in panel.items()
-                if key not in ("curves", "points", "bundles", "legend")
-            }
+            drawn = ("curves", "points", "bundles", "legend")
+            settings = {key: value for key, value in panel.items() if key not in drawn}
             for bundle in panel.get("bundles", []):
                 _draw_bundle(axes, *bundle)
             for x, y, style in panel["curves"]:
@@ -238,8 +238,10 @@ def lines(panels, *, columns=2, size=(4.6, 3.4)):
             # Powers of ten alone would be too few.
             if axes.get_xscale() == "log" and high < 200 * low and "xticks" not in panel:
                 _plain_ticks(axes.xaxis, (low, high))
-            if axes.get_legend_handles_labels()[1]:
+            if axes.get_legend_handles_labels()[1] and not legend_above:
                 axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
+        if legend_above:
+            legend_above_all(figure)
     points = [
         (panel.get("title", ""), style.get("label", "").removeprefix("_"), x, y)
         for panel in panels
@@ -262,7 +264,6 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     rows = -(-len(panels) // columns)
     drawn = [one for panel in panels for _, *curves, _ in panel["curves"] for one in curves]
     limits = ratio_scale.limits_of(drawn)
-    handles = {}
     with plt.rc_context(_RC):
         figure, grid = plt.subplots(
             rows, columns, figsize=(size[0] * columns, 0.5 + size[1] * rows), sharey=True, squeeze=False
@@ -274,12 +275,11 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
             axes.axhline(1, color="black", linewidth=0.8)
             for x, mean, low, high, style in panel["curves"]:
                 axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
-                (handle,) = axes.plot(x, mean, **style)
-                handles.setdefault(style["label"], handle)
+                axes.plot(x, mean, **style)
             axes.set(xscale="log", **{key: value for key, value in panel.items() if key != "curves"})
             _plain_ticks(axes.xaxis, axes.get_xlim())
             _ratio_axis(axes, limits)
-        figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=4)
+        legend_above_all(figure)
     points = [
         (panel.get("title", ""), f"{style['label']}, {name}", x, y)
         for panel in panels

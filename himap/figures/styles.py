@@ -100,6 +100,7 @@ BEAM_STYLES = {
 """Line style of every beam that comes with himap."""
 
 _OTHER = {"color": "0.35", "linestyle": (0, (6, 1, 1, 1, 1, 1, 1, 1))}
+_UNLIKE = ("-", (0, (1, 1)), (0, (12, 3)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 _DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 
 
@@ -116,7 +117,8 @@ def beam_style(beam):
 def of_methods(methods):
     """{(name, number): style} of methods of which some are there more than once, in their order.
 
-    More of the same are paler and have other dashes. A number is that of sources, or a text with it.
+    More of the same are paler, and have dashes unlike those of the first; the second has none, or dots where
+    the first has none. A number is that of sources, or a text with it.
     """
     looks, n_of = {}, {}
     for name, number in methods:
@@ -124,11 +126,17 @@ def of_methods(methods):
         style = METHOD_STYLES.get(name, _OTHER)
         looks[name, number] = {
             "color": tuple(paler(style["color"], n)),
-            "linestyle": style["linestyle"] if n == 0 else _DASHES[n % len(_DASHES)],
+            "linestyle": _more_dashes(style["linestyle"])[n % len(_DASHES)],
             "label": numbered(name, number),
             "linewidth": 1.6,
         }
     return looks
+
+
+def _more_dashes(first):
+    """Line styles of several methods of one name, that of the first in front."""
+    others = [one for one in _UNLIKE if one != first]
+    return [first, *others][: len(_DASHES)]
 
 
 def paler(color, steps):

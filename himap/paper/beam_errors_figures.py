@@ -29,7 +29,7 @@ def errors_figure(rows, *, kinds=None, columns=2):
     kinds = [kind for kind in KINDS if kind in wrong and kind != "beam"] if kinds is None else kinds
     looks = _looks(dict.fromkeys(key[:2] for key in found))
     panels = [_panel(found, looks, kind) for kind in kinds]
-    return plotting.lines(panels, columns=min(columns, len(panels)), size=(4.6, 3.4))
+    return plotting.lines(panels, columns=min(columns, len(panels)), size=(4.6, 3.4), legend_above=True)
 
 
 def _looks(methods):

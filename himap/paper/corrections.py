@@ -8,6 +8,7 @@ import numpy as np
 
 from himap.checks import whole_number
 from himap.errors import InputError
+from himap.figures import styles
 from himap.instrument.beams import named
 from himap.measures import diagnostics
 from himap.measures.transfer import DEFINITIONS, bands
@@ -224,7 +225,7 @@ def summary(rows):
         within = sum(abs(row.corrected - 1) < row.sigma for row in found)
         means = (f"{left:.4f}", f"{corrected:.4f}", f"{by_auto:.4f}")
         numbers = (*means, f"{scatter:.4f}", f"{foretold:.4f}")
-        lines.append((f"{method} {n_sources or ''}".strip(), band, *numbers, f"{within} of {len(found)}"))
+        lines.append((styles.numbered(method, n_sources), band, *numbers, f"{within} of {len(found)}"))
     return lines
 
 

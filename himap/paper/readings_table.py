@@ -8,6 +8,7 @@ from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 __all__ = [
+    "BANDS",
     "EVERY",
     "HEADER",
     "MARKS",
@@ -20,6 +21,7 @@ __all__ = [
     "plain_rows",
     "standing",
     "unmoved",
+    "with_columns",
 ]
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
@@ -34,13 +36,18 @@ MARKS = {
 """{verdict: (sign, colour, colour of the sign)}, from dark to light, so that they differ in grey too."""
 
 _SHORT = {"C/C0": tuple(f"{low} to {high}" for low, high in ANGULAR_BANDS), "P/P0": tuple(FREQUENCY_BANDS)}
+BANDS = (
+    *(f"C/C0, {band}" for band in _SHORT["C/C0"]),
+    *(f"P/P0, {band}" for band in _SHORT["P/P0"]),
+)
+"""Of the columns of `plain_rows`, those of bands."""
+
 HEADER = (
     "reading",
     "choices off the text",
     "fails",
     *(MARKS[verdict][0] for verdict in MARKS),
-    *(f"C/C0, {band}" for band in _SHORT["C/C0"]),
-    *(f"P/P0, {band}" for band in _SHORT["P/P0"]),
+    *BANDS,
     "bump",
 )
 """Of the columns of `plain_rows`."""
@@ -66,6 +73,13 @@ def plain_rows(outcomes):
         )
         for label, one in outcomes.items()
     ]
+
+
+def with_columns(names, rows):
+    """(header, rows) of those columns of `plain_rows` in which some reading has a number."""
+    places = [HEADER.index(name) for name in names]
+    filled = [place for place in places if any(row[place] != "–" for row in rows)]
+    return [HEADER[place] for place in filled], [[row[place] for place in filled] for row in rows]
 
 
 def _count(outcome):

@@ -7,6 +7,7 @@ import numpy as np
 
 from himap.checks import whole_number
 from himap.errors import InputError
+from himap.figures import styles
 from himap.paper import cleaned, plan
 from himap.paper.choice import eigenvalues, minka, views_of
 from himap.paper.mocks import make_mocks, own_recovery, recovered
@@ -163,7 +164,7 @@ def summary(rows):
             sum(n for difference, n in counts.items() if difference is not None and difference < -1),
             counts.get(None, 0),
         )
-        lines.append((method, CRITERIA[criterion], *map(str, numbers), cost, least))
+        lines.append((styles.numbered(method, None), CRITERIA[criterion], *map(str, numbers), cost, least))
     return lines
 
 
