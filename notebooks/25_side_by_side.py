@@ -189,14 +189,15 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap record side-by-side --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$ and at the bump of the ripple: with more pixels and channels there is more of a foreground to find, and the number of components that is enough at `quick` may not be enough here.
+# Look at the highest $\ell$ and at the bump of the ripple: with more pixels and channels there is more of a foreground to find, and the number of components that is enough at `quick` may not be enough here. A mean that lies
+# outside of its shade is drawn there by a few skies on which the method failed.
 
 # %% tags=["hide-input"]
 finer = [read_record(Curve, path) for path in larger or stored("laptop")]
 finer, made_finer = [rows for rows, _ in finer], [Provenance.of_stored(about) for _, about in finer]
 quote(side_larger_skies=min(len({row.seed for row in rows}) for rows in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at laptop through the oscillating beam, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at laptop through the oscillating beam, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (left) and the real one (right)."}}
 stamped(side_by_side_figure(titled(finer, made_finer), "angular"), made_finer)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
