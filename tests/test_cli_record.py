@@ -46,7 +46,7 @@ class TestCorrections:
             ("gmca", 5),
             ("sdecgmca", 5),
         ]
-        assert re.search(r"^pca 5 +C/C0, 2-4 +0.9000 +1.0000 +1.0000 +0.0000 +0.1000 +2 of 2$", out, re.M)
+        assert re.search(r"^PCA 5 +C/C0, 2-4 +0.9000 +1.0000 +1.0000 +0.0000 +0.1000 +2 of 2$", out, re.M)
         path = Path("results/corrections_ci_seed=7.json")
         assert f"{path}  (" in out
         rows, about = read_record(corrections.Correction, path)
@@ -268,7 +268,7 @@ class TestSuggestions:
         assert len(cases) == 5 * 3 * 2 and methods == ["pca", "beam_subspace"]
         assert len(mocks) == 2 and list(counts) == list(range(1, 9))
         assert not {mock.seed for mock in mocks} & {case.survey.seed for case in cases}
-        assert re.search(r"^pca +information criterion \(BIC\) +0 +1 +0 +0 +0 +0 +0.200 +0.100$", out, re.M)
+        assert re.search(r"^PCA +information criterion \(BIC\) +0 +1 +0 +0 +0 +0 +0.200 +0.100$", out, re.M)
         (path,) = Path("results").iterdir()
         rows, about = read_record(suggestions.Suggested, path)
         assert len(rows) == 1 and about["code"] == suggestions_code()
