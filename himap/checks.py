@@ -14,12 +14,14 @@ __all__ = [
     "checked_fields",
     "checked_freqs",
     "checked_noise",
+    "evenly_spaced",
     "parameter",
     "real_array",
     "whole_number",
 ]
 
 _LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
+_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 
 
 def real_array(label, values):
@@ -74,6 +76,12 @@ def checked_freqs(freqs, n_channels):
     if not 10 < freqs[0] <= freqs[-1] < 1e5:
         raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
     return freqs
+
+
+def evenly_spaced(freqs):
+    """Whether channels (n_channels,), two or more, ascending, are as far apart everywhere, to 1 %."""
+    steps = np.diff(freqs)
+    return steps.max() <= _UNEVEN * steps.min()
 
 
 def checked_beams(label, beams, n_channels):

@@ -6,7 +6,7 @@ import astropy.units as u
 import numpy as np
 import pytest
 
-from himap.checks import checked_cube, real_array, whole_number
+from himap.checks import checked_cube, evenly_spaced, real_array, whole_number
 from himap.errors import InputError
 from himap.instrument.beams import Evolving
 from himap.instrument.observe import observe
@@ -129,3 +129,8 @@ def test_a_case_takes_objects():
 def test_real_array_names_its_input():
     with pytest.raises(InputError, match="^beams must be real"):
         real_array("beams", [None])
+
+
+@pytest.mark.parametrize(("freqs", "even"), [([1, 2], True), ([1, 2, 3.009], True), ([1, 2, 3.011], False)])
+def test_evenly_spaced(freqs, even):
+    assert evenly_spaced(np.array(freqs)) == even

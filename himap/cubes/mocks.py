@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap.checks import checked_noise, whole_number
+from himap.checks import checked_noise, evenly_spaced, whole_number
 from himap.cubes.cube import read_truth
 from himap.cubes.report import check_truth
 from himap.errors import InputError
@@ -14,7 +14,6 @@ from himap.survey import Survey
 
 __all__ = ["made_mocks", "mock_survey", "read_mocks"]
 
-_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
 _ROOM = 1.01  # of the box beyond the band
 
@@ -106,9 +105,9 @@ def mock_survey(cube, *, seed=1):
     InputError
         Channels that are not evenly spaced, or a band outside what `Survey` takes.
     """
-    whole = len(cube.freqs) == len(cube.layout.freqs) or _even(cube.freqs)
+    whole = len(cube.freqs) == len(cube.layout.freqs) or evenly_spaced(cube.freqs)
     freqs = cube.freqs if whole else np.sort(cube.layout.freqs)
-    if not _even(freqs):
+    if not evenly_spaced(freqs):
         steps = np.diff(cube.freqs)
         raise InputError(
             f"mocks can be made for evenly spaced channels, and these are {steps.min():g} to {steps.max():g} "
@@ -124,8 +123,3 @@ def mock_survey(cube, *, seed=1):
         return Survey(**options, box_cells=cells, box_size=size, seed=seed)
     except InputError as error:
         raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None
-
-
-def _even(freqs):
-    steps = np.diff(freqs)
-    return steps.max() <= _UNEVEN * steps.min()

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from himap.checks import checked_freqs
+from himap.checks import checked_freqs, evenly_spaced
 from himap.errors import InputError
 from himap.maps.blocked import precision
 
 __all__ = ["cube_floats", "look_at", "own_freqs", "seen_everywhere", "seen_somewhere", "wide"]
 
-_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 _LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
 
 
@@ -71,8 +70,8 @@ def look_at(maps, freqs, remarks):
     empty = np.mean(~maps.any(axis=0))
     if empty:
         remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")
-    steps = np.diff(freqs)
-    if steps.max() > _UNEVEN * steps.min():
+    if not evenly_spaced(freqs):
+        steps = np.diff(freqs)
         remarks.append(
             f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) takes them as evenly spaced."
         )

@@ -121,10 +121,14 @@ def _values(given, word, raw, nested):
     return np.array([to_ring(row) if beside.nested else row[ring] for row in beside.maps])
 
 
+def _numbers(label, values):
+    values = np.asarray(values)
+    return real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+
+
 def _by_channel(label, values):
     """Numbers as (n_channels or 1, n_pix)."""
-    values = np.asarray(values)
-    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    values = _numbers(label, values)
     if values.ndim not in (1, 2) or not sphere_sizes(values.shape):
         raise InputError(
             f"{label} must have shape (n_pix,) or (n_channels, n_pix) with n_pix = 12 nside^2, got "
@@ -135,8 +139,7 @@ def _by_channel(label, values):
 
 def _images_by_channel(label, values, image):
     """Numbers of an image (n_y, n_x), or of all channels of a cube of them, as (n_channels or 1, n_pix)."""
-    values = np.asarray(values)
-    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    values = _numbers(label, values)
     if values.ndim not in (2, 3) or values.shape[-2:] != image.shape:
         raise InputError(
             f"{label} must have the shape of an image of the cube, {image.shape}, or of one for each "
@@ -149,9 +152,7 @@ def _read_image(path, word, image):
     """The `RawCube` of a file of weights or flags for a cube of images: of one image, or by channel."""
     name = regular_file(path, f"file of {word}").name.lower()
     if name.endswith(".npy"):
-        mapped = mapped_array(path)
-        check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        return RawCube(maps=_images_by_channel(f"the {word} {path}", read_array(path), image))
+        return RawCube(maps=_images_by_channel(*_read_array(path, word), image))
     if not name.endswith(ENDINGS):
         raise InputError(f"the {word} {path} of a cube of images must be a .fits or .npy file.")
     if images.has_frequencies(path):
@@ -187,6 +188,11 @@ def _read(path, word):
         return replace(beside, maps=_filled(beside.maps, word))
     if not name.endswith(".npy"):
         raise InputError(f"the {word} {path} must be a .h5, .fits or .npy file.")
+    return RawCube(maps=_by_channel(*_read_array(path, word)))
+
+
+def _read_array(path, word):
+    """What a .npy file of weights or flags is called in errors, and its array, if there is room for it."""
     mapped = mapped_array(path)
     check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-    return RawCube(maps=_by_channel(f"the {word} {path}", read_array(path)))
+    return f"the {word} {path}", read_array(path)

@@ -10,13 +10,12 @@ import numpy as np
 from scipy import fft
 from scipy.signal import windows
 
-from himap.checks import real_array
+from himap.checks import evenly_spaced, real_array
 from himap.errors import InputError
 
 __all__ = ["CylindricalPower", "cell_of", "cylindrical_power"]
 
 _PER_DECADE = 8  # bins
-_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,8 +182,8 @@ def cell_of(freqs, angles, *, cosmology=None):
     from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow: most who clean do without
 
     cosmology = Cosmology() if cosmology is None else cosmology
-    steps = np.diff(freqs)
-    if steps.max() > _UNEVEN * steps.min():
+    if not evenly_spaced(freqs):
+        steps = np.diff(freqs)
         raise InputError(
             f"channels must be evenly spaced, and these are {steps.min():g} to {steps.max():g} MHz apart."
         )
