@@ -129,7 +129,7 @@ OTHERS = {
     ("paper/record_file.py", "read_record"): {"20", "21", "22", "25"},
     ("paper/side_by_side.py", "evaluate"): {"25", "side_by_side"},
     ("paper/side_by_side_table.py", "overview"): {"25"},
-    ("figures/marks.py", None): {"16"},
+    ("figures/marks.py", "marks"): {"16"},
     ("products/store.py", None): set(),
     ("progress.py", None): set(),
     ("cli/main.py", None): set(),
