@@ -186,6 +186,13 @@ class TestGrow:
         assert code == 2 and message in err and len(seen) == 1
         assert Path("a.json").read_text() == before
 
+    def test_a_parameter_of_the_record_must_be_given_again(self, command):
+        himap_command, seen = command
+        chosen = ("-p", 'methods=[["pca", 4]]', "-p", "n_realisations=2")
+        assert himap_command(*self.COMMAND, *chosen, "-o", "b.json")[0] == 0
+        code, _, err = himap_command(*self.COMMAND, "--grow", "b.json", "-p", "n_realisations=3")
+        assert code == 2 and "other parameters (methods)" in err and len(seen) == 2
+
     def test_other_code_is_checked_first(self, command):
         himap_command, seen = command
         text = Path("a.json").read_text()
