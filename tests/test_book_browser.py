@@ -15,6 +15,7 @@ from himap.figures.numbers import quoted
 
 ROOT = Path(__file__).resolve().parents[1]
 DESK = {"width": 1300, "height": 900}
+PHONE = {"width": 390, "height": 800}
 LEAST_CONTRAST = 4.5  # of text, WCAG 2 AA
 PLAYED = {
     "fig-results-angular": "10_results",
@@ -231,7 +232,20 @@ def test_text_stands_out_and_tables_fit_in_light_and_dark(html, visit):
         for theme in ("light", "dark"):
             page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
             assert not page.evaluate(FAINT, LEAST_CONTRAST), f"{path.name}, {theme}"
+        page.set_viewport_size(PHONE)
+        assert not page.evaluate(SCROLLING), f"{path.name} on a phone"
         page.close()
+
+
+def test_answers_are_on_paper(visit):
+    page = visit("notebooks/04_pca.html")
+    folded = "document.querySelectorAll('details.himap-answer:not([open])').length"
+    answers = page.evaluate(folded)
+    assert answers
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert not page.evaluate(folded)
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(folded) == answers
 
 
 def test_pages_show_no_tolerance_and_few_digits(html, visit):

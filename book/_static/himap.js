@@ -1,4 +1,5 @@
-/* Every page: a click on a figure shows it large, a citation gets the address of its page, paper is white. */
+/* Every page: a click on a figure shows it large, a citation gets the address of its page, paper is white
+   and shows the answers to exercises. */
 "use strict";
 
 (() => {
@@ -56,11 +57,15 @@
   }
 
   let theme = null;
+  let folded = [];
   addEventListener("beforeprint", () => {
     theme = document.documentElement.dataset.theme;
     document.documentElement.dataset.theme = "light";
+    folded = [...document.querySelectorAll("details.himap-answer:not([open])")];
+    for (const answer of folded) answer.open = true;
   });
   addEventListener("afterprint", () => {
     document.documentElement.dataset.theme = theme;
+    for (const answer of folded) answer.open = false;
   });
 })();
