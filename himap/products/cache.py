@@ -25,6 +25,7 @@ from himap.products.arrays import TREE, read_value, write_value
 __all__ = [
     "CacheEntry",
     "Damaged",
+    "Deleted",
     "cache_folder",
     "cache_info",
     "clear_cache",
@@ -42,6 +43,10 @@ _whole = set()  # files that this process wrote or found whole, as (path, time, 
 
 class Damaged(Exception):
     """A result on disk is not what was written; the message says why."""
+
+
+class Deleted(Damaged):
+    """It was whole, and another process has deleted it meanwhile."""
 
 
 def holds(product, key):
@@ -65,6 +70,8 @@ def load(product, key):
     ------
     Damaged
         It was cut short or altered since it was written; it is gone now.
+    Deleted
+        It is gone: another process that needs it no more has deleted it.
     InputError
         It may not be read.
     """
@@ -79,6 +86,8 @@ def load(product, key):
             raise InputError(f"the cached {product} cannot be read ({error}): whose is it?") from None
         if isinstance(error, OSError | MemoryError) and not isinstance(error, _DAMAGES):
             raise  # the machine is short of something: that is no damage
+        if not folder.exists():  # one is deleted under another name, so never half of it
+            raise Deleted(str(error)) from None
         _delete(folder)
         raise Damaged(str(error)) from None
 

@@ -79,6 +79,8 @@ class Product:
         if cache.holds(self.name, key):
             try:
                 return cache.load(self.name, key)
+            except cache.Deleted:
+                pass  # by another process: nothing is wrong
             except cache.Damaged as error:
                 text = f"the cached {self.name} is damaged and is computed again ({error})."
                 warnings.warn(text, stacklevel=2)
