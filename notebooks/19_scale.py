@@ -43,7 +43,7 @@ from IPython.display import Markdown
 from himap.companion.stored import extrapolated, read_stored, times_of_all
 from himap.companion.stored_tables import endurance_table, growth_table, short, steps_table
 from himap.figures import plotting, styles
-from himap.figures.marks import label_ends
+from himap.figures.curve_names import label_ends
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.products.provenance import Provenance

@@ -7,7 +7,7 @@ import pytest
 matplotlib.use("agg")
 
 from himap.figures import plotting, styles
-from himap.figures.marks import label_ends
+from himap.figures.curve_names import label_ends
 from himap.instrument import beams
 from himap.instrument.beams import Degraded
 from himap.maps import sphere

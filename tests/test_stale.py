@@ -130,6 +130,7 @@ OTHERS = {
     ("paper/side_by_side.py", "evaluate"): {"25", "side_by_side"},
     ("paper/side_by_side_table.py", "overview"): {"25"},
     ("figures/marks.py", "marks"): {"16"},
+    ("figures/curve_names.py", "label_ends"): {"19"},
     ("products/store.py", None): set(),
     ("progress.py", None): set(),
     ("cli/main.py", None): set(),

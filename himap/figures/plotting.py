@@ -12,8 +12,8 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullLocator
 
 from himap.figures import ratio_scale
+from himap.figures.curve_names import legend_above_all
 from himap.figures.data import with_curves, with_image, with_maps
-from himap.figures.marks import legend_above_all
 from himap.maps import sphere
 
 __all__ = [
