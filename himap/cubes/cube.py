@@ -7,7 +7,7 @@ import numpy as np
 from himap.checks import real_array
 from himap.cubes.files import read_freqs, read_raw
 from himap.cubes.pixels import Pixels
-from himap.cubes.raw import HELD
+from himap.cubes.raw import HELD, same_freqs
 from himap.cubes.seeing import cube_floats, look_at, own_freqs, seen_everywhere, seen_somewhere, wide
 from himap.cubes.told import told_nested, told_pixels, told_unit
 from himap.cubes.weights import missing_told, names_beside, seen_weights
@@ -18,7 +18,6 @@ from himap.removal.weights import checked_weights
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
-_ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
 _BESIDE = 2  # cubes in float32 that are held of one beside another
 _WEIGHED = 3  # more of them that are held where there are weights
 
@@ -116,6 +115,11 @@ class Cube:
         return self.layout.pixels.whole_sky and bool(self.mask.all())
 
     @property
+    def sky_mask(self):
+        """The mask, where it leaves out any of the sphere; None for the whole sky."""
+        return None if self.whole_sky else self.mask
+
+    @property
     def image(self):
         """Which pixels of an image in the plane are seen, (n_y, n_x) bool; None for HEALPix maps."""
         return None if self.layout.pixels.whole_sky else self.layout.pixels.shaped(self.mask)[0]
@@ -160,8 +164,8 @@ class Cube:
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
         if len(other.freqs) == len(other.layout.freqs):
             return self
-        near = np.isclose(self.freqs[:, None], other.freqs, rtol=_ROUNDING, atol=0).any(axis=1)
-        known = np.isclose(self.freqs[:, None], other.layout.freqs, rtol=_ROUNDING, atol=0).any(axis=1)
+        near = same_freqs(self.freqs[:, None], other.freqs).any(axis=1)
+        known = same_freqs(self.freqs[:, None], other.layout.freqs).any(axis=1)
         kept = near | ~known
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
@@ -265,9 +269,10 @@ def _with_freqs(path, raw, freqs):
         if isinstance(freqs, str) or hasattr(freqs, "__fspath__"):
             freqs, given = read_freqs(freqs)
         freqs = real_array("freqs", freqs).astype(float)
-        if raw.freqs is not None and not (freqs.shape == raw.freqs.shape and _same(freqs, raw.freqs)):
+        known = raw.freqs
+        if known is not None and not (freqs.shape == known.shape and same_freqs(freqs, known).all()):
             raise InputError(
-                f"{path} tells its frequencies, {_ends(raw.freqs)}, and those given are {_ends(freqs)}, or "
+                f"{path} tells its frequencies, {_ends(known)}, and those given are {_ends(freqs)}, or "
                 "in another order; leave them out, or mend the file."
             )
         raw = replace(raw, freqs=freqs, freqs_from=raw.freqs_from or given)
@@ -324,10 +329,6 @@ def make_cube(raw, *, unit=None, order=None, weights=None):
     return Cube(
         maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights, **told
     )
-
-
-def _same(freqs, file_freqs):
-    return np.allclose(freqs, file_freqs, rtol=_ROUNDING, atol=0)
 
 
 def _ends(freqs):

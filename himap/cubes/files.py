@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from himap.cubes import fits, hdf5
-from himap.cubes.raw import HELD, RawCube, check_cube_room
+from himap.cubes.raw import HELD, RawCube, check_cube_room, same_freqs
 from himap.errors import InputError
 from himap.maps.healpix_files import ENDINGS
 from himap.maps.shapes import pixels_last, sphere_sizes
@@ -14,7 +14,6 @@ from himap.removal.hi_prior import LINE
 
 __all__ = ["read_freqs", "read_raw"]
 
-_ROUNDING = 1e-6  # relative: edges that two channels share are the same
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 
@@ -109,7 +108,7 @@ def _edges(table):
     edges = table[:, first : first + 2]
     lower, upper = edges.T
     adjoin = any(
-        np.allclose(end[:-1], start[1:], rtol=_ROUNDING, atol=0)
+        same_freqs(end[:-1], start[1:]).all()  # edges that two channels share
         for start, end in ((lower, upper), (upper, lower))
     )
     if not (adjoin and (lower > 0).all() and (lower < upper).all()):

@@ -11,7 +11,7 @@ from astropy import units as u
 
 from himap.cubes import containers
 from himap.cubes.hdf5_attributes import text_of
-from himap.cubes.raw import RawCube, check_cube_room
+from himap.cubes.raw import RawCube, as_input_error, check_cube_room
 from himap.errors import InputError
 from himap.maps.healpix_files import is_nested
 from himap.maps.shapes import pixels_last, sphere_sizes
@@ -61,15 +61,8 @@ def dataset_of_file(path, word, *, held=1):
 @contextmanager
 def _opened(path):
     """The `_Contents` of a file."""
-    try:
-        with h5py.File(path, "r") as file:
-            yield _Contents(path, file)
-    except InputError:
-        raise
-    except Exception as error:  # h5py raises nearly anything for a file that is damaged
-        raise InputError(
-            f"{path} cannot be read as HDF5 ({type(error).__name__}: {error}). Is it whole?"
-        ) from None
+    with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
+        yield _Contents(path, file)
 
 
 class _Contents:

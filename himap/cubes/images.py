@@ -16,7 +16,7 @@ from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
 
 from himap.cubes.image_pixels import IMAGES, ImagePart, ImagePixels, world_of
-from himap.cubes.raw import RawCube, check_cube_room
+from himap.cubes.raw import RawCube, as_input_error, check_cube_room
 from himap.errors import InputError
 
 __all__ = ["has_frequencies", "holds_image", "images_of_files"]
@@ -56,7 +56,7 @@ def has_frequencies(path):
         with _quiet(), fits.open(path, memmap=False) as file:
             first = next(hdu for hdu in file if _is_image(hdu) and not _is_empty(hdu))
             return world_of(first, file).wcs.spec >= 0
-    except Exception:  # as above
+    except Exception:  # astropy raises nearly anything for a file that is damaged
         return False
 
 
@@ -116,15 +116,9 @@ def images_of_files(paths, *, held=1):
 
 def _read(path, read):
     """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
-    try:
-        with _quiet(), fits.open(path, memmap=False) as file:
-            return read(file)
-    except InputError:
-        raise
-    except Exception as error:  # astropy raises nearly anything for a file that is damaged
-        raise InputError(
-            f"{path} cannot be read as an image cube in FITS ({type(error).__name__}: {error}). Is it whole?"
-        ) from None
+    kind = "an image cube in FITS"
+    with as_input_error(path, kind), _quiet(), fits.open(path, memmap=False) as file:
+        return read(file)
 
 
 def _images(path, file, remarks):

@@ -1,16 +1,23 @@
 """What a file says of a cube, before it is made to what himap works with."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from himap.cubes.pixels import Pixels
+from himap.errors import InputError
 from himap.memory import PROCESS, check_room
 
-__all__ = ["HELD", "RawCube", "check_cube_room"]
+__all__ = ["HELD", "LARGEST", "RawCube", "as_input_error", "check_cube_room", "same_freqs"]
 
 HELD = 4
 """Cubes in float32 that cleaning holds at once beside the one in the file; measured with one of 0.1 GB."""
+
+LARGEST = 1e15
+"""What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
+
+_ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +55,24 @@ class RawCube:
     partial: bool = False
     image: Pixels | None = None
     remarks: tuple[str, ...] = ()
+
+
+@contextmanager
+def as_input_error(path, kind):
+    """While `path` is read as `kind`: what a library raises for a damaged file is an InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it whole?"
+        ) from None
+
+
+def same_freqs(first, second):
+    """Which frequencies are the same but for their rounding, of two arrays that fit each other."""
+    return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
 def check_cube_room(path, n_values, itemsize, held):

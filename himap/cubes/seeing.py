@@ -3,19 +3,18 @@
 import numpy as np
 
 from himap.checks import checked_freqs, evenly_spaced
+from himap.cubes.raw import LARGEST
 from himap.errors import InputError
 from himap.maps.blocked import precision
 
 __all__ = ["cube_floats", "look_at", "own_freqs", "seen_everywhere", "seen_somewhere", "wide"]
-
-_LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
 
 
 def seen_everywhere(maps, order, remarks):
     """Of the channels in `order` those that see anything, and the pixels that all of these see."""
     channels, mask = [], np.ones(maps.shape[1], dtype=bool)
     for place in order:
-        seen = np.abs(wide(maps[place])) < _LARGEST  # False for NaN
+        seen = np.abs(wide(maps[place])) < LARGEST  # False for NaN
         if seen.any():
             channels.append(place)
             mask &= seen

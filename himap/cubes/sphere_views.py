@@ -30,7 +30,7 @@ def spectra_of(cleaned):
     """The `PowerSpectra` of a `CleanedCube`; with a mask C_l are decoupled."""
     cube = cleaned.cube
     return PowerSpectra(
-        angular=angular_power(cube.on_sphere(cleaned.residual), mask=_mask_of(cube)),
+        angular=angular_power(cube.on_sphere(cleaned.residual), mask=cube.sky_mask),
         frequency=frequency_power(cleaned.residual, cube.channel_width),
     )
 
@@ -48,7 +48,7 @@ def spectra_beside(first):
     callable
         It takes one of them.
     """
-    mask = _mask_of(first.cube)
+    mask = first.cube.sky_mask
     maps = first.cube.on_sphere(first.residual)
     alms = masked_alms(maps, mask=mask)
 
@@ -62,16 +62,12 @@ def spectra_beside(first):
     return spectra
 
 
-def _mask_of(cube):
-    return None if cube.whole_sky else cube.mask
-
-
 def compared(cleaned, true):
     """Both spectra of a `CleanedCube` beside those of the truth, (n_channels, n_seen): a `Comparison`."""
     cube = cleaned.cube
     cubes = cleaned.residual, true
     recovered, true = (cube.on_sphere(maps) for maps in cubes)
-    mask = _mask_of(cube)
+    mask = cube.sky_mask
     angular = angular_power_pair(true, difference(recovered, true, mask=mask), mask=mask)
     recovered, true = (
         PowerSpectra(angular=power, frequency=frequency_power(maps, cube.channel_width))

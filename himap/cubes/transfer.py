@@ -96,7 +96,7 @@ def _back_of_seen(cube, mock, without, found):
     """The `Recovery` of a mock, from the `Separation` without and with it; no voxel is missing."""
     variance = float(mock.var(axis=1, dtype=np.float64).sum())
     wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
-    alms = masked_alms(cube.on_sphere(mock), mask=_mask_of(cube))
+    alms = masked_alms(cube.on_sphere(mock), mask=cube.sky_mask)
     if found.lmax is not None:
         alms = sphere.alms_upto(alms, found.lmax)
     wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
@@ -110,12 +110,8 @@ def _back_through_gaps(cube, mock, without, found):
     alms, missing = [], cube.missing
     for maps in cubes:
         maps[missing] = 0
-        alms.append(masked_alms(cube.on_sphere(maps), mask=_mask_of(cube)))
+        alms.append(masked_alms(cube.on_sphere(maps), mask=cube.sky_mask))
     return recovery_of_cubes(*alms, cube.channel_width)
-
-
-def _mask_of(cube):
-    return None if cube.whole_sky else cube.mask
 
 
 def correct(spectra, transfer):

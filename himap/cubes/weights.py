@@ -8,7 +8,7 @@ import numpy as np
 
 from himap.checks import real_array
 from himap.cubes import fits, hdf5, images
-from himap.cubes.raw import RawCube, check_cube_room
+from himap.cubes.raw import LARGEST, RawCube, check_cube_room, same_freqs
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, to_ring
@@ -18,8 +18,6 @@ from himap.reading import mapped_array, read_array, regular_file
 __all__ = ["missing_told", "names_beside", "seen_weights"]
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
-_LARGEST = 1e15  # healpy marks missing pixels with -1.6e30
-_ROUNDING = 1e-6  # relative: frequencies that are told twice are the same
 
 
 def names_beside(path, weights, flags):
@@ -55,7 +53,7 @@ def seen_weights(raw, *, weights=None, flags=None, nested=False):
         bad = _checked("the flags", _values(flags, "flags", raw, nested), _is_flag, _FLAGS)
         out[np.broadcast_to(bad > 0, out.shape)] = 0
     for row, pixels in zip(out, raw.maps, strict=True):
-        row[~(np.abs(pixels) < _LARGEST)] = 0  # NaN too
+        row[~(np.abs(pixels) < LARGEST)] = 0  # NaN too
     return out
 
 
@@ -113,7 +111,7 @@ def _values(given, word, raw, nested):
             f"{(n_channels, n_pix)}, all channels in its file included; got {beside.maps.shape}."
         )
     told = beside.freqs if len(beside.maps) > 1 else None
-    if told is not None and not np.allclose(told, raw.freqs, rtol=_ROUNDING, atol=0):
+    if told is not None and not same_freqs(told, raw.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
     if beside.nested is None or beside.nested == nested:
         return beside.maps
