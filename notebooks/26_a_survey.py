@@ -305,10 +305,12 @@ mocks = [
     mock + noise_by_hits(study.survey, hits, drawn)[np.ix_(cube.layout.channels, cube.mask)]
     for mock in made_mocks(cube, windows, n_mocks)
 ]
+put_in = [on_grid(mock) for mock in mocks]
+of_mocks = [power(mock) for mock in put_in]
 shares = {}
 for key in left:
     returned = [left_of(*key, cube.maps + mock) - left[key] for mock in mocks]
-    shares[key] = power.share([on_grid(mock) for mock in mocks], returned)
+    shares[key] = power.share(put_in, returned, of_mocks)
 
 corrected = {
     key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left

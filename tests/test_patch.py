@@ -87,6 +87,12 @@ class TestPower:
         mocks = [rng.standard_normal((12, 12 * NSIDE**2)) for _ in range(3)]
         share = power.share(mocks, [0.6 * mock for mock in mocks])
         assert share["frequency"] == pytest.approx(0.6) and share["angular"] == pytest.approx(0.6)
+        own = [power(mock) for mock in mocks]
+        known = power.share(mocks, [0.6 * mock for mock in mocks], own)
+        assert np.array_equal(known["angular"], share["angular"])
+        assert power.share(mocks, mocks, [power(2 * mock) for mock in mocks])["angular"] == pytest.approx(
+            -0.125
+        )
         other = [0.6 * mock + rng.standard_normal(mock.shape) for mock in mocks]
         assert power.share(mocks, other)["frequency"].mean() == pytest.approx(0.6, abs=0.15)
 

@@ -165,16 +165,17 @@ class PatchPower:
             "frequency": (frequency.k[1:], frequency.power[1:]),
         }
 
-    def share(self, mocks, returned):
+    def share(self, mocks, returned, own=None):
         """The transfer function: {kind: power that what came back has in common with mocks, over theirs}.
 
-        Both are lists of maps. What they have in common is a quarter of the power of the sum less that of the
-        difference.
+        Both are lists of maps; `own` are the spectra of the mocks, where they are known from before. What the
+        two have in common is half of the power of their sum less that of each.
         """
-        both = []
-        for mock, back in zip(mocks, returned, strict=True):
-            plus, minus, own = self(mock + back), self(mock - back), self(mock)
-            both.append({kind: ((plus[kind][1] - minus[kind][1]) / 4, own[kind][1]) for kind in own})
+        own = own or [self(mock) for mock in mocks]
+        common = []
+        for mock, back, power in zip(mocks, returned, own, strict=True):
+            both, alone = self(mock + back), self(back)
+            common.append({kind: (both[kind][1] - power[kind][1] - alone[kind][1]) / 2 for kind in power})
         return {
-            kind: sum(one[kind][0] for one in both) / sum(one[kind][1] for one in both) for kind in both[0]
+            kind: sum(one[kind] for one in common) / sum(one[kind][1] for one in own) for kind in common[0]
         }
