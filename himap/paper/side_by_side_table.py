@@ -42,7 +42,7 @@ def signed(value):
         return "–"
     percent = 100 * value
     digits = 0 if abs(percent) >= 10 else 1
-    return f"{percent:+.{digits}f} %".replace("-", "−")
+    return f"{percent:+.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "−")
 
 
 def overview(records, *, of=JUDGED):
