@@ -183,7 +183,7 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # (side-larger)=
 # ## With twice the resolution
 #
-# The same at `laptop`, of 128 in $N_\mathrm{side}$ and 250 channels, through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy and as many mocks:
+# The same at `laptop`, of 128 in $N_\mathrm{side}$ and 250 channels, through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy, with mocks as above:
 #
 # ```sh
 # himap record side-by-side --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
