@@ -68,6 +68,7 @@ def percent(ledger, claim):
 quote(
     answer_skies=len(ledgers[0][0][0].findings),
     answer_evolving=percent(1, "E2"),
+    answer_evolving_several=percent(0, "E2"),
     answer_oscillating=percent(1, "O3"),
     answer_oscillating_several=percent(0, "O3"),
 )
@@ -100,6 +101,8 @@ Table(
 )
 
 # %% [markdown]
+# Both ledgers were measured at the commits that stand under their tables, and the figures at the paper's size at those under them; {doc}`../book/status` says which of them the code has changed since.
+#
 # The angular spectrum that each of the six methods leaves at the paper's size, over that of HI and noise. The axis of ratios is even near 1 and logarithmic far from it; the grey band is 10 %.
 
 # %% tags=["hide-input"]
@@ -112,7 +115,8 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# And along the line of sight:
+# And along the line of sight, as it was drawn when it was measured; the axis of ratios is even, from 0 to 2. SDecGMCA ends at $\ell = 200$ and so does the truth that it is held against, which is why its curve can lie
+# below that of HI and noise where its ratio is 1.
 
 # %% tags=["hide-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -133,8 +137,8 @@ told(1)
 told(2)
 
 # %% [markdown]
-# **The order of the methods is the paper's; how far each of them gets is not in every case.** The parametric fit fails, GMCA leaves more than PCA, and SDecGMCA stays near 1. But PCA and FastICA with four components are off by up to
-# {glue:text}`answer_evolving` at the highest multipoles, where the beam that shrinks makes new spectra of the foreground; one component more takes these ({doc}`22_how_many`). The excess of GMCA begins at lower multipoles than in the paper on the real Galaxy.
+# **The order of the methods is the paper's; how far each of them gets is not in every case.** The parametric fit fails, GMCA leaves more than PCA, and SDecGMCA stays near 1 in $C_\ell$. But PCA and FastICA with four components are off by up to
+# {glue:text}`answer_evolving` at the highest multipoles at the paper's size, and {glue:text}`answer_evolving_several` at half of it, where the beam that shrinks makes new spectra of the foreground; one component more takes these ({doc}`22_how_many`). The excess of GMCA begins at lower multipoles than in the paper on the real Galaxy.
 #
 # ## 3. The oscillating beam
 
@@ -143,13 +147,16 @@ told(3)
 
 # %% [markdown]
 # **SDecGMCA is the most accurate of the six, as the paper says**, and the most consistent over the beams: off by {glue:text}`answer_oscillating` at most at $10 < \ell < 200$ at the paper's size, and by {glue:text}`answer_oscillating_several` at half of
-# it, where the paper has 5 %. What does not come out is the peak near $k_\nu = 0.3$ that the paper finds in every
+# it, where the paper has 5 %. (O6 is SDecGMCA run on beyond $\ell = 200$, where it is cut in all figures.) What does not come out is the peak near $k_\nu = 0.3$ that the paper finds in every
 # method of blind separation: PCA, FastICA and GMCA have it, SDecGMCA has none to suppress. It loses HI at low $k_\nu$, where the paper finds too much power. Which of this hangs on what the paper's text leaves open is in {doc}`16_readings`.
 #
 # ## 4. The number of sources
 
 # %% tags=["hide-input"]
 told(4)
+
+# %% [markdown]
+# The picture is of a run of its own, at another commit than the ledger: where two numbers of sources have nearly the same error, which of them is least can differ between the two.
 
 # %% tags=["hide-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))

@@ -90,8 +90,8 @@ def stamped(figure, source=milky_way):
 # boosts the power. Rays through the box, a few for each pixel, then collect the displaced hydrogen into the frequency
 # channels; what leaves one channel enters its neighbour.
 #
-# The line is {eq}`eq-mean-temperature`, each dot the mean of one simulated map. Both fall with frequency, for the expansion, the hydrogen and the
-# distance do. Look where the dots leave the line: near the top of the band a channel is a small shell around us, and one large structure in it moves
+# The line is {eq}`eq-mean-temperature`, each dot the mean of one simulated map. Both fall with frequency: higher frequencies are
+# later times, when the factor $(1+z)^2/H(z)$ and the share of hydrogen are smaller. Look where the dots leave the line: near the top of the band a channel is a small shell around us, and one large structure in it moves
 # the mean of its map.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: the simulation and the mean of theory. What scatters around the line is large-scale structure; the nearest channels hold little of the Universe and scatter most."}}
@@ -110,7 +110,7 @@ stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 # is, so the spots grow from one map to the other, and to the right of the cut. Along frequency the pattern is another one after few channels: that is
 # why HI is jagged along a line of sight.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The same structures look larger the nearer they are."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger the nearer they are. Each map has colours of its own."}}
 near = int(0.9 * sky.n_channels)
 maps = {
     f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]
@@ -319,8 +319,8 @@ stamped(plotting.lines(panels))
 # Two lines of sight tell the story of this book. In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times as bright as
 # the mean of HI on the one away from the plane, and {glue:text}`simulations_over_hi_plane` times on the one in it, and they are smooth; HI is faint, and jagged.
 #
-# Left the line in the plane, right the one away from it, on logarithmic axes. All foregrounds are straight there, or nearly. Which of them is the
-# second brightest changes with latitude: free-free emission in the plane, point sources away from it.
+# Left the line in the plane, right the one away from it; the axis of temperature is logarithmic. All foregrounds are nearly straight. In the plane free-free emission is as bright as synchrotron emission, and falls more slowly;
+# away from it point sources come second.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
 component_styles = {
@@ -393,11 +393,8 @@ show(
         "mean of theory there": (1e3 * theory[middle], 0.01, "µK"),
         "rms of HI there": (1e3 * middle_maps["HI"].std(), 0.05, "µK"),
         "median foreground there": (np.median(foreground) / 1e3, 0.005, "K"),
-        "foreground over HI (rms), there": (
-            foreground.std() / middle_maps["HI"].std() / 1e3,
-            0.5,
-            "thousand",
-        ),
+        "rms of the foreground there": (foreground.std() / 1e3, 0.01, "K"),
+        "that over the rms of HI": (foreground.std() / middle_maps["HI"].std(), 500),
         "mean of the point sources at 1.4 GHz": (sources.amplitude.mean(), 0.05, "mK"),
         "... of theory, below 1 Jy": (point_sources.mean_temperature(1.0), 0.01, "mK"),
     }

@@ -214,7 +214,7 @@ stamped(plotting.lines(panels))
 # degraded beam a foreground stays as smooth as the sky made it. Through the evolving beam the sharper beam of a higher
 # frequency sees less of the bright plane next to it: a slow trend, {glue:text}`beams_trend` rms. Through the oscillating beam there is a ripple
 # of 20 MHz, which makes the spectrum jump by {glue:text}`beams_jump` rms from one channel to the next where HI plus noise has {glue:text}`beams_signal`, and a
-# slower wave of {glue:text}`beams_wave`.
+# slower wave of {glue:text}`beams_wave`: parts per million of the foreground, which has a mean of {glue:text}`beams_foreground` on this line. The figure has them in mK.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams: what its foreground deviates from a smooth spectrum (third order in log-log), and the HI plus noise of the same line of sight, mean removed. What a method takes for smooth is gone; what it has to tell from HI is the coloured line. Each panel has its own axis."}}
 observations = {
@@ -305,6 +305,7 @@ slow = {
     for name in observations
 }
 quote(
+    beams_foreground=(foreground["evolving"].mean() / 1e3, 0.01, "K"),
     beams_signal=(signal, 0.1, "ppm"),
     beams_jump=(wiggle["oscillating"], 5, "ppm"),
     beams_trend=(slow["evolving"], 1, "ppm"),

@@ -159,8 +159,8 @@ study.sources_figure(selected, remover)
 # ## What is left
 #
 # The cleaned map of one channel beside the truth, HI plus noise through the same beam, and their
-# difference: through the oscillating beam, the hardest of the three. Differences along the Galactic plane are foreground that was left; differences elsewhere
-# are signal that was lost with the components.
+# difference: through the oscillating beam, the hardest of the three. Differences along the Galactic plane and around its centre are mostly foreground that was left; differences
+# elsewhere mostly signal that was lost with the components.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
@@ -231,8 +231,8 @@ quote(
 #   more components are needed. With the evolving beam and 4 components $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and {glue:text}`pca_second_evolving`
 #   at the next one, where foreground is left, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
 # - With the oscillating beam and 5 components the maps are too bright on the largest scales ($C/C_0$ = {glue:text}`pca_largest_scales` at $\ell < 10$) and on smaller ones
-#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and {glue:text}`pca_ripple` times too
-#   bright at $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
+#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and {glue:text}`pca_ripple` times as
+#   bright as the truth at $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
 #   signal with it: $P/P_0$ is then {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 # - PCA costs one covariance matrix and an eigenvalue problem of the size of the channels.
 #

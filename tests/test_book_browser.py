@@ -63,6 +63,16 @@ FAINT = """least => {
 SCROLLING = """[...document.querySelectorAll('article table')].map(one => one.parentElement)
     .filter(one => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1)
     .map(one => [one.clientWidth, one.scrollWidth, one.innerText.slice(0, 80)])"""
+STRANGE = r"""[...document.querySelectorAll('dl.py > dt.sig')].flatMap(sig => {
+    const names = new Set([...sig.querySelectorAll('em.sig-param span.n')].map(one => one.textContent));
+    const known = {Parameters: word => names.has(word), Raises: word => /(Error|Warning)$/.test(word)};
+    return [...sig.parentElement.querySelectorAll(':scope > dd > dl.field-list > dt')].flatMap(head => {
+        const check = known[head.textContent.replace(':', '')] || (() => true);
+        const told = [...head.nextElementSibling.querySelectorAll('strong')].map(one => one.textContent);
+        const words = told.flatMap(text => text.match(/\w+/g) || [text]);
+        return words.filter(word => !check(word)).map(word => [sig.id, word]);
+    });
+})"""
 UNFOLD = "for (const one of document.getElementsByTagName('details')) one.open = true;"
 
 
@@ -235,6 +245,13 @@ def test_text_stands_out_and_tables_fit_in_light_and_dark(html, visit):
         page.set_viewport_size(PHONE)
         assert not page.evaluate(SCROLLING), f"{path.name} on a phone"
         page.close()
+
+
+def test_docstrings_name_parameters_and_errors_that_are(visit):
+    """Prose after a list of parameters would be set as more of them."""
+    page = visit("book/api.html")
+    assert page.locator("dl.py > dt.sig").count() > 50
+    assert not page.evaluate(STRANGE)
 
 
 def test_answers_are_on_paper(visit):

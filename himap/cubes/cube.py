@@ -225,13 +225,15 @@ def read_cube(
     flags
         True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
 
-    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
-    left out, by the method. Without, the pixels that are seen in all channels are.
-
     Raises
     ------
     InputError
         What is missing or contradicts the file, and how to give it.
+
+    Notes
+    -----
+    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
+    left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
     aside = names_beside(path, weights, flags)
     weighed = weights is not None or flags is not None

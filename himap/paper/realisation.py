@@ -147,7 +147,7 @@ class Realisation:
 
     @cached_property
     def scan(self):
-        """{n_sources: `Comparison`} of SDecGMCA through the oscillating beam."""
+        """Of SDecGMCA through the oscillating beam, {n_sources: `Comparison`}."""
         return {n: self._assessed_against_truth(call) for n, call in self._scan().items()}
 
     def masked(self, method):

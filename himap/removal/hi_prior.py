@@ -105,7 +105,7 @@ def expected_covariance(covariance, freqs, degree):
     freqs
         MHz, below the rest frequency of the line.
     degree
-        l.
+        Multipole l.
 
     Raises
     ------

@@ -37,6 +37,8 @@ def named(text):
     InputError
         Neither; the message lists the names. Or what `create` refuses.
 
+    Examples
+    --------
     >>> named("oscillating:ripple=additive")
     Oscillating(ripple='additive')
     """
