@@ -87,6 +87,9 @@ class TestCurves:
 def test_one_picture(results):
     text = picture("large", "fig-one", results)
     assert text.count("large/fig-one.png") == 2
-    assert "*The paper's Fig. 1, made again: paper, templates Galaxy · himap 0.1.0, commit abc1234" in text
+    assert "*The paper's Fig. 1, made again.*" in text
+    assert text.endswith("\n\n*paper, templates Galaxy · himap 0.1.0, commit abc1234*")
+    known = picture("paper_templates", "fig-results-frequency")
+    assert "*The paper's Fig. 2, made again: Frequency power spectrum" in known
     with pytest.raises(InputError, match="no stored figure fig-two in large"):
         picture("large", "fig-two", results)

@@ -9,7 +9,7 @@ from himap.figures import styles
 from himap.figures.tables import Table
 from himap.paper.claims import FAILED, IN_PART
 from himap.paper.ledger_table import BADGES, measured, summary
-from himap.products.provenance import Provenance, duration
+from himap.products.provenance import Provenance
 
 __all__ = [
     "differing",
@@ -255,11 +255,12 @@ def pictures(folders, results=None):
 
 
 def picture(folder, name, results=None):
-    """One stored figure as Markdown: its picture by the relative path, and what made it; as `pictures`."""
+    """One stored figure as Markdown: its picture by the relative path, its caption, and what made it."""
     place = os.path.relpath(results or RESULTS, notebooks_folder())
     row = stored_figure(folder, name, results)
     shown, made = _picture(f"{place}/{folder}/{name}.png", row)
-    return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again: {made[1:]}"
+    captions = [f": {plain_caption(one.captions[name])}" for one in notebooks() if name in one.captions]
+    return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again{''.join(captions)}.*\n\n{made}"
 
 
 def _picture(path, row):
@@ -269,13 +270,15 @@ def _picture(path, row):
 
 
 def _made(parameters, execution):
-    """One line: preset, Galaxy, other parameters that are not the notebook's, version, commit and time."""
+    """One line: preset, Galaxy, other parameters that are not the notebook's, version and commit.
+
+    Not the time: the picture says when it was drawn, which is before its notebook ended.
+    """
     chosen = {"preset": "quick", "galaxy": "synthetic"} | parameters
     size = f"{chosen.pop('preset')}, {chosen.pop('galaxy')} Galaxy"
     changed = [f"{name} = {value}" for name, value in chosen.items()]
     edits = " with edits" if execution["dirty"] else ""
-    himap = f"himap {execution['himap']}, commit {execution['commit']}{edits}"
-    return " · ".join([size, *changed, himap, duration(execution["seconds"])])
+    return " · ".join([size, *changed, f"himap {execution['himap']}, commit {execution['commit']}{edits}"])
 
 
 def _footer(about):
