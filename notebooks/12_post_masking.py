@@ -162,7 +162,7 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
             "ylim": (1.1 * min(ends[0], low.min()), 1.1 * max(ends[1], high.max())),
         }
     )
-study.stamped(plotting.lines(panels), beam=selected, method=method, **stated)
+study.stamped(plotting.lines(panels, legend_above=True), beam=selected, method=method, **stated)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along every line of sight, for the method of the figure above. Right: those that the rule flags (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
