@@ -1,5 +1,5 @@
-/* Every page: a click on a figure shows it large, a citation gets the address of its page, paper is white
-   and shows the answers to exercises. */
+/* Every page: a click on a figure shows it large, a citation gets the address of its page, names of the rows
+   of a table do not break, paper is white and shows the answers to exercises. */
 "use strict";
 
 (() => {
@@ -36,6 +36,12 @@
     button.addEventListener("click", () => enlarge(image));
     image.replaceWith(button);
     button.append(image);
+  }
+
+  const LONGEST_NAME = 36;  // letters: the longest that leave room to three more columns of the text's width
+  for (const table of document.querySelectorAll(".bd-article table.table:has(th:nth-child(4))")) {
+    const names = [...table.querySelectorAll("td:first-child")];
+    table.classList.toggle("himap-names", names.every((name) => name.textContent.trim().length <= LONGEST_NAME));
   }
 
   if (location.protocol.startsWith("http")) {
