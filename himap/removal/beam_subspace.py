@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_noise
 from himap.errors import InputError
@@ -100,6 +101,10 @@ class BeamSubspace(ForegroundRemover):
         return inner_alm(kept, beams.min(axis=0), lmax)
 
     def _separate(self, maps, *, freqs, beams, rng, modes, kept=None):
+        with threadpool_limits(1, user_api="blas"):  # so that the bits do not depend on the number of cores
+            return self._separated(maps, beams, modes, kept)
+
+    def _separated(self, maps, beams, modes, kept):
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         best = beams.max(axis=0)
