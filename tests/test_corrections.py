@@ -11,7 +11,7 @@ import pytest
 
 from himap.errors import InputError
 from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction
-from himap.paper import corrections, pipeline
+from himap.paper import cleaned, corrections, pipeline
 from himap.paper.corrections import Correction, cases_and_methods, evaluate, grouped, summary
 from himap.paper.corrections_figures import record_figure
 from himap.paper.mocks import Mock, own_recovery
@@ -71,7 +71,18 @@ class TestEvaluate:
         assert own_recovery.is_cached(cases[0], removers[0])
         for made in (pipeline.observation, pipeline.peak_masked):
             assert not made.is_cached(cases[0])
+        assert not cleaned.separation.is_cached(cases[0], removers[0])
         assert rows == evaluate(cases, removers, [Mock(seed=1), Mock(seed=2)])
+
+    def test_each_method_separates_a_sky_once(self, setting, tmp_path, monkeypatch):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+        cases, removers = setting
+        found, separate = [], PCA.separate
+        monkeypatch.setattr(
+            PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
+        )
+        evaluate(cases[:1], removers, [Mock(seed=1), Mock(seed=2)])
+        assert found == 3 * removers  # the sky, and the sky with each mock
 
     def test_what_fails_leaves_no_cubes(self, setting, tmp_path, monkeypatch):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))

@@ -199,7 +199,8 @@ def recoveries(sky, mocks, corrected):
     wanted = {case: [one for one in removers if one.name in corrected] for case, removers in sky.items()}
     missing = [case for case in sky if not _are_cached(case, sky[case], wanted[case], mocks)]
     calls = [(case, remover) for case, removers in sky.items() for remover in removers]
-    with plan.passing_observations(missing):
+    again = [call for call in calls if call[0] in missing]
+    with plan.passing_observations(missing), plan.passing_separations(again):
         found = {case: transfer_functions(case, own, mocks) if own else {} for case, own in wanted.items()}
         make_all(own_recovery, calls, "truths")
     return [(*call, own_recovery(*call), found[call[0]].get(call[1])) for call in calls]

@@ -10,7 +10,7 @@ from himap.paper import cleaned, pipeline
 from himap.products.memory import check_memory
 from himap.products.parallel import dask_address, make_all, n_jobs
 
-__all__ = ["make", "make_observations", "observing_steps", "passing_observations"]
+__all__ = ["make", "make_observations", "observing_steps", "passing_observations", "passing_separations"]
 
 
 def observing_steps(cases):
@@ -101,6 +101,26 @@ def passing_observations(cases):
         yield
     finally:
         _forgotten(made, set())
+
+
+@contextmanager
+def passing_separations(calls):
+    """What methods find, made now where it is not there; what was made goes at the end.
+
+    So that all that is measured meanwhile reads it, and does not find it anew each time.
+
+    Parameters
+    ----------
+    calls
+        Pairs (case, remover), of cases that are observed (`passing_observations`).
+    """
+    missing = [(*call, True) for call in calls if not cleaned.separation.is_cached(*call)]
+    made = _make_analyses(missing)
+    make_all(cleaned.separation, missing, "separations")
+    try:
+        yield
+    finally:
+        _forgotten(made + [(cleaned.separation, call) for call in missing], set())
 
 
 def _make_analyses(calls):

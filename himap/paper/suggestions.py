@@ -93,7 +93,8 @@ def evaluate(cases, methods, mocks, counts):
     for case in cases:
         work = _work(case, removers.values(), mocks)
         missing = [(made, call) for made, call in work if not made.is_cached(*call)]
-        with plan.passing_observations([case] if missing else []):
+        again = [(case, remover) for several in removers.values() for remover in several] if missing else []
+        with plan.passing_observations([case] if missing else []), plan.passing_separations(again):
             if missing:
                 make_mocks([case.survey], mocks)
             for made in dict.fromkeys(made for made, _ in missing):
