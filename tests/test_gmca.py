@@ -81,7 +81,9 @@ def test_equals_its_plain_twin(penalty, rng):
         cleaned = clean(maps, n_sources=2, n_scales=2, penalty=penalty, n_falling=8, max_iterations=6)
     ours = cleaned.separation.mixing
     assert np.abs(twin.T @ ours).max(axis=0) == pytest.approx(1, abs=1e-12)
-    assert np.abs(ours @ np.linalg.pinv(ours) - twin @ np.linalg.pinv(twin)).max() < 1e-9
+    # Ours keeps the faint rest of the cube in float32 (`SplitCube`): the mean of that rounding enters A.
+    rounding = np.finfo(np.float32).eps / np.sqrt(maps.shape[1])
+    assert np.abs(ours @ np.linalg.pinv(ours) - twin @ np.linalg.pinv(twin)).max() < rounding
 
 
 def test_foreground_is_the_projection_on_the_span_of_the_mixing(sky):
