@@ -299,7 +299,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected,
 
 # %% [markdown]
 # In numbers: means of both ratios over bands as the noise level is, and the lowest and highest of the three runs. Few digits of SDecGMCA are sure, for another
-# machine rounds differently, and that moves the iteration as a noise level does.
+# rounding moves the iteration as a noise level does. That these numbers come out again on other machines is because they all are made to round alike ([conventions](../book/conventions.md)).
 
 # %% tags=["hide-input"]
 rows, worst = {}, {}

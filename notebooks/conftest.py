@@ -6,6 +6,7 @@ executed fails. The numbers that a figure carries must be there and are not comp
 not. All the rest is exact, as in nbval. A number for the prose carries its tolerance beside its text, and is compared likewise.
 """
 
+import os
 import re
 
 import nbval.kernel
@@ -16,6 +17,7 @@ from himap.companion.notebook_files import has_code
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED, agree
 from himap.products.provenance import VOLATILE
+from himap.rounding import same_everywhere
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest
@@ -59,6 +61,7 @@ def _settled_value(key, test, reference):
     return reference if same else test
 
 
+os.environ.update(same_everywhere())  # of the kernels, which take it from here
 nbval.kernel.KernelManager = LocalKernelManager
 IPyNbCell.compare_outputs = compare_outputs
 IPyNbCell.runtest = runtest
