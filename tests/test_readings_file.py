@@ -168,16 +168,16 @@ class TestTables:
         assert {len(row) for row in rows} == {len(HEADER)}
         found = dict(zip(HEADER, rows[1], strict=True))
         assert [found[sign] for sign, *_ in MARKS.values()] == ["0", "1", "2", "1"]
-        assert found["C/C0, 2 to 4"] == "0.02"  # a factor of 50, where 1.25 is one of 1.25
-        assert (found["C/C0, 5 to 9"], found["C/C0, 10 to 19"], found["bump"]) == ("3", "–", "30")
+        assert found["C/C0, 2 to 4"] == "0.0200"  # a factor of 50, where 1.25 is one of 1.25
+        assert (found["C/C0, 5 to 9"], found["C/C0, 10 to 19"], found["bump"]) == ("3.00", "–", "30.0")
         far = plain_rows({"default": outcome({"D1": FAILED}, runs=[run(bump=90_910.0), run(bump=2.0)])})
-        assert far[0][-1] == "90,900"
+        assert far[0][-1] == "9e4"
 
     def test_columns_without_a_number_are_left_out(self):
         rows = plain_rows(OUTCOMES)
         header, lines = with_columns(("reading", "C/C0, 10 to 19", "C/C0, 2 to 4"), rows)
         assert header == ["reading", "C/C0, 2 to 4"]
-        assert lines[1] == ["letter (thresholds = mad)", "0.02"] and len(lines) == len(rows)
+        assert lines[1] == ["letter (thresholds = mad)", "0.0200"] and len(lines) == len(rows)
 
     def test_a_row_for_each_choice(self):
         rows = option_rows(OUTCOMES)

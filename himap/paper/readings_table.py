@@ -2,7 +2,6 @@
 
 import math
 
-from himap.figures.numbers import quoted
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
@@ -52,7 +51,7 @@ HEADER = (
 )
 """Of the columns of `plain_rows`."""
 
-_MANY, _SHOWN = 1e3, 0.005  # from where on numbers have commas, and the share of them that is shown
+_MANY = 1e3  # from where on one digit and a power of ten are enough
 
 
 def plain_rows(outcomes):
@@ -93,7 +92,9 @@ def _furthest(values):
     if not there:
         return "–"
     furthest = max(there, key=lambda value: abs(math.log(value)) if value > 0 else math.inf)
-    return f"{furthest:.3g}" if furthest < _MANY else quoted((furthest, _SHOWN * furthest))
+    if furthest < _MANY:
+        return f"{furthest:#.3g}".rstrip(".")
+    return f"{furthest:.0e}".replace("e+0", "e")
 
 
 def standing(outcomes):
