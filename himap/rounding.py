@@ -3,7 +3,7 @@
 OpenBLAS, which comes with their wheels, has a set of routines for each generation of processors and takes
 the newest that a processor knows. The sets add up in another order, so that results differ in the last digit.
 Most methods do not care. SDecGMCA does: one digit more or less decides which coefficients pass a threshold,
-and hundreds of iterations later the answer is another one. So the command and the kernels of notebooks all
+and many iterations later the answer is another one. So the command and the kernels of notebooks all
 take the set that x86-64 processors with AVX2 know, nearly all since 2013. Nothing else that is installed with
 himap was found to change a digit from one such processor to another.
 """

@@ -174,7 +174,7 @@ told(5)
 Markdown(picture(large, "fig-dimmed-spectra", folder))
 
 # %% [markdown]
-# **Through the oscillating beam masks help PCA, FastICA and GMCA, and SDecGMCA little.** So M4 fails although all errors shrink: the paper has SDecGMCA gain most. It has no peak to lower here, and most of the lines of sight that stand out in its error do not lie along the plane: what it misses is HI that it took rather than
+# **Through the oscillating beam masks help PCA, FastICA and GMCA, and SDecGMCA little or not at all.** So M4 fails: the paper has SDecGMCA gain most. It has no peak to lower here, and most of the lines of sight that stand out in its error do not lie along the plane: what it misses is HI that it took rather than
 # foreground that it left ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
 #
 # ## Where to go from here

@@ -158,8 +158,8 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## What is removed
 #
-# The columns fall with frequency and are nearly parallel, and the sources are many times brighter than the sky, with both signs: as those of GMCA they
-# cancel. The last source is the faintest by far; what it follows decides what becomes of HI.
+# The columns fall with frequency and are nearly parallel, and the sources have both signs and cancel in part, as those of
+# GMCA do. The last source is the faintest by far; what it follows decides what becomes of HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
 study.mixing_figure(selected, remover)
@@ -239,8 +239,8 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# Where $\epsilon$ is at work, the foreground is too small, and what is left too large: this is the paper's explanation of a peak beyond $\ell = 200$. The first multipole at which
-# strategy 3 has an $\epsilon$ above zero, of those looked at, with $c$ of Table 1 and the $\mathbf{A}$ that was found:
+# Where $\epsilon$ is at work, the foreground is too small, and what is left too large: this is the paper's explanation of a peak beyond $\ell = 200$. The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in
+# this reading ([readings](sdecgmca-reading)); strategy 3, which the paper takes for the warm-up, may have none at these multipoles. The first at which it is above zero, of those looked at, with $c$ of Table 1 and the $\mathbf{A}$ that was found:
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -376,7 +376,7 @@ study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# At low $\ell$ and at the smallest $k_\nu$ it is nearer to 1, for fewer sources take less HI. But look at the three noise levels: the highest of the three has an excess at low $\ell$, which with five sources none had. A number that is right at one noise level is not yet a result.
+# At low $\ell$ and at the smallest $k_\nu$ it is nearer to 1, for fewer sources take less HI. But look at the three noise levels: a number that is right at one noise level is not yet a result.
 #
 # </details>
 #
@@ -389,7 +389,7 @@ study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Through the degraded beam next to nothing. Through the oscillating beam it leaves foreground in this run, and how much depends on the noise level that
+# Through the degraded beam little. Through the oscillating beam it is another answer, and how much foreground it leaves depends on the noise level that
 # it is told.
 #
 # </details>
@@ -401,8 +401,8 @@ study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
 # <summary>Answer</summary>
 #
 # With one column of unit length $\mathbf{A}^{\top} \mathrm{diag}(\hat H)^2 \mathbf{A} = 0.0025$, so $\epsilon = 0.01 - 0.0025 = 0.0075$.
-# {eq}`eq-sdecgmca-sources` then finds $0.0025 / (0.0025 + 0.0075) = 1/4$ of the source: three quarters of the foreground stay in the maps. This is the
-# peak beyond the last multipole.
+# {eq}`eq-sdecgmca-sources` then finds $0.0025 / (0.0025 + 0.0075) = 1/4$ of the source: three quarters of the foreground stay in the maps. This is how
+# a peak beyond the last multipole comes about.
 #
 # </details>
 #

@@ -40,7 +40,7 @@ method: str = "sdecgmca"  # a method with a number of sources: sdecgmca, beam_su
 beside: str | None = "pca"  # another one to compare with, or null
 n_sources_min: int = 2  # the scan begins here
 n_sources_max: int = 20  # and ends here
-shown: list | None = None  # numbers of sources of the spectra; null: 2, 3, 5, 6, 7, 10, 20 if in the scan
+shown: list | None = None  # numbers of sources of the spectra; null: 2 to 7, 10 and 20 if in the scan
 definition: str = "relative"  # of the error: relative, logarithmic or absolute
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 
@@ -92,7 +92,7 @@ first = whole_number("n_sources_min", n_sources_min, 1, n_channels)
 last = whole_number("n_sources_max", n_sources_max, first, n_channels)
 scanned = range(first, last + 1)
 if shown is None:
-    drawn = [n for n in (2, 3, 5, 6, 7, 10, 20) if n in scanned] or [first]
+    drawn = [n for n in (2, 3, 4, 5, 6, 7, 10, 20) if n in scanned] or [first]
 else:
     drawn = [whole_number("each number in shown", n, first, last) for n in shown]
 
@@ -208,8 +208,8 @@ detail["ylim"] = (0.7 * parts.min(), whole["ylim"][1])
 whole = whole | {"ylim": None, "title": "all of it"}
 
 # %% [markdown]
-# Follow one curve from left to right. It falls steeply while foreground is left, and rises slowly once each further source takes HI; the mark is where
-# the one becomes the other. Jumps of SDecGMCA between neighbours are runs that went astray.
+# Follow one curve from left to right. It falls while foreground is left and rises once further sources take HI; the mark is where the total is least. A total cannot see foreground that
+# fills HI that was taken ({doc}`23_thresholds`): compare the mean $r$ in the table at the end. A run of SDecGMCA that went astray would stand out as a jump between neighbours.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). The thin lines are what each spectrum adds to the thick one. Right: the same on an axis that ends above the values at the largest number of sources."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
@@ -306,7 +306,7 @@ quote(
 
 # %% [markdown]
 # The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 for intermediate $\ell$. Here the first method has {glue:text}`scan_best_low` at low $k_\nu$, {glue:text}`scan_best_bump` for the bump and
-# {glue:text}`scan_best_intermediate` for intermediate $\ell$. A best number written with ± 1 is one that a neighbour nearly shares, or one of SDecGMCA, which moves.
+# {glue:text}`scan_best_intermediate` for intermediate $\ell$. Where a neighbour is nearly as good, and for SDecGMCA always, the best number can move by one.
 #
 # ## What too few leave and too many take
 #
@@ -407,7 +407,7 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("11_ns_scan")))
 # - What one choice too few and one too many cost is in the first figure; where it is lost, in the split of the error.
 # - A method that does not know the beam must describe with spectra what the beam adds. With {glue:text}`scan_best_beside` of them the error of the second method is {glue:text}`scan_beside_over_best` times
 #   the least of the first.
-# - Where no foreground is left, loss is at least a matter of counting: one part in the number of channels for each source, more at low $k_\nu$ and low $\ell$.
+# - Where no foreground is left, loss is nearly a matter of counting: about one part in the number of channels for each source, more at low $k_\nu$ and low $\ell$.
 #
 # ## Exercises
 #

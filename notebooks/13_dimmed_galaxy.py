@@ -136,7 +136,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # ## Spectra
 #
 # The first figure is the paper's: all six methods, on the dimmed sky. The second has the full Galaxy beside it, dotted, for three of them. Look at the
-# peak of the ripple and at low $\ell$: where the solid line is nearer to 1 than the dotted one, the plane was to blame.
+# peak of the ripple and at low $\ell$: where a dotted line above 1 comes down towards it, the plane was to blame; a line below 1 that moves is HI, or an iteration that moves.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). The curves of PCA and FastICA coincide."}}
 curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
@@ -171,7 +171,7 @@ for remover in (removers[0], removers[2], removers[3]):
                 "ylabel": ylabel,
                 "xscale": "log",
                 "yscale": "log",
-                "ylim": (0.1, 20),
+                "ylim": (0.05, 20),
             }
         )
 dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
@@ -360,7 +360,7 @@ Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("13_dimmed_galaxy")))
 # <summary>Answer</summary>
 #
 # GMCA gains most of the component methods, and the fits gain by larger factors still, from errors that remain orders of magnitude above all others. The
-# peak of PCA becomes smaller and stays. For SDecGMCA nothing of account changes: little of its error is foreground.
+# peak of PCA becomes smaller and stays. For SDecGMCA little of the error is foreground, so that little can be gained.
 #
 # </details>
 #

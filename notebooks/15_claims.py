@@ -155,7 +155,7 @@ quote(
 # ## The same claims for others in its place
 #
 # SDecGMCA in two other readings, the letter, with the noise of the thresholds from the scales (`letter`), and the steps of the public code of C21 (`code`), and BeamSubspace, which is ours and not the paper's ({doc}`09_sdecgmca`): how many claims have which
-# verdict if it stands in the place of the default reading, on as many skies as the table says. BeamSubspace cannot reproduce what the paper says of SDecGMCA, but for what is said of both.
+# verdict if it stands in the place of the default reading, on as many skies as the table says. Verdicts with BeamSubspace in its place say nothing of the paper's method; they show what another one for the same model does.
 
 # %% tags=["hide-input"]
 ledgers, missing = [(recorded, about)], []
