@@ -204,7 +204,7 @@ show(numbers)
 # Up to the dotted line there is one curve. Beyond it look at “regularised”: the paper's spurious peak beyond $\ell = 200$ is what an $\epsilon$ above
 # zero makes of the highest multipoles.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of the spectra to the truth for three answers to what happens beyond the last multipole of the inversion, the dotted line: frequency (left) and angular (right). All have the same mixing matrix, in the reading of the figures above. The axes of ratios are logarithmic. Beyond 2 nside, the last dotted line, the pixels hold maps badly."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of the spectra to the truth for three answers to what happens beyond the last multipole of the inversion (dotted): frequency (left) and angular (right). All have the same mixing matrix, in the reading of the figures above. The axes of ratios are logarithmic. Beyond 2 nside (dotted as well) the pixels hold maps badly."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},

@@ -129,7 +129,7 @@ quote(
 # The first figure follows the flagged lines of sight through the band, what is left of them and what is wrong: does the error sit in a part of the
 # band, and does it swing with the period of the ripple? The second has them on the sky. In the paper they lie along the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Of the flagged lines the numbers beside the picture are percentiles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). As many are drawn as the legend says; where these are not all, evenly from the largest error to the smallest. Left: brightness temperature of the recovered HI against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines of sight that are not flagged. Channel means removed; the axes hold 99.9 % of what is drawn. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download have percentiles of the flagged lines."}}
 stated = {"reading": reading} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
 

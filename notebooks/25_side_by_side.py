@@ -53,6 +53,7 @@ larger: list | None = None  # the same at laptop
 
 # %% tags=["hide-input"]
 import warnings
+from dataclasses import replace
 
 from himap.companion.stored import RESULTS
 from himap.figures import plotting
@@ -133,6 +134,12 @@ def stamped(figure, sources=made):
     return plotting.stamp(figure, "\n".join(one.footer() for one in sources))
 
 
+def in_short(made):
+    """A provenance without what the legend and the text say, which is too long for a line."""
+    own = tuple(pair for pair in made.overrides if pair[0] not in ("beams", "methods"))
+    return replace(made, overrides=own)
+
+
 def titled(stored, sources):
     """{title: rows} of some records, with the names of their Galaxies."""
     return {one.galaxy.partition(" ")[0]: rows for rows, one in zip(stored, sources, strict=True)}
@@ -194,7 +201,7 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% tags=["hide-input"]
 finer = [read_record(Curve, path) for path in larger or stored("laptop")]
-finer, made_finer = [rows for rows, _ in finer], [Provenance.of_stored(about) for _, about in finer]
+finer, made_finer = [rows for rows, _ in finer], [in_short(Provenance.of_stored(about)) for _, about in finer]
 quote(side_larger_skies=min(len({row.seed for row in rows}) for rows in finer))
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at laptop through the oscillating beam, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (left) and the real one (right)."}}
@@ -269,8 +276,8 @@ quote(
 # | a beam that changes smoothly and is not known | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | a beam that oscillates with frequency and is not known | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
 # | a known beam, and no wish to hang on the number of sources | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
-# | no number of sources at all | GNILC | {glue:text}`side_gnilc` | |
-# | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | | |
+# | no number of sources at all | GNILC | {glue:text}`side_gnilc` | – |
+# | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | – | – |
 #
 # Where the beam is not said, it is the oscillating one. For comparison: SDecGMCA as in the paper is off by {glue:text}`side_paper` through the oscillating beam and by {glue:text}`side_paper_evolving` through the evolving one, and PCA with the
 # paper's five components by {glue:text}`side_few` through the oscillating one.

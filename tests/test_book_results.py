@@ -209,7 +209,7 @@ def test_ledgers_stand_side_by_side():
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky", "ci, letter, 1 sky"]
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
-    assert rows[0][3:] == ["✗ 0.25<br>fails: a", "✓ 0.25"] and rows[2][3:] == ["– –", "– –"]
+    assert rows[0][3:] == ["✗ 0.25<br>fails: a", "✓ 0.25"] and rows[2][3:] == 2 * ["– does not apply"]
     assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
 
 

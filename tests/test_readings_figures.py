@@ -73,7 +73,7 @@ def test_curves_of_the_readings_with_a_name():
         "code",
         "truth",
     }
-    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["default", "code"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["default", "code"]
     rows = [row[2:] for row in numbers(figure) if row[:2] == ("seed 7, along the line of sight", "code")]
     assert rows == [(0.1, 0.5), (0.2, 1.0)]
 

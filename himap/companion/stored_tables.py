@@ -7,7 +7,7 @@ from himap.companion.notebooks import notebooks, notebooks_folder
 from himap.companion.stored import RESULTS, read_stored, stored_figure
 from himap.figures import styles
 from himap.figures.tables import Table
-from himap.paper.claims import FAILED, IN_PART
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE
 from himap.paper.ledger_table import BADGES, measured, summary
 from himap.products.provenance import Provenance
 
@@ -205,8 +205,16 @@ def _skies(entries):
 def _claim(entries):
     """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
     claim = entries[0].claim
-    cells = [f"{_signed(entry)} {measured(entry)}{_which_fail(entry)}" for entry in entries]
+    cells = [_cell(entry) for entry in entries]
     return [f"**{claim['id']}**", f"{claim['number']} ({claim['beam']})", claim["paper"], *cells]
+
+
+def _cell(entry):
+    """Sign, number and failing parts of an entry; words where sign and number would both be a dash."""
+    number = measured(entry)
+    if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
+        number = entry.verdict
+    return f"{_signed(entry)} {number}{_which_fail(entry)}"
 
 
 def _which_fail(entry):

@@ -78,7 +78,7 @@ def bands_figure(outcomes):
             "legend": {"loc": "upper center", "bbox_to_anchor": (0.5, -0.08)},
         }
         panels.append(panel)
-    return plotting.lines(panels, columns=_COLUMNS, size=(2.5, 4.6))
+    return plotting.lines(panels, columns=_COLUMNS, size=(2.5, 4.9))
 
 
 def _places(outcomes):
@@ -157,7 +157,7 @@ def curves_figure(outcomes):
                     "ylim": _EDGES,
                 }
             )
-    return plotting.lines(panels, size=(5, 3.4))
+    return plotting.lines(panels, size=(5, 3.6), legend_above=True)
 
 
 def _look(label, level):

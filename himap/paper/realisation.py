@@ -147,7 +147,7 @@ class Realisation:
 
     @cached_property
     def scan(self):
-        """Of SDecGMCA through the oscillating beam, {n_sources: `Comparison`}."""
+        """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
         return {n: self._assessed_against_truth(call) for n, call in self._scan().items()}
 
     def masked(self, method):

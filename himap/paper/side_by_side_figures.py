@@ -57,7 +57,7 @@ def side_by_side_figure(records, kind, *, corrected=False, methods=None, columns
     columns = min(columns, len(panels))
     for first in panels[::columns]:
         first["ylabel"] = axes["ratio_label"]
-    return plotting.ratios(panels, columns=columns, size=(_WIDTH / columns, 2.9))
+    return plotting.ratios(panels, columns=columns, size=(_WIDTH / columns, 2.9 if columns == 3 else 3.8))
 
 
 def labels_of(rows):
