@@ -283,6 +283,9 @@ MALFORMED = {
         [*KNOWING, "--mask", "spot.fits"],
         "24 channels need as many",
     ),
+    "fewer pixels than channels": ("good.h5", ["--mask", "spot.fits"], "fewer than the 24 channels"),
+    "a beam without its file": ("good.h5", [*KNOWING[:-1], "file"], "the path of the file itself"),
+    "frequencies of other channels": ("more.h5", [], "24 channels, and 25 frequencies in the dataset freq"),
     "a mask of another nside": ("good.h5", ["--mask", "coarse.fits"], "has nside 8, and the cube 16"),
     "a mask of weights": ("good.h5", ["--mask", "soft.fits"], "values from 0 to 0.5"),
     "a mask that keeps nothing": ("good.h5", ["--mask", "none.fits"], "keeps no pixel"),
@@ -323,6 +326,9 @@ def pantry(maps, tmp_path, monkeypatch):
     write_hdf5("other.h5", np.ones((24, 12 * 8**2)), **said)
     with h5py.File(write_hdf5("two.h5", maps, **said), "a") as file:
         file["again"] = maps
+    with h5py.File("more.h5", "w") as file:
+        file["maps"], file["freq"] = maps, np.arange(900.0, 925)
+        file["maps"].attrs.update(said | {"order": "RING"})
     return tmp_path
 
 

@@ -127,6 +127,25 @@ class TestSuggestion:
         assert suggestion.advice(found).endswith("try larger ones, or a method that knows the beam.")
         assert suggestion.advice(replace(found, knows_beam=True)).endswith("try larger ones.")
 
+    def test_what_both_say_counts_where_nothing_is_stable(self):
+        """With few channels each source takes so much HI that spectra never stand still."""
+        found = suggestion.Suggestion(
+            n_sources=np.arange(1, 6),
+            eigenvalues=np.ones(24),
+            line=np.ones(24),
+            n_bright=3,
+            criterion=np.array([5, 1, 0, 0.1, 0.2]),
+            change=np.array([1, 0.5, 0.12, 0.13]),
+            stable=None,
+            method="pca",
+            knows_beam=False,
+            at_one_resolution=False,
+        )
+        assert found.range == (3, 3)
+        told = suggestion.advice(found)
+        assert "consider n_sources = 3, by both criteria." in told and "himap transfer" in told
+        assert replace(found, n_bright=4).range is None
+
     def test_from_the_shell(self, maps, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
         page = tmp_path / "n.html"

@@ -125,6 +125,11 @@ def _cleaned(
         path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
     )
     method_for(cube, remover)  # before the truth is read
+    if hasattr(remover, "n_sources") and "n_sources" not in method_parameters(pairs):
+        tell(
+            f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
+            "`himap suggest` says how many this cube asks for."
+        )
     true = None if truth is None else read_truth(truth, beside=cube, **reading)
     if true is not None:
         for remark in true.remarks:

@@ -26,7 +26,7 @@ def beams_of(cube, beam, *, dish=None):
     InputError
         An unknown name, a file that does not fit, or frequencies that a beam is not known at.
     """
-    beam = beam if isinstance(beam, Beam) else named(beam)
+    beam = beam if isinstance(beam, Beam) else _named(beam)
     if dish is not None and not beam.follows_dish:
         able = [name for name in available() if REGISTRY[name].follows_dish]
         raise InputError(f"dish= is for the beams that follow from it: {', '.join(able)}.")
@@ -42,3 +42,14 @@ def beams_of(cube, beam, *, dish=None):
             "numbers a line; for widths give one FWHM (deg) a line."
         )
     return checked_beams(str(beam), beams, len(cube.freqs))
+
+
+def _named(text):
+    """The beam that a text means, which must tell what the beam cannot do without."""
+    try:
+        return named(text)
+    except TypeError as error:
+        raise InputError(
+            f"the beam {text!r} says too little ({error}): give NAME:PARAMETER=VALUE, or in the place of "
+            "`file` the path of the file itself."
+        ) from None

@@ -212,6 +212,17 @@ def check_pixels(cube, remover):
         )
 
 
+def _check_seen(cube, remover):
+    """Refuse to find spectra in fewer lines of sight than there are channels, which a few of them explain."""
+    n_channels, n_seen = cube.maps.shape
+    by_line = hasattr(remover, "n_sources") and not remover.needs_whole_sky  # others look at the mask itself
+    if by_line and n_seen < n_channels:
+        raise InputError(
+            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
+            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
+        )
+
+
 def method_for(cube, method, **parameters):
     """The `ForegroundRemover` called `method`, if it can clean `cube`.
 
@@ -227,6 +238,7 @@ def method_for(cube, method, **parameters):
     remover = create(method, **parameters) if isinstance(method, str) else method
     check_pixels(cube, remover)
     remover.check(len(cube.freqs))
+    _check_seen(cube, remover)
     remover.checked_noise(None, len(cube.freqs))
     if cube.weights is not None:
         remover.check_weights(cube.weights)

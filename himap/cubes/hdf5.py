@@ -292,6 +292,7 @@ def _the_freqs(contents, name, n_channels):
         if item.shape == (n_channels,) and (_last(dataset) in _FREQUENCIES or _last(dataset) in _IN_UNIT)
     ]
     if not named:
+        _refuse_other_lengths(contents, n_channels)
         return None, None
     values = [_in_mhz(contents, dataset) for dataset in named]
     if any(not np.array_equal(values[0], others) for others in values[1:]):
@@ -300,6 +301,16 @@ def _the_freqs(contents, name, n_channels):
             "right one with --freqs-name."
         )
     return values[0], f"the dataset {named[0]}"
+
+
+def _refuse_other_lengths(contents, n_channels):
+    """Frequencies that are there, but not for these channels, would be told as missing."""
+    for dataset, item in contents.arrays.items():
+        if _last(dataset) in _FREQUENCIES and len(item.shape) == 1:
+            raise InputError(
+                f"{contents.path} has {n_channels} channels, and {item.shape[0]} frequencies in the dataset "
+                f"{dataset}: give one for each channel, there or with freqs= (--freqs)."
+            )
 
 
 def _in_mhz(contents, name):

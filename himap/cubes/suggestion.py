@@ -100,11 +100,13 @@ class Suggestion:
     def range(self):
         """(low, high): the number that the criterion and the eigenvalues agree on, or from one to the other.
 
-        Twice that of the criterion where this decides alone. None where no spectrum is stable, or it falls to
-        the last number that was tried.
+        Twice that of the criterion where this decides alone. None where they disagree and no spectrum is
+        stable, or where the criterion falls to the last number that was tried.
         """
         bright = self.best if self.criterion_alone else self.n_bright
-        if self.stable is None or (self.best == self.n_sources[-1] and bright >= self.best):
+        if self.best == self.n_sources[-1] and bright >= self.best:
+            return None
+        if self.stable is None and self.best != self.n_bright:
             return None
         views = np.clip([self.best, bright], *self.n_sources[[0, -1]])
         return int(views.min()), int(views.max())
@@ -114,10 +116,10 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     """Which numbers of sources to consider for a cube, without the truth.
 
     Recommended is what the least criterion and the eigenvalues that stand out say, one number where they
-    agree; none where no number leaves both spectra as they are with one more, to 10 %. It is for this method
-    and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of the maps at the
-    resolution of the worst channel, to l = 2 nside, and where they disagree the criterion decides
-    (`Suggestion.criterion_alone`).
+    agree; none where they do not and no number leaves both spectra as they are with one more, to 10 %. It is
+    for this method and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of
+    the maps at the resolution of the worst channel, to l = 2 nside, and where they disagree the criterion
+    decides (`Suggestion.criterion_alone`).
 
     Parameters
     ----------
@@ -214,12 +216,10 @@ def _eigenvalues(cube, basis, beams, found):
 
 def advice(suggestion):
     """The recommendation of a `Suggestion` in words, and what one source more would change."""
+    tried = f"from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]}"
     if suggestion.range is None:
         other = "" if suggestion.knows_beam else ", or a method that knows the beam"
-        return (
-            f"No number from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]} leaves both spectra "
-            f"as they are with one more: try larger ones{other}."
-        )
+        return f"No number {tried} leaves both spectra as they are with one more: try larger ones{other}."
     low, high = suggestion.range
     if low < high:
         numbers = f"{low} to {high}, and look at the page of each"
@@ -237,6 +237,11 @@ def advice(suggestion):
     if last < len(suggestion.change):
         more = f"{suggestion.change[last]:.1%} in the mean over its scales"
         sentences.append(f"One more than {high} changes a spectrum by {more}.")
+    if suggestion.stable is None:
+        sentences.append(
+            f"No number {tried} leaves both spectra as they are with one more: each source takes HI, the "
+            "more the fewer channels there are. Mocks tell how much (`himap transfer`)."
+        )
     return " ".join([*sentences, f"It is for {only}."])
 
 
