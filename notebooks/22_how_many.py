@@ -216,9 +216,9 @@ quote(
 #
 # - **The BIC** is right for {glue:text}`many_bic` observations and methods ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** for
 #   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` names that number; where they do not, for a method that knows the beam, it names
-#   that of the criterion, if the spectra hardly move after it.
-# - **Stability** is right for {glue:text}`many_stability`. But HI is lost with every source, so that spectra never stop moving, and how much is too much depends on the survey: `himap suggest` shows it, and uses it to tell where *no*
-#   number is good.
+#   that of the criterion, if the spectra hardly move after it, and else a range.
+# - **Stability** is right for {glue:text}`many_stability`. But HI is lost with every source, so that spectra never stop moving, and how much is too much depends on the survey: `himap suggest` shows it, and names
+#   *no* number where no spectrum is stable and the two disagree.
 # - **Mocks** are right for {glue:text}`many_mocks`. They are for the number with which the *corrected* spectra have settled, which is often one more: correction buys back what that one takes.
 # - **AIC and evidence** ({glue:text}`many_aic` and {glue:text}`many_minka`) take HI for components: its channels are correlated, as those of foregrounds are, and both criteria know only white noise. GNILC ({cite:t}`olivari2016`) gives AIC maps that are
 #   whitened by the covariance of HI, which has to be known beforehand.
