@@ -423,7 +423,7 @@ quote(
 #   this very HI, and a mock changes which. By $T_\mathrm{cross}$ what they lose comes back like the loss of any other.
 # - **What is left of foreground no transfer function takes away**: it is divided by $T$ too. That is what is still too high in the tables above. More sources are no way out as such: what they
 #   lose can be corrected in the mean, but its scatter grows.
-# - **Correcting is no privilege of methods that know the beam.** PCA loses more, and more of it can be corrected; the table says how well.
+# - **Correcting is no privilege of methods that know the beam.** PCA loses more, and more of it can be corrected, where it leaves no foreground; the tables say how well.
 # - **The error bars are those of the loss alone.** They know nothing of the foreground that is left, neither of its mean nor of how it resembles the HI by chance. The last column would be 68 % if nothing but the loss mattered: they are a
 #   lower bound.
 #
