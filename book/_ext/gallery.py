@@ -62,7 +62,7 @@ def small_picture(png, path, width):
     with Image.open(io.BytesIO(png)) as picture:
         small = picture.convert("RGB")
     small.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
-    small.save(path, quality=55, method=6)
+    small.save(path, quality=42, method=6)
     return small.size
 
 
