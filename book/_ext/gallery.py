@@ -50,7 +50,7 @@ class Gallery(SphinxDirective):
         number = f"<b>Fig. {figure.paper}</b> " if figure.paper else ""
         caption = html.escape(plain_caption(figure.caption))
         return (
-            f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}" title="{caption}">'
+            f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}">'
             f'<img src="{up}_static/thumbnails/{figure.name}.webp" alt="{caption}" width="{width}" '
             f'height="{height}" loading="lazy"><span>{number}{caption}</span></a></li>'
         )
