@@ -147,7 +147,7 @@ told(3)
 
 # %% [markdown]
 # **SDecGMCA is the most accurate of the six, as the paper says**, and the most consistent over the beams: off by {glue:text}`answer_oscillating` at most at $10 < \ell < 200$ at the paper's size, and by {glue:text}`answer_oscillating_several` at half of
-# it, where the paper has 5 %; but on {glue:text}`25_side_by_side.ipynb::side_larger_failed:s` of {glue:text}`25_side_by_side.ipynb::side_larger_total:s` other skies at that size it fails altogether ([side by side](side-larger)). (O6 is SDecGMCA run on beyond $\ell = 200$, where it is cut in all figures.) What does not come out is the peak near $k_\nu = 0.3$ that the paper finds in every
+# it, where the paper has 5 %; but on {glue:text}`25_side_by_side.ipynb::side_larger_failed:s` of {glue:text}`25_side_by_side.ipynb::side_larger_total:s` skies at that size, of both Galaxies, it fails altogether ([side by side](side-larger)). (O6 is SDecGMCA run on beyond $\ell = 200$, where it is cut in all figures.) What does not come out is the peak near $k_\nu = 0.3$ that the paper finds in every
 # method of blind separation: PCA, FastICA and GMCA have it, SDecGMCA has none to suppress. It loses HI at low $k_\nu$, where the paper finds too much power. Which of this hangs on what the paper's text leaves open is in {doc}`16_readings`.
 #
 # ## 4. The number of sources

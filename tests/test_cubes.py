@@ -345,6 +345,12 @@ def test_malformed_input_is_one_clear_error_and_leaves_nothing(case, pantry):
     assert sorted(pantry.rglob("*")) == before
 
 
+def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(pantry):
+    np.savetxt("mine.txt", FREQS)
+    done = himap("clean", "more.h5", "--freqs", "mine.txt", "--method", "pca", "-o", "cleaned.h5")
+    assert done.exit_code == 0 and (pantry / "cleaned.h5").exists(), done.output
+
+
 def test_the_help_lists_what_there_is():
     out = " ".join(himap("clean", "--help").output.split())
     assert all(name in out for name in (*beams.available(), *METHODS))

@@ -10,7 +10,7 @@ from himap.errors import InputError
 from himap.instrument.beams import Degraded, Evolving
 from himap.instrument.noise import noise_sigma
 from himap.measures import how_many
-from himap.paper import pipeline, suggestions
+from himap.paper import cleaned, pipeline, suggestions
 from himap.paper.choice import SETTLED, Views, eigenvalues, minka, views_of
 from himap.paper.corrections import cases_and_methods
 from himap.paper.mocks import Mock, own_recovery
@@ -114,6 +114,18 @@ class TestEvaluate:
         assert minka(cases[0]) in range(1, 17)
         for made in (pipeline.observation, pipeline.peak_masked):
             assert not made.is_cached(cases[-1])
+
+    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+        (first,), _ = cases_and_methods(**TINY, n_realisations=1)
+        found, separate = [], PCA.separate
+        monkeypatch.setattr(
+            PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
+        )
+        evaluate([first], ["pca"], [Mock(seed=1)], range(1, 3))
+        numbers = [remover.n_sources for remover in found]
+        assert sorted(numbers) == [1, 1, 2, 2]  # the sky, and the sky with the mock
+        assert not cleaned.separation.is_cached(first, PCA(n_sources=1))
 
     def test_cases(self):
         (first,), _ = cases_and_methods(**TINY, n_realisations=1)

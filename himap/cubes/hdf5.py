@@ -171,6 +171,7 @@ def _raw(contents, maps_name, freqs_name, held):
         maps=values,
         freqs=freqs,
         freqs_from=freqs_from,
+        nearly="" if freqs is not None else _nearly(contents, len(values)),
         unit=text_of(maps, "unit") or text_of(contents.file, "unit"),
         nested=_order(contents, maps),
     )
@@ -292,7 +293,6 @@ def _the_freqs(contents, name, n_channels):
         if item.shape == (n_channels,) and (_last(dataset) in _FREQUENCIES or _last(dataset) in _IN_UNIT)
     ]
     if not named:
-        _refuse_other_lengths(contents, n_channels)
         return None, None
     values = [_in_mhz(contents, dataset) for dataset in named]
     if any(not np.array_equal(values[0], others) for others in values[1:]):
@@ -303,14 +303,15 @@ def _the_freqs(contents, name, n_channels):
     return values[0], f"the dataset {named[0]}"
 
 
-def _refuse_other_lengths(contents, n_channels):
-    """Frequencies that are there, but not for these channels, would be told as missing."""
+def _nearly(contents, n_channels):
+    """A sentence on frequencies that are there, but not for these channels; empty where there are none."""
     for dataset, item in contents.arrays.items():
         if _last(dataset) in _FREQUENCIES and len(item.shape) == 1:
-            raise InputError(
-                f"{contents.path} has {n_channels} channels, and {item.shape[0]} frequencies in the dataset "
-                f"{dataset}: give one for each channel, there or with freqs= (--freqs)."
+            return (
+                f"It has {n_channels} channels, and {item.shape[0]} frequencies in the dataset {dataset}: "
+                "there must be one for each channel."
             )
+    return ""
 
 
 def _in_mhz(contents, name):
