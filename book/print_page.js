@@ -6,7 +6,8 @@
   const all = (query) => [...article.querySelectorAll(query)];
   const galleries = [...new Set(all(".himap-chapter").map((one) => one.closest("section")))];
   all(".headerlink, button, script, .himap-chapter, .himap-cite, .copybtn").forEach((one) => one.remove());
-  galleries.filter((one) => one.children.length === 1).forEach((one) => one.remove());
+  // A section of nothing else: its heading, and the targets of links to it.
+  galleries.filter((one) => [...one.children].every((part) => part.matches("h2, span"))).forEach((one) => one.remove());
   all(".himap-links").forEach((one) => one.replaceChildren(...one.querySelectorAll("code")));
   all("details:not(.hide)").forEach((one) => one.open = true);
   all("details.hide").forEach((one) => one.remove());
