@@ -1,6 +1,7 @@
 """Classes that are found by themselves: a package with one class in each file, registered under a name."""
 
 import difflib
+import importlib.util
 import pkgutil
 from dataclasses import fields
 from importlib import import_module
@@ -32,6 +33,17 @@ class Registry:
             import_module(f"{self._package}.{module.name}")
         return sorted(self._classes)
 
+    def holds(self, name):
+        """Whether there is a class called `name`.
+
+        It is looked for in the file of that name, then in all: a new file changes nothing for others.
+        """
+        if not isinstance(name, str):
+            return False
+        if name.isidentifier() and importlib.util.find_spec(f"{self._package}.{name}"):
+            import_module(f"{self._package}.{name}")
+        return name in self._classes or name in self.names()
+
     def create(self, name, **parameters):
         """An object of the class called `name`.
 
@@ -40,9 +52,8 @@ class Registry:
         InputError
             An unknown name or parameter (the message lists what exists), or a bad value.
         """
-        names = self.names()
-        if not isinstance(name, str) or name not in names:
-            raise InputError(f"unknown {self._kind} {name!r}; there are {', '.join(names)}.")
+        if not self.holds(name):
+            raise InputError(f"unknown {self._kind} {name!r}; there are {', '.join(self.names())}.")
         kind = self._classes[name]
         known = {item.name: item.metadata["help"] for item in fields(kind)}
         for key in sorted(set(parameters) - set(known)):

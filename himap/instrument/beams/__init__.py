@@ -45,7 +45,7 @@ def named(text):
     if not isinstance(text, str | Path):
         raise InputError(f"a beam is told by its name or the path of a file, got {text!r}.")
     name, _, parameters = str(text).partition(":")
-    if name in available():
+    if _BEAMS.holds(name):
         pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
         return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
     if not is_file(text):
