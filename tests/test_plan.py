@@ -18,10 +18,10 @@ QUICK = SDecGMCA(n_sources=2, n_warmup=1, n_refinement=1, noise=0.1)
 CALLS = [(case, method, True, False) for case in CASES for method in (PCA(n_sources=2), QUICK)]
 FACTS = [(evidence.masked_voxels, (case,)) for case in CASES]
 SMALL = {
-    "pipeline.true_spectra",
-    "pipeline.components_of_sky",
-    "cleaned.assessment",
-    "evidence.masked_voxels",
+    "true_spectra",
+    "components_of_sky",
+    "assessment",
+    "masked_voxels",
 }
 
 
@@ -47,10 +47,10 @@ def test_one_case_after_the_other_where_observations_do_not_stay(monkeypatch):
     monkeypatch.setattr(plan, "make_all", watched)
     assert plan.make(CALLS, facts=FACTS, keep_observations=False) == 4
     large = {name: n for name, n in most.items() if name not in SMALL}
-    assert large["pipeline.observation"] == large["pipeline.analysis"] == large["pipeline.hi_of_sky"] == 1
+    assert large["observation"] == large["analysis"] == large["hi_of_sky"] == 1
     assert set(large.values()) == {1}
     assert set(_held()) <= SMALL
-    assert _held()["cleaned.assessment"] == 4 and _held()["evidence.masked_voxels"] == 2
+    assert _held()["assessment"] == 4 and _held()["masked_voxels"] == 2
     assert plan.make(CALLS, facts=FACTS, keep_observations=False) == 0
 
 
@@ -61,7 +61,7 @@ def test_facts_of_a_sky_are_made_with_its_cases(monkeypatch):
     facts = [(evidence.sky_brightness, (case.survey.sky, case.galaxy)) for case in cases]
     calls = [(case, PCA(n_sources=2), True, False) for case in cases]
     assert plan.make(calls, facts=facts, keep_observations=False) == 2
-    assert _held()["evidence.sky_brightness"] == 2 and "pipeline.hi_of_sky" not in _held()
+    assert _held()["sky_brightness"] == 2 and "hi_of_sky" not in _held()
 
 
 def test_a_cluster_gets_all_cases_at_once(monkeypatch):
@@ -81,10 +81,10 @@ def test_what_was_there_before_stays():
         name: n for name, n in before.items() if name not in SMALL
     }
     assert plan.make(CALLS[:1], keep_separations=True) == 0
-    assert _held()["cleaned.separation"] == 1
+    assert _held()["separation"] == 1
 
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
 def test_all_stays_unless_told():
     assert plan.make(CALLS) == 4
-    assert _held()["pipeline.observation"] == 2
+    assert _held()["observation"] == 2

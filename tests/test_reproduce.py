@@ -264,11 +264,31 @@ def test_numbers_for_prose_are_kept(folder):
     assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"} and kept() == [number]
 
 
-def test_code_of_the_library_that_changes(folder, monkeypatch):
+@pytest.mark.parametrize(
+    "changes, why",
+    [
+        ({"code": "other"}, "its code, or code that it uses, changed"),
+        ({"code": "other", "look": "other"}, "its code, or code that it uses, changed"),
+        ({"pca": "a method that was not there"}, ""),
+    ],
+)
+def test_code_of_the_library_that_changes(folder, monkeypatch, changes, why):
     pretend_executed(folder)
     real = notebooks.CodeTree.source_fingerprint
-    monkeypatch.setattr(notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) + "changed")
-    assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
+    monkeypatch.setattr(notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) | changes)
+    assert reproduce.stale(folder) == ({"01_toy": why} if why else {})
+
+
+def test_what_only_looks_is_drawn_again_and_fails_nothing(folder, monkeypatch):
+    pretend_executed(folder)
+    real = notebooks.CodeTree.source_fingerprint
+    monkeypatch.setattr(
+        notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) | {"look": "other"}
+    )
+    assert reproduce.stale(folder) == {}
+    assert reproduce.stale(folder, looks=True) == {"01_toy": "only its looks changed"}
+    assert reproduce.refresh(folder=folder) == {"01_toy": "only its looks changed"}
+    assert reproduce.stale(folder, looks=True) == {}
 
 
 def test_a_file_that_a_notebook_reads_changes(folder):
@@ -279,7 +299,7 @@ def test_a_file_that_a_notebook_reads_changes(folder):
     pretend_executed(folder)
     assert notebooks.find("01_toy", folder).reads == [stored] and reproduce.stale(folder) == {}
     stored.write_text("2")
-    assert reproduce.stale(folder) == {"01_toy": "its code, or code that it uses, changed"}
+    assert reproduce.stale(folder) == {"01_toy": "stored.json changed"}
 
 
 def test_an_unexecuted_or_broken_file_is_stale(folder):

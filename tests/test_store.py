@@ -102,7 +102,7 @@ def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
 def test_reading_a_result_runs_and_imports_nothing(lab, name):
     """A class that is no dataclass of a loaded module: damaged, and computed again."""
     lab.pair(SURVEY)
-    (tree,) = (path for path in cache.cache_folder().glob("*.pair/*/value.json"))
+    (tree,) = (path for path in cache.cache_folder().glob("pair/*/value.json"))
     content = json.loads(tree.read_text())
     tree.write_text(json.dumps(content | {"class": name}))
     note = json.loads(tree.with_name("note.json").read_text())

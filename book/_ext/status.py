@@ -31,7 +31,7 @@ class Status(SphinxDirective):
         stored = stored_results(results)
         for one in stored:
             self.env.note_dependency(str(one.path))
-        lines = [*_runs(executions, stale(folder)), "", *_versions(executions), ""]
+        lines = [*_runs(executions, stale(folder, looks=True)), "", *_versions(executions), ""]
         lines += _stored(stored, stale_results(results, folder))
         node = nodes.container()
         self.state.nested_parse(StringList(lines, self.name), self.content_offset, node)

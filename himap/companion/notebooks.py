@@ -15,7 +15,6 @@ from himap.companion.notebook_files import code_cells, number_cells
 from himap.companion.parameters import read_parameters
 from himap.errors import InputError
 from himap.products.fingerprint import CodeTree
-from himap.products.syntax import digest_of
 
 __all__ = ["Notebook", "find", "notebooks", "notebooks_folder"]
 
@@ -91,10 +90,10 @@ class Notebook:
         return found
 
     def fingerprint(self, tree=None):
-        """SHA-256 (hex) of the code, what it reaches in himap (on disk or in a `CodeTree`), and `reads`."""
+        """{"code", "look", what it reaches in himap, file that it `reads`: digest}; see `CodeTree`."""
         code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
-        files = [hashlib.sha256(path.read_bytes()).hexdigest() for path in self.reads]
-        return digest_of([code, *files]) if files else code
+        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in self.reads}
+        return code | files
 
 
 def notebooks_folder():

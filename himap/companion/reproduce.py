@@ -1,7 +1,10 @@
 """Running the notebooks: with other parameters, or again because something they depend on changed.
 
-An executed notebook carries a stamp: the fingerprint of its code and of all that this reaches in himap, and
-the parameters that were passed. A notebook whose stamp is that of today's code is fresh.
+An executed notebook carries a stamp: the fingerprint of its code, that of every product, method and beam
+that this reaches in himap, and the parameters that were passed. A notebook whose stamp is that of today's
+code, or of former code whose numbers are accepted for those of today's (`himap.products.accepted`), is fresh.
+What only looks has a fingerprint of its own: where no more than that moved, a notebook is drawn again, and is
+not stale.
 """
 
 import copy
@@ -26,6 +29,7 @@ from himap.companion.notebook_files import (
 from himap.companion.notebooks import find, notebooks
 from himap.companion.parameters import check_parameters
 from himap.errors import InputError
+from himap.products.accepted import moved
 from himap.products.provenance import environment
 
 __all__ = ["NotebookError", "refresh", "run", "stale"]
@@ -97,7 +101,7 @@ def _is_done(notebook, parameters, path):
     except (OSError, ValueError):
         return False
     same = stamp.get("parameters") == json.loads(json.dumps(parameters))  # as a file holds them
-    return same and stamp.get("fingerprint") == notebook.fingerprint()
+    return same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
 
 
 def _is_unedited(path):
@@ -109,14 +113,19 @@ def _is_unedited(path):
         return False
 
 
-def stale(folder=None):
-    """The notebooks whose executed file is not that of today's code: {name: why}."""
+def stale(folder=None, *, looks=False):
+    """The notebooks whose executed file is not that of today's code: {name: why}.
+
+    With `looks`, those too of which only the looks are others.
+    """
     states = {notebook.name: _state(notebook) for notebook in notebooks(folder)}
-    return {name: state for name, state in states.items() if state}
+    return {name: state for name, state in states.items() if state and (looks or state != _LOOKS_CHANGED)}
 
 
 def refresh(names=None, folder=None, *, report=None):
     """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
+
+    Those of which only the looks changed are executed too.
 
     Parameters
     ----------
@@ -157,6 +166,7 @@ def refresh(names=None, folder=None, *, report=None):
 
 _EDITED = "edited in Jupyter, unlike its .py"
 _TEXT_CHANGED = "its text changed"
+_LOOKS_CHANGED = "only its looks changed"
 
 
 def _state(notebook):
@@ -171,10 +181,16 @@ def _state(notebook):
         return _EDITED
     if not stamp or any(cell.execution_count is None for cell in code_cells(node)):
         return "it was never executed"
-    if stamp.get("fingerprint") != notebook.fingerprint():
-        return "its code, or code that it uses, changed"
+    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
     if stamp.get("parameters"):
         return "it was executed with other parameters"
+    if changed == ["look"]:
+        return _LOOKS_CHANGED
+    if changed:
+        others = ", ".join(name for name in changed if name not in ("code", "look"))
+        if "code" not in changed:
+            return f"{others} changed"
+        return "its code, or code that it uses, changed" + (f", and {others}" if others else "")
     return "" if text == source == stamp.get("text") else _TEXT_CHANGED
 
 

@@ -1,8 +1,8 @@
 """Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
 
 Ledgers, readings and figures carry the fingerprint of the code that made them, without parameters, which
-stand beside it. Timings carry none: they are those of one machine and one day. A stale result is told, not
-made again.
+stand beside it; what only looks does not count, and accepted code is as good (`himap.products.accepted`).
+Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
 """
 
 import json
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from himap.companion.notebooks import notebooks
 from himap.companion.stored import RESULTS
+from himap.products.accepted import moved
 from himap.products.fingerprint import CodeTree
 
 __all__ = [
@@ -66,7 +67,7 @@ class StoredResult:
     galaxy: str
     commits: set[tuple[str, bool]]
     seconds: float
-    codes: dict[str, str | None]
+    codes: dict[str, dict | None]
     checked: str = ""
 
     @property
@@ -101,32 +102,32 @@ def stale_results(folder=None, notebooks_folder=None):
 
 
 def ledger_code(tree=None):
-    """SHA-256 (hex) of the code that evaluates the claims, as on disk or in a `CodeTree`."""
+    """Fingerprint of the code that evaluates the claims, as on disk or in a `CodeTree`."""
     return (tree or CodeTree()).source_fingerprint(_LEDGER)
 
 
 def readings_code(tree=None):
-    """SHA-256 (hex) of the code that evaluates the readings of SDecGMCA, as `ledger_code`."""
+    """Fingerprint of the code that evaluates the readings of SDecGMCA, as `ledger_code`."""
     return (tree or CodeTree()).source_fingerprint(_READINGS)
 
 
 def corrections_code(tree=None):
-    """SHA-256 (hex) of the code that measures corrections of what is lost, as `ledger_code`."""
+    """Fingerprint of the code that measures corrections of what is lost, as `ledger_code`."""
     return (tree or CodeTree()).source_fingerprint(_CORRECTIONS)
 
 
 def beam_errors_code(tree=None):
-    """SHA-256 (hex) of the code that measures what a wrong beam costs, as `ledger_code`."""
+    """Fingerprint of the code that measures what a wrong beam costs, as `ledger_code`."""
     return (tree or CodeTree()).source_fingerprint(_BEAM_ERRORS)
 
 
 def suggestions_code(tree=None):
-    """SHA-256 (hex) of the code that judges criteria for the number of sources, as `ledger_code`."""
+    """Fingerprint of the code that judges criteria for the number of sources, as `ledger_code`."""
     return (tree or CodeTree()).source_fingerprint(_SUGGESTIONS)
 
 
 def side_by_side_code(tree=None):
-    """SHA-256 (hex) of the code that measures methods side by side, as `ledger_code`."""
+    """Fingerprint of the code that measures methods side by side, as `ledger_code`."""
     return (tree or CodeTree()).source_fingerprint(_SIDE_BY_SIDE)
 
 
@@ -147,8 +148,14 @@ def _state(result, today):
     gone = [name for name in result.codes if name not in today]
     if gone:
         return f"no notebook has {', '.join(gone)} any more"
-    changed = [name for name, code in result.codes.items() if code != today[name]]
-    return f"the code behind {', '.join(changed)} changed" if changed else ""
+    changed = {name: moved(code, today[name]) for name, code in result.codes.items()}
+    parts = dict.fromkeys(part for name in changed for part in changed[name] if part != "code")
+    which = f": {', '.join(parts)}" if parts else ""
+    return (
+        f"the code behind {', '.join(filter(changed.get, changed))} changed{which}"
+        if any(changed.values())
+        else ""
+    )
 
 
 def _read(path):

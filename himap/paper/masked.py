@@ -57,7 +57,7 @@ class Region:
         return self.depth(nside) > margin
 
 
-@product
+@product(name="masked_analysis")
 def analysis(case, region, mask_peaks=True):
     """The `CubeModes` of a region of the maps that the foreground is found in, less their means there."""
     kept = region.mask(case.survey.nside)
@@ -67,7 +67,7 @@ def analysis(case, region, mask_peaks=True):
     return analysed(less_means, kept)
 
 
-@product
+@product(name="masked_separation")
 def separation(case, remover, region, mask_peaks=True):
     """The `Separation` that `remover` makes of a region of a case, as `cleaned.separation` of all of it."""
     observed, whole = pipeline.observation(case), remover.needs_whole_sky
@@ -105,7 +105,7 @@ def residual(case, remover, region, way):
     return left
 
 
-@product
+@product(name="masked_comparison")
 def compared(case, remover, region, way, margin=4.0):
     """The `Comparison` of what is left by one of `WAYS` with the truth, inside of a region.
 
@@ -138,7 +138,7 @@ def compared(case, remover, region, way, margin=4.0):
     return Comparison.of(*pair, l_top=2 * survey.nside)
 
 
-@product
+@product(name="masked_by_depth")
 def by_depth(case, remover, region, way, edges=(0.0, 1.0, 2.0, 4.0, 8.0, 90.0)):
     """Rms of what is left less the truth, mK, between some distances from the edge, deg, (n - 1,)."""
     left, depth = residual(case, remover, region, way), region.depth(case.survey.nside)

@@ -107,7 +107,7 @@ def mock_alms(case, mock, lmax=None):
     return alms
 
 
-@product
+@product(name="mocks_recovered")
 def recovered(case, removers, mock, mask_peaks=True):
     """What comes back of a mock in an observation, a list with the `Recovery` of each method.
 

@@ -37,7 +37,7 @@ def make_observations(cases):
     made = []
     for product, calls in observing_steps(cases):
         missing = [(product, call) for call in calls if not product.is_cached(*call)]
-        make_all(product, [call for _, call in missing], product.name.rpartition(".")[2])
+        make_all(product, [call for _, call in missing], product.name)
         made += missing
     return made
 
@@ -86,7 +86,7 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
             made += make_observations(now) + _make_analyses([call for product, call in own if call[0] in now])
             for product in dict.fromkeys(product for product, _ in own):
                 calls = [call for other, call in own if other is product]
-                make_all(product, calls, product.name.rpartition(".")[2])
+                make_all(product, calls, product.name)
         if not keep_observations:
             later = observing_steps([case for others in rounds[n + 1 :] for case in others])
             made = _forgotten(made, {(product, call) for product, calls in later for call in calls})

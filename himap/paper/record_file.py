@@ -6,6 +6,7 @@ from dataclasses import astuple, fields
 from himap.errors import InputError
 from himap.outputs import whole_file
 from himap.paper.checking import marked, same
+from himap.products.accepted import moved
 from himap.reading import regular_file, there_is
 
 __all__ = ["check_record", "grow_record", "lacking", "read_record", "write_record"]
@@ -122,7 +123,7 @@ def lacking(kind, path, seeds, about):
             f"{path} was made with other parameters ({', '.join(differing)}): give those that it was made "
             "with, and more n_realisations."
         )
-    if about["code"] not in (told["code"], told.get("checked", {}).get("code")):
+    if all(moved(made.get("code"), about["code"]) for made in (told, told.get("checked", {}))):
         raise InputError(f"{path} was made by other code; see with --check whether it gives the same.")
     there = {row.seed for row in rows}
     return [seed for seed in seeds if seed not in there]

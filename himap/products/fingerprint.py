@@ -1,42 +1,52 @@
 """Fingerprints of code: which result depends on which lines.
 
-A fingerprint is the SHA-256 of syntax trees from which comments, docstrings and line numbers are
-gone, so that it changes with the code and with nothing else; it is the same on every version of
-Python and every machine. It covers what a piece of code reaches, name by name:
+A fingerprint is a digest of the text of code (`himap.products.writing`: what can change a number, and nothing
+else) and of all that this names: definitions of its own module, what it imports of others, and what a package
+offers under a name. A definition counts by its text and by the digests of what it names, in their order, not
+by its name or place: to rename or move it changes nothing. Definitions that name each other in a circle get
+digests that say how they do. What each module on the way, and each package that it is in, does when it is
+imported counts too, and the imports of a package that are neither used there nor offered in ``__all__``, so
+that they are there for what they do (say, to register).
 
-- the functions, classes and constants of its own module that it names, and theirs in turn;
-- what it names of other modules of the package, by ``from module import name`` or ``module.name``,
-  and a module as a whole where it is used in another way;
-- what a package offers under a name: what its ``__init__`` defines, or imports from elsewhere; and where it
-  has a ``__getattr__``, the definition of that name in the modules of the package;
-- every module of a package, where the code names ``__path__`` and so looks into the package's folder;
-- what each module on the way, and each package that it is in, does when it is imported: the statements that
-  only do something and define nothing, and the imports of a package that are neither used there nor offered
-  in ``__all__``, so that they are there for what they do (say, to register).
+Products, and classes with a fixed ``name`` such as methods and beams, have a digest of their own, and count
+elsewhere by that name. So the fingerprint of a notebook or a record is a dict: "code", "look", and the digest
+of every product and named class that it reaches, by its name. Where code names ``__path__`` and so looks into
+the folder of a package, it reaches all named classes there; one that is added later was not used, and
+`himap.products.accepted.moved` asks only for the names that were listed.
 
-All of it is read from the source: nothing is imported, and cycles are harmless. The modules in the rooms
-`IGNORED` cannot change a number and do not count. Code of other packages counts by its name alone: a new
-numpy does not make a notebook stale.
+What only shows numbers (`himap.products.syntax.LOOKS`) counts in "look", what that names elsewhere in "code".
+Code of other packages counts by its name alone: a new numpy does not make a notebook stale. All is read from
+the source: nothing is imported.
 """
 
-import ast
-import inspect
-import os
-import sys
-from functools import lru_cache
+from collections import defaultdict
+from graphlib import TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
-from himap.errors import InputError
-from himap.products.syntax import IMPORTS, RUN, Code, bound_name, digest_of, dump, parse_cell, parse_module
+from himap.products.sources import ROOT, read
+from himap.products.syntax import RUN, digest_of, is_ignored, is_look, parse, parse_cells
+from himap.products.writing import IMPORTS, bound_name
 
-__all__ = ["IGNORED", "CodeTree", "code_fingerprint"]
+__all__ = ["CodeTree"]
 
-IGNORED = {"himap.products", "himap.progress"}
-"""Rooms, with all that is in them, that store, time, share out and label the making of results."""
+_FOLDER, _CELLS = "__path__", "<cells>"
 
-_ROOT = Path(__file__).resolve().parents[1]
-_LOADED = {file: file.read_text(encoding="utf-8") for file in _ROOT.rglob("*.py")}
-"""The source as it was when this process began: the code that it runs, whatever is edited since."""
+
+class _Unit(NamedTuple):
+    """Something that can be named: digest of its text; what each hole leads to, [(units, attribute)]; and
+    all units that it leads to, those that it may look for and what runs on import among them."""
+
+    text: str
+    targets: tuple = ()
+    edges: tuple = ()
+
+
+class _Summary(NamedTuple):
+    code: str
+    look: str
+    parts: tuple
+    reached: tuple
 
 
 class CodeTree:
@@ -48,93 +58,193 @@ class CodeTree:
         Take the source as this process loaded it, not as it is on disk when it is first asked for.
     himap
         The folder of himap, where it is not this one.
+    texts
+        {path of a file: text} that counts in its place.
     roots
         Name of another package (or single module) -> its folder (or file).
     """
 
-    def __init__(self, *, loaded=False, himap=_ROOT, **roots):
-        self.loaded = loaded
+    def __init__(self, *, loaded=False, himap=ROOT, texts=None, **roots):
+        self.loaded, self.texts = loaded, texts or {}
         self.roots = {name: Path(path) for name, path in {"himap": himap, **roots}.items()}
-        self._files, self._units = {}, {}
+        packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
+        self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
+        self._files, self._codes, self._units = {}, {}, {}
+        self._fixed_names, self._digests, self._summaries = {}, {}, {}
 
     def fingerprint(self, module, name=None):
-        """SHA-256 (hex) of the module `module`, or of the object `name` at its top level."""
-        return digest_of(self._reached([(module, name)]))
+        """{"code", "look", products and named classes: digest} of a module, or of `name` in it."""
+        return self._fingerprint((_CELLS, module, name), [(((module, name),), None)])
 
     def source_fingerprint(self, *sources):
-        """SHA-256 (hex) of pieces of code, such as the cells of a notebook, and of what they import."""
-        cells = [parse_cell(source) for source in sources]
-        code = Code([node for cell in cells for node in cell])
-        digests = [digest_of(map(dump, cell)) for cell in cells if cell]
-        return digest_of(digests + self._reached(self._needed(code)))
+        """The same of pieces of code, such as the cells of a notebook, and of what they import."""
+        code, part = parse_cells(sources)
+        return self._fingerprint((_CELLS, sources), self._targets(code, part, None), part.digest)
 
-    def _reached(self, units):
-        """One line for each unit (module, name, `RUN` or None) that can be reached from `units`."""
-        reached, todo = {}, list(units)
-        while todo:
-            unit = todo.pop()
-            if unit not in reached and not _is_ignored(unit[0]):
-                if unit not in self._units:
-                    self._units[unit] = self._unit(*unit)
-                reached[unit], needed = self._units[unit]
-                todo += needed
-        return sorted(f"{module}:{name or ''}:{digest}" for (module, name), digest in reached.items())
+    def files(self, module, name=None):
+        """The files that a fingerprint was read from."""
+        self.fingerprint(module, name)
+        units = {unit for root in self._all((_CELLS, module, name)) for unit in self._summary(root).reached}
+        return {self._file(unit[0]) for unit in units} - {None}
 
-    def _unit(self, module, name):
-        """Digest of a unit, and the units that it needs."""
-        if not self._file(module):  # of another package
-            return "", []
+    def _fingerprint(self, root, targets, text=""):
+        edges = [unit for units, _ in targets for unit in units]
+        self._units.setdefault(root, _Unit(text, tuple(targets), tuple(edges)))
+        found = defaultdict(list)
+        for part in self._all(root)[1:]:
+            found[self._fixed_name(part)].append(self._summary(part).code)
+        whole = self._summary(root)
+        named = {
+            name: one if not more else digest_of(sorted([one, *more])) for name, (one, *more) in found.items()
+        }
+        return {"code": whole.code, "look": whole.look} | dict(sorted(named.items()))
+
+    def _all(self, root):
+        """`root`, and the units with a fixed name that it reaches, also through each other."""
+        found = [root]
+        for unit in found:
+            found += [part for part in self._summary(unit).parts if part not in found]
+        return found
+
+    def _summary(self, root):
+        """What `root` reaches without going beyond units with a fixed name, and the digests of that."""
+        if root in self._summaries:
+            return self._summaries[root]
+        reached, parts, numbers, looks = [root], {}, set(), set()
+        seen = {root}
+        for unit in reached:
+            for other in self._unit(unit).edges:
+                if self._fixed_name(other):
+                    parts[other] = None
+                elif other not in seen:
+                    seen.add(other)
+                    reached.append(other)
+        self._digest_all(reached)
+        for unit in reached:
+            edges, is_shown = self._unit(unit).edges, is_look(unit[0])
+            if unit == root or (unit[1] == RUN and self._unit(unit)[:2] != ("", ())):
+                (looks if is_shown else numbers).add(self._digests[unit])
+            if is_shown:
+                numbers |= {self._digests[one] for one in edges if one in seen and not self._is_shown(one)}
+            elif shown := [self._digests[one] for one in edges if is_look(one[0])]:
+                looks.add(digest_of(shown))
+        code, look = digest_of(sorted(numbers)), digest_of(sorted(looks))
+        self._summaries[root] = _Summary(code, look, tuple(parts), tuple(reached))
+        return self._summaries[root]
+
+    def _is_shown(self, unit):
+        """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""
+        return is_look(unit[0]) or not self._file(unit[0])
+
+    def _digest_all(self, units):
+        """Fill the digests of units, those before that others name; circles of them together."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        units = [unit for unit in units if unit not in self._digests]
+        places = {unit: n for n, unit in enumerate(units)}
+        edges = {
+            (places[one], places[other]) for one in units for other in self._named_by(one) if other in places
+        }
+        rows, columns = zip(*edges, strict=True) if edges else ((), ())
+        graph = coo_array(([1] * len(edges), (rows, columns)), shape=(len(units), len(units)))
+        labels = connected_components(graph, connection="strong")[1].tolist()
+        circles, after = defaultdict(list), {label: set() for label in labels}
+        for unit, label in zip(units, labels, strict=True):
+            circles[label].append(unit)
+        for row, column in edges:
+            after[labels[row]] |= {labels[column]} - {labels[row]}
+        for label in TopologicalSorter(after).static_order():
+            self._digests |= dict.fromkeys(circles[label], "circle")
+            for _ in circles[label]:  # after as many rounds as there are units each knows all of the circle
+                self._digests |= {unit: self._digest(unit) for unit in circles[label]}
+
+    def _named_by(self, unit):
+        """The units by whose digests this one counts: of its kind, and without a fixed name."""
+        kind = is_look(unit[0])
+        named = [one for units, _ in self._unit(unit).targets for one in units if not self._fixed_name(one)]
+        return [one for one in named if (self._is_shown(one) if kind else not is_look(one[0]))]
+
+    def _digest(self, unit):
+        text, targets, _ = self._unit(unit)
+        known, pieces = set(self._named_by(unit)), []
+        for units, attribute in targets:
+            kinds = [one for one in units if is_look(unit[0]) or not is_look(one[0])]
+            digests = [self._fixed_name(one) or (self._digests[one] if one in known else "") for one in kinds]
+            pieces.append(f"{'|'.join(sorted(digests))}.{attribute or ''}")
+        if unit[0] != _CELLS and unit[1] is None:
+            pieces.sort()
+        if not text and len(pieces) == 1 and pieces[0].endswith("."):
+            return pieces[0][:-1]  # another name of that
+        return digest_of([text, *pieces])
+
+    def _unit(self, unit):
+        if unit not in self._units:
+            self._units[unit] = self._made(*unit)
+        return self._units[unit]
+
+    def _made(self, module, name):
+        if not self._file(module):
+            return _Unit(f"{module}.{name or ''}")
         code, parts = self._read(module), module.split(".")
-        packages = [".".join(parts[:n]) for n in range(2, len(parts))]
-        run = [(one, RUN) for one in [*packages, module]]
-        return code.part(name).digest, run + self._needed(code, module, name)
+        before = [".".join(parts[:n]) for n in range(2, len(parts))] + [module]
+        run = [(one, RUN) for one in before if self._file(one)]
+        if name == _FOLDER:
+            return _Unit(_FOLDER, edges=(*self._inside(module), *run))
+        if name is None:  # private names count by what they are
+            names = {
+                one: code.defines(one) and one[0] != "_" for one in code.index if one not in code.ignored
+            }
+            text, targets = "module", tuple((((module, one),), one * names[one]) for one in sorted(names))
+        else:
+            part = code.part(name)
+            text, targets = part.digest, self._targets(code, part, module)
+        return _Unit(text, targets, tuple([unit for units, _ in targets for unit in units] + run))
 
-    def _needed(self, code, module=None, name=None):
-        """The units that one unit names: its neighbours in the module, and what it imports."""
-        part, units = code.part(name), []
-        for used, attributes in part.uses.items():
-            for node in code.index.get(used, []):
+    def _fixed_name(self, unit):
+        if unit not in self._fixed_names:
+            module, name = unit[0], unit[1]
+            is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and self._file(module)
+            self._fixed_names[unit] = self._read(module).fixed_name(name) if is_ours else None
+        return self._fixed_names[unit]
+
+    def _targets(self, code, part, module):
+        """What the holes of a part lead to: [(units, attribute of them that is taken)]."""
+        targets = []
+        for hole in part.holes:
+            units, rest = [] if hole.nodes else [(module, _FOLDER)], None
+            for node in hole.nodes:
                 if isinstance(node, IMPORTS):
-                    units += self._imported(node, used, attributes, code.package)
-                elif name is not None:
-                    units.append((module, used))
-        for node in part.local_imports:
-            for alias in node.names:
-                units += self._imported(node, bound_name(alias), None, code.package)
-        if "__path__" in part.uses and code.is_package:
-            units += self._inside(module)
-        return units
+                    found, taken = self._imported(node, hole, code)
+                else:
+                    found, taken = [(module, hole.name)], False
+                units += found
+                rest = rest if taken else hole.attribute
+            units = [unit for unit in dict.fromkeys(units) if not is_ignored(unit[0])]
+            targets.append((tuple(units), rest))
+        return tuple(targets)
 
-    def _imported(self, node, name, attributes, package):
-        """The units behind `name`, bound by an import in `package`, of which `attributes` are used."""
-        here = package.split(".")
-        units = []
-        for alias in node.names:
-            if bound_name(alias) != name:
-                continue
-            if isinstance(node, ast.Import):
-                module, names = alias.name, attributes if alias.asname or "." not in alias.name else None
-            else:
-                parents = here[: len(here) - node.level + 1] if node.level else []
-                module, names = ".".join([*parents, *([node.module] if node.module else [])]), {alias.name}
-                if self._file(f"{module}.{alias.name}"):
-                    module, names = f"{module}.{alias.name}", attributes
-            units += [unit for one in names or [None] for unit in self._named(module, one)]
-        return units
+    def _imported(self, node, hole, code):
+        """The units behind an import, and whether the attribute of the hole is one of them."""
+        alias = next(one for one in node.names if bound_name(one) == hole.name)
+        *parent, place = code.source(node, alias)
+        if parent and not self._file(place):
+            return self._named(parent[0], alias.name), False
+        is_bound = bool(parent) or alias.asname or "." not in place  # import a.b.c binds a
+        if hole.attribute and is_bound:
+            return self._named(place, hole.attribute), True
+        return [(place, None)], False
 
     def _named(self, module, name):
-        """The units behind `name` of a module, whose own or which a package offers; None for all of it."""
-        if name is None or not self._file(module):
+        """The units behind `name` of a module, whose own or which a package offers."""
+        if not self._file(module):
             return [(module, name)]
         code = self._read(module)
-        units = [(module, name)] if name in code.index else []
-        if code.is_package:
-            if name == "__path__":
-                return self._inside(module)
-            if self._file(f"{module}.{name}"):
-                units.append((f"{module}.{name}", None))
-            if not units and "__getattr__" in code.index:
-                units = self._offered(module, name) or [(module, "__getattr__")]
+        units = [(module, name)] if name in code.index or (code.is_package and name == _FOLDER) else []
+        if code.is_package and self._file(f"{module}.{name}"):
+            units.append((f"{module}.{name}", None))
+        if code.is_package and not units and "__getattr__" in code.index:
+            units = self._offered(module, name) or [(module, "__getattr__")]
         return units or [(module, None)]
 
     def _offered(self, package, name):
@@ -149,15 +259,20 @@ class CodeTree:
         return units
 
     def _inside(self, package):
-        """All that the folder of a package holds, as units: its modules, and those of its sub-packages."""
-        modules = self._modules(package)
-        deeper = [unit for one in modules if self._read(one).is_package for unit in self._inside(one)]
-        return [(one, None) for one in modules] + deeper
+        """The classes with a fixed name in the folder of a package, and in those of its sub-packages."""
+        units = []
+        for module in self._modules(package):
+            code = self._read(module)
+            units += [(module, name) for name in code.index if code.fixed_name(name)]
+            units += self._inside(module) if code.is_package else []
+        return units
 
     def _modules(self, package):
         """Names of the modules and sub-packages in the folder of a package."""
-        names = {path.stem for path in self._file(package).parent.iterdir()} - {"__init__"}
-        modules = [f"{package}.{name}" for name in sorted(names) if name.isidentifier()]
+        folder = self._file(package).parent
+        names = {path.stem for path in self._there if path.parent == folder}
+        names |= {path.parent.name for path in self._there if path.parent.parent == folder}
+        modules = [f"{package}.{name}" for name in sorted(names - {"__init__"})]
         return [module for module in modules if self._file(module)]
 
     def _file(self, module):
@@ -173,72 +288,13 @@ class CodeTree:
             return None if rest else root
         path = root.joinpath(*rest)
         candidates = [path / "__init__.py"] + [path.with_suffix(".py")] * bool(rest)
-        return next((item for item in candidates if item.is_file() and _is_spelt(item, root)), None)
+        return next((one for one in candidates if one in self._there), None)
 
     def _read(self, module):
-        file = self._file(module)
-        stat = file.stat()
-        text = _read_text(file, stat.st_mtime_ns, stat.st_size)
-        if self.loaded:
-            text = _LOADED.setdefault(file, text)
-        is_package = file.name == "__init__.py"
-        return parse_module(text, module if is_package else module.rpartition(".")[0], is_package)
-
-
-def _is_ignored(module):
-    return any(f"{module}.".startswith(f"{room}.") for room in IGNORED)
-
-
-def _is_spelt(file, root):
-    """Whether a file below `root` is there in these letters: some disks take PCA.py for pca.py."""
-    below = [file, *file.parents][: len(file.relative_to(root).parts)]
-    return all(path.name in os.listdir(path.parent) for path in below)
-
-
-def code_fingerprint(obj, *, loaded=False):
-    """SHA-256 (hex) of a function, class or module and of all that it reaches (see the module).
-
-    Parameters
-    ----------
-    obj
-        The function, class or module.
-    loaded
-        Take the source as this process loaded it, not as it is on disk now.
-
-    Raises
-    ------
-    InputError
-        `obj` is not defined at the top level of a source file (a lambda, a nested function, or
-        something typed into a notebook).
-    """
-    is_module = inspect.ismodule(obj)
-    module = obj.__name__ if is_module else getattr(obj, "__module__", None)
-    name = None if is_module else getattr(obj, "__qualname__", "")
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file is None or (name is not None and not name.isidentifier()):
-        raise InputError(
-            f"{obj!r} has no fingerprint: it must be a module, or a function or class defined at the top "
-            "level of a source file; move it into a module and import it from there."
-        )
-    top, *rest = module.split(".")
-    path = Path(file).resolve()
-    depth = len(rest) + (path.name == "__init__.py")
-    root = path.parents[depth - 1] if depth else path
-    return _remembered(top, root, module, name, None if loaded else _version(_ROOT, root))
-
-
-@lru_cache(maxsize=1024)
-def _remembered(top, root, module, name, version):
-    """The fingerprint of the source as loaded, or of the `version` that is on disk."""
-    return CodeTree(loaded=version is None, **{top: root}).fingerprint(module, name)
-
-
-def _version(*roots):
-    """What changes when a source file does."""
-    files = {file for root in roots for file in (root.rglob("*.py") if root.is_dir() else [root])}
-    return frozenset((file, (stat := file.stat()).st_mtime_ns, stat.st_size) for file in files)
-
-
-@lru_cache(maxsize=512)
-def _read_text(file, mtime, size):
-    return file.read_text(encoding="utf-8")
+        if module not in self._codes:
+            file = self._file(module)
+            text = self.texts[file] if file in self.texts else read(file, loaded=self.loaded)
+            is_package = file.name == "__init__.py"
+            package = module if is_package else module.rpartition(".")[0]
+            self._codes[module] = parse(text, package, is_package, is_look(module))
+        return self._codes[module]

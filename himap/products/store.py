@@ -1,7 +1,7 @@
 """Heavy results, computed once and kept on disk.
 
 A function under `@product` is computed once for each set of arguments and each version of the code
-that it reaches (`himap.products.fingerprint`); after that its result is read from the cache folder
+that it reaches (`himap.products.live`); after that its result is read from the cache folder
 (`himap.products.cache`), its arrays mapped from disk and read-only.
 """
 
@@ -17,19 +17,29 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.products import cache
-from himap.products.fingerprint import code_fingerprint
+from himap.products.accepted import accepted, followed
+from himap.products.live import code_fingerprint, is_current, note
 
 __all__ = ["Product", "product"]
 
 
-def product(function):
-    """Decorator: keep what `function` returns on disk.
+def product(function=None, *, name=None, version=None):
+    """Decorator: keep what a function returns on disk.
 
-    `function` stands at the top level of a module. Its arguments are small: numbers, strings,
+    The function is at the top level of a module. Its arguments are small: numbers, strings,
     bools, None, paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by
     its content). A dataclass also counts with the code of its class, and an argument with a method
     `digest()` with what that returns, for instance the hash of a file. The result is an array, or
     a dataclass, list, tuple or dict of arrays, text and numbers; arrays are read-only.
+
+    Parameters
+    ----------
+    name
+        By which caches, stamps and records know it, wherever the function is; default: that of the function.
+        Who renames the function gives the former name, and nothing is made again.
+    version
+        A number to raise where the result changes for a reason that is not in the source, such as a newer
+        package.
 
     Raises
     ------
@@ -40,7 +50,7 @@ def product(function):
     >>> @product
     ... def observation(survey, *, beam="degraded"): ...
     """
-    return Product(function)
+    return Product(function, name) if function else functools.partial(product, name=name, version=version)
 
 
 class Product:
@@ -49,15 +59,16 @@ class Product:
     Attributes
     ----------
     name
-        module.function, without the rooms that the module is in.
+        Its fixed name.
     """
 
-    def __init__(self, function):
+    def __init__(self, function, name=None):
         functools.update_wrapper(self, function)
-        self.name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+        self.name = name or function.__qualname__
         self._function = function
         self._signature = inspect.signature(function)
-        self._code([], loaded=True)  # so that the source is noted as it is now
+        self._codes = {}
+        note(function)
 
     def __reduce__(self):
         return self.__qualname__  # by name, as functions are: joblib's workers import it
@@ -121,14 +132,22 @@ class Product:
 
     def _key(self, bound):
         """What names the result on disk; and whether the code on disk is what this process runs."""
-        classes = _classes(bound.arguments)
-        code = self._code(classes, loaded=True)
-        text = f"{code} {_describe(bound.arguments)}"
-        return sha256(text.encode()).hexdigest()[:32], code == self._code(classes, loaded=False)
+        sources = {self._function, *_classes(bound.arguments)}
+        text = f"{self._code(frozenset(sources))} {_describe(bound.arguments)}"
+        return sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
 
-    def _code(self, classes, loaded):
-        parts = {code_fingerprint(item, loaded=loaded) for item in [self._function, *classes]}
-        return sha256(" ".join(sorted(parts)).encode()).hexdigest()
+    def _code(self, sources):
+        """Digest of the code of function and classes, accepted code as that whose numbers it gives."""
+        known = accepted()
+        if self._codes.get(sources, (None,))[0] is not known:
+            parts = {
+                f"{name} {followed(name, digest)}"
+                for source in sources
+                for name, digest in code_fingerprint(source).items()
+                if name != "look"
+            }
+            self._codes[sources] = known, sha256(" ".join(sorted(parts)).encode()).hexdigest()
+        return self._codes[sources][1]
 
 
 def _describe(value):

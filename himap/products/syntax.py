@@ -1,40 +1,41 @@
-"""Python source as syntax trees: what a module defines, what each definition names, and its digest."""
+"""Python source as syntax trees: what a module defines, and the text of each definition with its holes."""
 
 import ast
 import hashlib
-import symtable
-from collections import Counter
 from functools import lru_cache
 from typing import NamedTuple
 
-__all__ = ["IMPORTS", "RUN", "Code", "Part", "bound_name", "digest_of", "dump", "parse_cell", "parse_module"]
+from himap.products.writing import DEFINITIONS, IMPORTS, Hole, Writer, assigns, bound_name, called, is_text
 
-IMPORTS = (ast.Import, ast.ImportFrom)
+__all__ = ["RUN", "Code", "Part", "digest_of", "is_ignored", "is_look", "parse", "parse_cells"]
+
 
 RUN = "<run>"
 """Name of the part of a module that acts whenever the module is imported, whatever is taken from it."""
 
-_DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+IGNORED = {
+    *("himap.compiled", "himap.errors", "himap.folders", "himap.memory", "himap.outputs", "himap.products"),
+    "himap.progress",
+}
+"""Rooms, with all that is in them but `LOOKS`, that store, time, share out, refuse and label the making of
+results: no number depends on them."""
+
+LOOKS = {
+    *("himap.figures", "himap.companion.stored_curves", "himap.companion.stored_tables"),
+    *("himap.paper.beam_errors_figures", "himap.paper.captions", "himap.paper.corrections_figures"),
+    *("himap.paper.readings_figures", "himap.paper.side_by_side_figures", "himap.paper.study_figures"),
+    "himap.products.provenance",
+}
+"""Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
+
 _BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
-_SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
 
 
 class Part(NamedTuple):
-    """One definition, what a module does when it runs, or all of it.
-
-    Attributes
-    ----------
-    digest
-        Of the code, the imports at the top level aside, for they count with what they lead to.
-    uses
-        {name: the attributes taken of it}, None where the name is used in another way.
-    local_imports
-        The imports inside functions.
-    """
+    """One definition, or what a module does when it runs: digest of its text, and its holes in order."""
 
     digest: str
-    uses: dict[str, set[str] | None]
-    local_imports: list[ast.stmt]
+    holes: list[Hole]
 
 
 class Code:
@@ -48,12 +49,14 @@ class Code:
         Whether this is the ``__init__`` of that package.
     index
         {name: the top-level statements that define it or change it in place}.
+    ignored
+        The names that are imported from `IGNORED` rooms.
     """
 
-    def __init__(self, statements, package="", is_package=False):
-        self.package, self.is_package = package, is_package
-        self._offered = {name for node in statements if _is_public_list(node) for name in _texts(node)}
-        self._statements = [node for node in statements if not _is_text(node)]
+    def __init__(self, statements, package="", is_package=False, keeps_labels=True):
+        self.package, self.is_package, self.keeps_labels = package, is_package, keeps_labels
+        self._offered = {name for node in statements if assigns(node, "__all__") for name in _texts(node)}
+        self._statements = [node for node in statements if not is_text(node)]
         self._loose, self._parts, self.index = [], {}, {}
         for node in self._statements:
             names = _names_bound(node)
@@ -61,52 +64,116 @@ class Code:
                 self.index.setdefault(name, []).append(node)
             if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
                 self._loose.append(node)
+        imports = [node for node in ast.walk(ast.Module(statements, [])) if isinstance(node, IMPORTS)]
+        self.ignored = {
+            bound_name(alias)
+            for node in imports
+            for alias in node.names
+            if is_ignored(self.source(node, alias)[-1])
+        }
+
+    def source(self, node, alias):
+        """What an import takes: (module,), or of ``from module import name`` (module, module.name)."""
+        if isinstance(node, ast.Import):
+            return (alias.name,)
+        here = self.package.split(".")
+        parents = here[: len(here) - node.level + 1] if node.level else []
+        module = ".".join([*parents, *([node.module] if node.module else [])])
+        return module, f"{module}.{alias.name}"
 
     def defines(self, name):
         """Whether `name` is made here, not only imported."""
         return any(not isinstance(node, IMPORTS) for node in self.index.get(name, ()))
 
-    def part(self, name=None):
-        """The `Part` called `name`, what runs on import (`RUN`), or all of the module (None)."""
+    def fixed_name(self, name):
+        """The name that a product, or a class with a ``name``, keeps wherever it is; else None.
+
+        That of a product is its ``name=``, else that of its function.
+        """
+        (node, *others) = self.index.get(name, [None])
+        if isinstance(node, ast.ClassDef) and node.bases and not others:
+            values = [child.value for child in node.body if assigns(child, "name")]
+            return next((value.value for value in values if isinstance(value, ast.Constant)), None)
+        for one in getattr(node, "decorator_list", ()):
+            if called(one) == "product" and "product" in self.ignored:
+                given = {key.arg: key.value for key in getattr(one, "keywords", ())}
+                return given["name"].value if "name" in given else name
+        return None
+
+    def part(self, name):
+        """The `Part` called `name`, or what runs on import (`RUN`)."""
         if name not in self._parts:
-            self._parts[name] = self._part(name)
+            nodes = self._loose if name == RUN else self.index[name]
+            if name == RUN and self.is_package:  # it imports for what that does
+                used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
+                known = self._offered | {hole.name for hole in used}
+                nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
+                names = {n for n in self.index if not self.defines(n)} - known
+            else:
+                names = {name}
+            self._parts[name] = self._text([nodes], names, own=name)
         return self._parts[name]
 
-    def _part(self, name):
-        imported = [bound_name(alias) for node in self._imports() for alias in node.names]
-        if name is None:  # what is imported and not used is there for others, or for what it does
-            nodes, extra = self._statements, imported
-        elif name == RUN:  # a package imports what it neither uses nor offers for what that does
-            nodes = self._loose
-            extra = set(imported) - self._offered - set(self._used()) if self.is_package else ()
-        else:  # a name that is imported may be there for others
-            nodes, extra = self.index[name], {name} & set(imported)
-        inside = [child for node in nodes for child in ast.walk(node) if child is not node]
-        local = [child for child in inside if isinstance(child, IMPORTS)]
-        own = [node for node in nodes if not isinstance(node, IMPORTS)]
-        return Part(digest_of([dump(own)]), dict.fromkeys(extra) | _uses(nodes), local)
+    def cells(self, *cells):
+        """The `Part` of the statements of cells, of which bare strings and variables count too."""
+        return self._text(cells, ())
 
-    def _imports(self):
-        return [node for node in self._statements if isinstance(node, IMPORTS)]
-
-    def _used(self):
-        """The names that anything here uses, imports aside."""
-        return _uses([node for node in self._statements if not isinstance(node, IMPORTS)])
+    def _text(self, cells, imported, own=None):
+        writer, texts = Writer(self, own, [node for nodes in cells for node in nodes]), []
+        for nodes in cells:
+            code = [node for node in nodes if not isinstance(node, IMPORTS)]
+            texts.append([writer.text(node) for node in code if not writer.is_silent(node)])
+        used = {hole.name for hole in writer.holes}
+        for node in [node for nodes in cells for node in nodes if isinstance(node, IMPORTS)]:
+            names = {bound_name(alias) for alias in node.names}
+            names = names - used if own is None else names & set(imported)
+            writer.holes += [Hole([node], name, None) for name in sorted(names - self.ignored)]
+        return Part(digest_of(map(str, texts)) if any(texts) else "", writer.holes)
 
 
-@lru_cache(maxsize=512)
-def parse_module(text, package, is_package):
-    """The `Code` of the text of a module in `package`, or of that package's ``__init__``."""
-    return Code(ast.parse(text).body, package, is_package)
+@lru_cache(maxsize=2048)
+def parse(text, package, is_package, keeps_labels):
+    """The `Code` of the text of a module in `package`, or of that package's ``__init__``.
+
+    Labels that are passed to functions, ``label="..."``, count only if asked for.
+    """
+    return Code(ast.parse(text).body, package, is_package, keeps_labels)
 
 
-def bound_name(alias):
-    return alias.asname or alias.name.partition(".")[0]
+@lru_cache(maxsize=256)
+def parse_cells(sources):
+    """The `Code` of the cells of a notebook, a tuple of texts, and the `Part` of all of it."""
+    cells = [cell for cell in map(_statements, sources) if cell]
+    code = Code([node for cell in cells for node in cell])
+    return code, code.cells(*cells)
+
+
+def _statements(source):
+    try:
+        return ast.parse(source).body
+    except SyntaxError:  # a magic: no Python, it counts as text
+        return [ast.Expr(ast.Constant(source))]
+
+
+@lru_cache(maxsize=4096)
+def is_ignored(module):
+    """Whether no number depends on a module."""
+    return _is_in(module, IGNORED) and not is_look(module)
+
+
+@lru_cache(maxsize=4096)
+def is_look(module):
+    """Whether a module only shows numbers."""
+    return _is_in(module, LOOKS)
+
+
+def _is_in(module, rooms):
+    return any(f"{module}.".startswith(f"{room}.") for room in rooms)
 
 
 def _names_bound(node):
     """The names that a top-level statement defines, or changes in place."""
-    if isinstance(node, _DEFINITIONS):
+    if isinstance(node, DEFINITIONS):
         return {node.name}
     if isinstance(node, IMPORTS):
         return {bound_name(alias) for alias in node.names}
@@ -114,44 +181,9 @@ def _names_bound(node):
     for child in ast.walk(node):  # TABLE[key] = value and thing.attribute = value change what is there
         if isinstance(child, (ast.Subscript, ast.Attribute)) and isinstance(child.ctx, ast.Store):
             bound |= {n.id for n in ast.walk(child.value) if isinstance(n, ast.Name)}
-        if isinstance(child, (*_DEFINITIONS, *IMPORTS)):
+        if isinstance(child, (*DEFINITIONS, *IMPORTS)):
             bound |= _names_bound(child)
     return bound
-
-
-def _uses(nodes):
-    """{name: the attributes taken of it}, None where it is used in another way, local variables left out."""
-    tables, names = [symtable.symtable(ast.unparse(ast.Module(nodes, [])), "<code>", "exec")], set()
-    while tables:
-        table = tables.pop()
-        tables += table.get_children()
-        is_top = table.get_type() == "module"
-        names |= {
-            s.get_name() for s in table.get_symbols() if (s.is_referenced() if is_top else s.is_global())
-        }
-    children = [child for node in nodes for child in ast.walk(node)]
-    plain = Counter(child.id for child in children if isinstance(child, ast.Name))
-    dotted = [c for c in children if isinstance(c, ast.Attribute) and isinstance(c.value, ast.Name)]
-    attributes = {}
-    for child in dotted:
-        attributes.setdefault(child.value.id, []).append(child.attr)
-    return {
-        name: set(attributes[name]) if len(attributes.get(name, ())) == plain[name] > 0 else None
-        for name in names
-    }
-
-
-def _is_text(node):
-    """A docstring, a bare string, or the list of public names: they change nothing."""
-    if isinstance(node, ast.Expr):
-        return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-    return _is_public_list(node)
-
-
-def _is_public_list(node):
-    """``__all__ = [...]``, or what is added to it."""
-    targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
-    return any(getattr(target, "id", "") == "__all__" for target in targets)
 
 
 def _texts(node):
@@ -160,32 +192,6 @@ def _texts(node):
     return [value for value in constants if isinstance(value, str)]
 
 
-def dump(node):
-    """A syntax tree as text, without what is no code or differs between versions of Python."""
-    if isinstance(node, ast.JoinedStr):
-        return f"JoinedStr({dump([item for item in node.values if not _is_blank(item)])})"
-    if isinstance(node, ast.AST):
-        fields = [(name, value) for name, value in ast.iter_fields(node) if name not in _SKIPPED_FIELDS]
-        inner = ",".join(f"{name}={dump(value)}" for name, value in fields if value not in (None, []))
-        return f"{type(node).__name__}({inner})"
-    if isinstance(node, list):
-        return "[" + ",".join(dump(item) for item in node if not _is_text(item)) + "]"
-    return repr(node)
-
-
-def _is_blank(node):
-    """The empty piece that Python 3.12 leaves in the format of some f-strings, and others do not."""
-    return isinstance(node, ast.Constant) and node.value == ""
-
-
-def parse_cell(source):
-    """The statements of a notebook cell: bare strings are some, for a notebook shows them."""
-    try:
-        return ast.parse(source).body
-    except SyntaxError:  # a magic: no Python, it counts as text
-        return [ast.Expr(ast.Constant(source))]
-
-
 def digest_of(lines):
-    """SHA-256 (hex) of some lines of text."""
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+    """The first 64 bits of SHA-256 (hex) of some lines of text."""
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
