@@ -24,6 +24,7 @@ from himap.cli.shared import (
     workers,
 )
 from himap.cli.templates import templates
+from himap.cli.verify import verify
 from himap.companion import reproduce
 from himap.companion.notebook_files import copy_name
 from himap.companion.notebooks import find, notebooks
@@ -59,6 +60,7 @@ main.add_command(sensitivity)
 main.add_command(suggest)
 main.add_command(templates)
 main.add_command(transfer)
+main.add_command(verify)
 
 
 @main.command("list")

@@ -80,6 +80,7 @@ def stored_results(folder=None):
     """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
     folder = folder or RESULTS
     files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
+    files = [path for path in files if path.stem not in ("accepted", "probes")]  # of `himap verify`
     return sorted(map(_read, files), key=lambda result: result.name)
 
 

@@ -1,0 +1,172 @@
+"""Small calls of every product, method and beam: `himap verify` compares what they give with what is stored.
+
+They are made at nside 16, with 24 channels and a box of 16 cells; what has a branch by resolution is called
+at nside 64 too. Methods and beams that are not named here have their default parameters. Of SDecGMCA there is
+one iteration of each kind, for beyond a few its numbers are chaotic. No call runs:
+
+- skies of templates and of PySM, whose files are not shipped, and small scales beyond a template's;
+- readings of SDecGMCA but the default, its noise by channels, and thresholds on HEALPix pixels;
+- GNILC with a prior, contrasts of FastICA and penalties of GMCA but the default;
+- readings of the ripple and of Degraded's noise but the default, b_l in a file;
+- mocks of another bias, a region of one cap, what comes in blocks because it is large.
+
+Code there counts as equal where all else gives equal numbers: who changes it measures it in another way.
+"""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from himap import removal
+from himap.instrument import beams
+from himap.instrument.beams.degraded import Degraded
+from himap.instrument.beams.evolving import Evolving
+from himap.instrument.beams.from_file import FromFile
+from himap.instrument.beams.meerkat import MeerKAT
+from himap.instrument.beams.meerkat_lobes import MeerKATLobes
+from himap.instrument.beams.misjudged import Misjudged
+from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.rippled import Rippled
+from himap.paper import beam_errors, choice, cleaned, evidence, harmless, masked, mocks, pipeline
+from himap.removal.beam_subspace import BeamSubspace
+from himap.removal.fastica import FastICA
+from himap.removal.gaussian_process import GaussianProcess
+from himap.removal.gmca import GMCA
+from himap.removal.gnilc import GNILC
+from himap.removal.parametric import Parametric
+from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
+from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal.smooth_spectra import SmoothSpectra
+from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Galaxy
+from himap.survey import Survey
+
+__all__ = ["CALLS", "RTOLS"]
+
+SURVEY = Survey(nside=16, n_channels=24, box_cells=16)
+FINE = Survey(nside=64, n_channels=12, box_cells=16)
+CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=Oscillating())
+SMOOTHED = replace(CASE, beam=Degraded())
+FINE_CASE = replace(CASE, survey=FINE)
+REGION = masked.Region(latitude=20.0)
+PLAIN = PCA(n_sources=3)
+AWARE = BeamSubspace(n_sources=3, lmax=32)
+ONE_ITERATION = {"n_sources": 3, "lmax": 32, "n_scales": 3, "n_warmup": 1, "n_refinement": 1}
+ONCE = ONE_ITERATION | {"warmup_tolerance": 1e30, "tolerance": 1e30}
+
+_PRODUCTS = {
+    pipeline.hi_of_sky: [(SURVEY.sky,)],
+    pipeline.hi_alms_of_sky: [(SURVEY.sky,)],
+    pipeline.noise_alms: [(SURVEY,)],
+    pipeline.components_of_sky: [(SURVEY.sky, CASE.galaxy), (FINE.sky, CASE.galaxy)],
+    pipeline.foreground_modes_of_sky: [
+        (SURVEY.sky, CASE.galaxy, None),
+        (SURVEY.sky, CASE.galaxy, Dimming()),
+    ],
+    pipeline.observation: [(CASE,), (SMOOTHED,)],
+    pipeline.peak_masked: [(CASE,)],
+    pipeline.analysis: [(CASE,), (CASE, False), (FINE_CASE,)],
+    pipeline.foreground_seen: [(CASE,)],
+    pipeline.foreground_analysed: [(CASE,)],
+    pipeline.true_spectra: [(CASE,), (SMOOTHED,)],
+    cleaned.separation: [(CASE, PLAIN), (CASE, PLAIN, False), (CASE, AWARE)],
+    cleaned.assessment: [(CASE, PLAIN, True, True), (CASE, AWARE)],
+    evidence.sky_brightness: [(SURVEY.sky, CASE.galaxy)],
+    evidence.masked_voxels: [(CASE,)],
+    choice.eigenvalues: [(CASE,), (CASE, True)],
+    choice.minka: [(CASE,)],
+    mocks.hi_alms_of_mock: [
+        (replace(SURVEY, seed=7).sky, mocks.Mock(seed=7, gaussian=True, abundance=1.5)),
+    ],
+    mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
+    mocks.own_recovery: [(CASE, PLAIN), (CASE, AWARE)],
+    masked.analysis: [(CASE, REGION)],
+    masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],
+    masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],
+    masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
+    harmless.parts: [(CASE, PLAIN), (CASE, SmoothSpectra())],
+    harmless.foreseen: [(CASE, SmoothSpectra())],
+    beam_errors.misjudged_recovery: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
+}
+_CHOSEN_METHODS = (
+    PLAIN,
+    FastICA(n_sources=3),
+    GMCA(n_sources=3, n_scales=3),
+    Polynomial(),
+    Parametric(),
+    AWARE,
+    SDecGMCA(**ONCE),
+    GNILC(),
+    SmoothSpectra(),
+    GaussianProcess(),
+)
+_CHOSEN_BEAMS = (
+    Degraded(),
+    Evolving(),
+    Oscillating(),
+    MeerKAT(),
+    MeerKATLobes(),
+    Rippled(),
+    Misjudged(width=0.1, ripple=0.1),
+)
+
+
+def _call_of(product, arguments):
+    return lambda: _SHOWN.get(product, _all)(product.compute(*arguments))
+
+
+def _all(result):
+    return result
+
+
+def _separated(found):
+    """What is taken, and the size of its spectra: signs are those of eigenvectors, which nothing fixes."""
+    return found.foreground.cube(), np.abs(found.mixing), found.lmax
+
+
+def _first(eigenvalues):
+    """Those above the rounding of the maps."""
+    return eigenvalues[:6]
+
+
+def _assessed(found):
+    """Spectra of what is left, at the level of HI."""
+    return replace(found, mixing=np.abs(found.mixing), n_iterations=0)
+
+
+_SHOWN = {
+    cleaned.assessment: _assessed,
+    cleaned.separation: _separated,
+    masked.separation: _separated,
+    choice.eigenvalues: _first,
+}
+
+
+def _beam_of_file():
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "widths.txt")
+        np.savetxt(path, np.linspace(1.6, 1.1, SURVEY.n_channels))
+        return FromFile(path=str(path)).of_survey(SURVEY)
+
+
+def _beam(beam):
+    return lambda: beam.of_survey(SURVEY)
+
+
+_METHODS = {method.name: method for method in _CHOSEN_METHODS}
+_METHODS |= {name: removal.create(name) for name in removal.available() if name not in _METHODS}
+_BEAMS = {beam.name: _beam(beam) for beam in _CHOSEN_BEAMS} | {"file": _beam_of_file}
+_BEAMS |= {name: _beam(beams.create(name)) for name in beams.available() if name not in _BEAMS}
+
+CALLS = (
+    {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}
+    | {name: [_call_of(cleaned.assessment, (CASE, method))] for name, method in _METHODS.items()}
+    | {name: [call] for name, call in _BEAMS.items()}
+)
+"""{fixed name: functions without arguments}."""
+
+RTOLS = {"analysis": 1e-4, "gnilc": 1e-3, "gaussian_process": 0.1}
+"""Where two machines agree to less than others: what a bright foreground rounds, and where a search ends."""

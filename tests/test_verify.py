@@ -1,0 +1,199 @@
+"""Changed code that gives the numbers of former code is accepted, and nothing else is."""
+
+import importlib
+import json
+import textwrap
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from himap.companion.notebooks import notebooks
+from himap.companion.staleness import _CODES
+from himap.paper import canonical
+from himap.products import accepted, verify
+from himap.products.fingerprint import CodeTree
+
+LAB = """
+from himap.products.store import product
+
+def power(x):
+    return (x - 1.0) ** 2
+
+@product
+def base(n=1):
+    import numpy as np
+    return power(np.arange(200.0) * n)
+
+@product
+def above(n=1):
+    return base(n) + 1
+
+def first():
+    return base.compute()
+
+def second():
+    return above.compute()
+
+CALLS = {"base": [first], "above": [second]}
+"""
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """Function to a module with products of fixed names, some of its text replaced."""
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(accepted, "ACCEPTED", tmp_path / "accepted.json")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    made = []
+
+    def load(*pairs):
+        text = LAB
+        for old, new in pairs:
+            assert old in text
+            text = text.replace(old, new)
+        name = f"lab_{tmp_path.name}_{len(made)}"
+        made.append((tmp_path / f"{name}.py").write_text(textwrap.dedent(text)))
+        importlib.invalidate_caches()
+        return importlib.import_module(name)
+
+    return load
+
+
+EQUAL = ("(x - 1.0) ** 2", "x**2 - 2 * x + 1.0")
+OTHER = ("(x - 1.0) ** 2", "(x - 1.01) ** 2")
+
+
+def said_by(module, **options):
+    said = []
+    others = verify.verify(module.CALLS, report=said.append, **options)
+    return others, said
+
+
+def fingerprint(module):
+    return CodeTree(**{module.__name__: module.__file__}).fingerprint(module.__name__, "above")
+
+
+def test_a_formula_in_other_words_is_accepted(lab):
+    before, after = lab(), lab(EQUAL)
+    assert said_by(before) == ([], ["base: new, stored", "above: new, stored"])
+    stored = fingerprint(before)
+    assert accepted.moved(stored, fingerprint(after)) == ["base"]  # `above` names it, and counts by itself
+    before.above(2)
+    assert not after.above.is_cached(2)
+    assert said_by(after) == ([], ["base: the stored numbers, accepted"])
+    assert accepted.moved(stored, fingerprint(after)) == []
+    assert after.above.is_cached(2) and after.base.is_cached(2)
+    assert said_by(after) == ([], ["no product, method or beam changed"])
+
+
+def test_what_was_accepted_is_followed_all_the_way_and_back(lab):
+    before, after, last = lab(), lab(EQUAL), lab((EQUAL[0], "(1.0 - x) ** 2"))
+    said_by(before)
+    for one in (after, last, before, after):
+        assert said_by(one)[0] == []
+        assert accepted.moved(fingerprint(before), fingerprint(one)) == []
+    assert accepted.moved(fingerprint(after), fingerprint(last)) == []
+    assert list(json.loads(accepted.ACCEPTED.read_text())) == ["base"]
+
+
+def test_other_numbers_are_refused_until_they_are_stored(lab):
+    before, after = lab(), lab(OTHER)
+    said_by(before)
+    others, (line,) = said_by(after)
+    assert others == ["base"] and line.startswith("base: [0] by ") and float(line.split()[-1]) > 1e-5
+    assert accepted.moved(fingerprint(before), fingerprint(after)) == ["base"]
+    assert said_by(after, renew=True)[0] == ["base"]
+    assert accepted.moved(fingerprint(before), fingerprint(after)) == ["base"]
+    assert said_by(after) == ([], ["no product, method or beam changed"])
+    assert said_by(before)[0] == ["base"]
+
+
+def test_nothing_that_former_code_made_is_compared(lab):
+    """The call of `above` asks `base`, whose result is in the user's cache under the key of both."""
+    before = lab()
+    said_by(before)
+    before.base()
+    after = lab(OTHER, ("+ 1\n", "+ 1 + 0\n"))
+    assert said_by(after)[0] == ["base", "above"]
+
+
+@dataclass
+class Result:
+    maps: np.ndarray
+    count: int
+    label: str | None
+
+
+RESULT = Result(np.linspace(-1, 1, 5000).reshape(50, 100), 3, None)
+
+
+@pytest.mark.parametrize(
+    "changed, where",
+    [
+        (Result(RESULT.maps * (1 + 1e-6), 3, None), ""),
+        (Result(RESULT.maps * (1 + 1e-4), 3, None), "maps by 1.0e-04"),
+        (Result(RESULT.maps.astype(np.float32), 3, None), "maps.kind"),
+        (Result(np.where(RESULT.maps > 0.999, 5.0, RESULT.maps), 3, None), "maps by"),
+        (Result(np.where(RESULT.maps > 0.9, np.nan, RESULT.maps), 3, None), "maps by inf"),
+        (Result(RESULT.maps, 4, None), "count"),
+        (Result(RESULT.maps, 3, "x"), "label"),
+        ([RESULT], "result"),
+    ],
+)
+def test_what_differs_is_named(changed, where):
+    stored, given = (json.loads(json.dumps(verify.summary(one))) for one in (RESULT, changed))
+    found = verify.differences(stored, given)
+    assert bool(found) == bool(where) and all(where in one for one in found[:1])
+
+
+def test_integers_and_small_numbers_count():
+    whole = np.arange(1000)
+    later = whole.copy()
+    later[777] += 1
+    assert verify.differences(verify.summary(whole), verify.summary(later))
+    spectrum = np.geomspace(1, 1e-12, 30)
+    assert not verify.differences(verify.summary(spectrum), verify.summary(spectrum * (1 + 1e-7)))
+    assert verify.differences(verify.summary(spectrum), verify.summary(spectrum + [1e-3, *[0] * 29]))
+    assert verify.differences(verify.summary(1.0), verify.summary(1.001))
+
+
+def test_every_product_and_named_class_has_a_call():
+    tree = CodeTree()
+    reached = set().union(
+        *(one.fingerprint(tree) for one in notebooks()), *(code(tree) for code in _CODES.values())
+    )
+    names = {name for name in reached if name not in ("code", "look") and "." not in name}
+    assert names == set(canonical.CALLS)
+
+
+def test_the_stored_numbers_are_of_todays_code():
+    moved = verify.moved_names(canonical.CALLS)
+    assert not moved, f"{', '.join(moved)} changed: run `himap verify`"
+
+
+def test_what_was_accepted_still_holds():
+    names = verify.accepted_names(canonical.CALLS)
+    found = verify.compared(canonical.CALLS, names, canonical.RTOLS)
+    assert not {name: differing for name, (_, differing) in found.items() if differing}
+
+
+def test_the_calls_see_a_method_that_changed(monkeypatch):
+    """Numbers of one method by a part in a thousand, and no other."""
+    from himap.removal import polynomial
+
+    real = polynomial.Polynomial._separate
+
+    def other(self, maps, **options):
+        return real(self, maps * np.float32(1.001), **options)
+
+    monkeypatch.setattr(polynomial.Polynomial, "_separate", other)
+    found = verify.compared(canonical.CALLS, ["polynomial", "pca"], canonical.RTOLS)
+    assert found["polynomial"][1] and not found["pca"][1]
+
+
+def test_verify_needs_a_checkout(monkeypatch, himap_command):
+    monkeypatch.setattr(accepted, "ACCEPTED", Path("nowhere") / "accepted.json")
+    code, _, said = himap_command("verify")
+    assert code == 2 and "checkout of himap" in said
