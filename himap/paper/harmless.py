@@ -57,7 +57,7 @@ class Parts:
         }
 
 
-@product(name="harmless_parts")
+@product
 def parts(case, remover, mask_peaks=True):
     """The `Parts` of one of the component methods, up to where it ends.
 
@@ -101,7 +101,7 @@ def _common(powers, difference):
     )
 
 
-@product(name="harmless_foreseen")
+@product
 def foreseen(case, remover, mask_peaks=True):
     """What a `SmoothSpectra` knows that it keeps of HI and noise, a `Recovery`, without mocks or truth."""
     found = cleaned.separation.once(case, remover, mask_peaks)

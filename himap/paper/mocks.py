@@ -107,7 +107,7 @@ def mock_alms(case, mock, lmax=None):
     return alms
 
 
-@product(name="mocks_recovered")
+@product
 def recovered(case, removers, mock, mask_peaks=True):
     """What comes back of a mock in an observation, a list with the `Recovery` of each method.
 
@@ -204,6 +204,6 @@ def make_mocks(surveys, mocks):
         (pipeline.hi_alms_of_sky, missing),
         (pipeline.noise_alms, own),
     ):
-        make_all(wanted, [(one,) for one in arguments], wanted.name.rpartition(".")[2])
+        make_all(wanted, [(one,) for one in arguments], wanted.name)
     for sky in passing:
         pipeline.hi_of_sky.forget(sky)
