@@ -256,19 +256,19 @@ def test_the_cache(himap_command, monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(tmp_path))
     import cli_products
 
-    for result in [sky(1), sky(2), cli_products.spectra()]:
+    for result in [cli_products.sky(1), cli_products.sky(2), cli_products.spectra()]:
         assert result.sum() == 100_000
     _, out, _ = himap_command("cache", "info")
     assert out.splitlines()[0].endswith("cache: 2.4 MB")
     assert [line.split()[:2] for line in out.splitlines()[1:]] == [
         ["product", "preset"],
         ["sky", "other"],
-        ["cli_products.spectra", "other"],
+        ["spectra", "other"],
     ]
     assert "{seed: 2}" in himap_command("cache", "info", "--all")[1]
     assert himap_command("cache", "clear", "sky")[:2] == (0, "freed 1.6 MB\n")
     code, _, err = himap_command("cache", "clear", "sky")
-    assert code == 2 and "it holds cli_products.spectra" in err
+    assert code == 2 and "it holds spectra" in err
     assert himap_command("cache", "clear", input="n\n")[0] == 1 and cache.cache_info()
     assert himap_command("cache", "clear", "--yes")[0] == 0 and not cache.cache_info()
 

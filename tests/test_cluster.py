@@ -135,7 +135,7 @@ def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
 def test_workers_that_die_again_and_again(lab, monkeypatch):
     with distributed.LocalCluster(**TWO) as two:
         monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
-        with pytest.raises(InputError, match=r"4 workers of tcp.* died one after the other making lab_"):
+        with pytest.raises(InputError, match=r"4 workers of tcp.* died one after the other making dying"):
             make_all(lab.dying, [(1,)], "test")
 
 

@@ -48,7 +48,6 @@ def main():
 
     \b
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
-    himap clean cube.h5 --method pca -p n_sources=4 -o cleaned.h5
     """
 
 

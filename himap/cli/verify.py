@@ -7,7 +7,7 @@ from himap.cli.shared import debug
 __all__ = ["verify"]
 
 
-@click.command(hidden=True)  # for who changes himap; the page on contributing shows it
+@click.command()
 @click.option("--renew", is_flag=True, help="Store the numbers of today's code where they differ.")
 @debug
 def verify(renew):

@@ -42,7 +42,8 @@ def is_current(obj):
     files = _files_of(top, root, *where)
     if all(map(sources.is_unchanged, files)):
         return True
-    return CodeTree(**{top: root}).fingerprint(*where) == code_fingerprint(obj)
+    now = _tree_of(top, root, sources.version(files)).fingerprint(*where)
+    return {**now, "look": ""} == {**code_fingerprint(obj), "look": ""}
 
 
 @lru_cache(maxsize=1024)
@@ -66,6 +67,12 @@ def _place(obj):
 @lru_cache(maxsize=32)
 def _tree(top, root):
     return CodeTree(loaded=True, **{top: root})
+
+
+@lru_cache(maxsize=4)
+def _tree_of(top, root, version):
+    """The source on disk; `version` is what changes when it does."""
+    return CodeTree(**{top: root})
 
 
 @lru_cache(maxsize=1024)

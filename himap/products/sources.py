@@ -4,7 +4,7 @@ import os
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["ROOT", "is_unchanged", "note", "read"]
+__all__ = ["ROOT", "is_unchanged", "note", "read", "version"]
 
 ROOT = Path(__file__).resolve().parents[1]
 """The folder of himap."""
@@ -30,6 +30,11 @@ def is_unchanged(file):
     except FileNotFoundError:
         return False
     return _LOADED[file][1:] == (status.st_mtime_ns, status.st_size)
+
+
+def version(files):
+    """What changes when one of some files does."""
+    return frozenset((file, file.stat().st_mtime_ns) for file in files if file.exists())
 
 
 def _now(file):
