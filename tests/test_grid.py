@@ -66,11 +66,14 @@ class TestMaking:
         measured_recoveries(sky, ["pca"])
         assert cleaned.separation.is_cached(case, pca) and pipeline.observation.is_cached(case)
 
-    def test_each_method_separates_a_sky_once(self, sky, monkeypatch):
+    @pytest.mark.parametrize("known", [False, True])
+    def test_each_method_separates_a_sky_once(self, sky, monkeypatch, known):
+        """Also where only the mocks are new."""
+        ((case, (pca,)),) = sky.methods.items()
+        if known:
+            own_recovery(case, pca)
         calls, separate = [], PCA.separate
-        monkeypatch.setattr(
-            PCA, "separate", lambda self, *args, **own: calls.append(1) or separate(self, *args, **own)
-        )
+        monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
         measured_recoveries(sky, ["pca"])
         assert len(calls) == 3  # the sky, and the sky with each mock
 
