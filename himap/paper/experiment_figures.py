@@ -3,6 +3,8 @@
 They take tables of the experiments, DataFrames of one sky or more.
 """
 
+from itertools import cycle
+
 import numpy as np
 
 from himap.errors import InputError
@@ -103,7 +105,7 @@ def _beam_errors_panel(excess, looks, kind):
     errors = sorted({error for *_, name, error in excess if name == kind and error})
     ends = [errors[0] / 1.5, errors[-1] * 1.5]
     curves = [(ends, [_CLOSE, _CLOSE], {"color": "0.75"} | _THIN)]
-    for (method, look), marker in zip(looks.items(), _cycled("os^Dv", len(looks)), strict=True):
+    for (method, look), marker in zip(looks.items(), cycle("os^Dv"), strict=False):
         blind = excess.get((*method, "none", 0.0))
         if blind is None:
             values = [excess.get((*method, kind, error), np.nan) for error in errors]
@@ -119,10 +121,6 @@ def _beam_errors_panel(excess, looks, kind):
         "xlabel": KINDS[kind],
         "ylabel": "foreground residual / (HI + noise)",
     }
-
-
-def _cycled(markers, n):
-    return [markers[i % len(markers)] for i in range(n)]
 
 
 def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):

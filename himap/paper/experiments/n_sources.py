@@ -42,15 +42,7 @@ none, and the one whose spectra are nearest to the truth; and how far the worst 
 and P/P0 (k > 0.03) is from 1 with either, the former NaN where that number was not tried."""
 
 
-def skies(
-    *,
-    beams,
-    noises,
-    methods,
-    n_sources_max=8,
-    n_mocks=2,
-    **settings,
-):
+def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
     """A list of `Sky`, with a case for each beam and noise, and each method with each number of sources.
 
     Parameters
