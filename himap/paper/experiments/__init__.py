@@ -1,0 +1,30 @@
+"""The stored measurements: one file for each, with its `EXPERIMENT`."""
+
+from importlib import import_module
+
+from himap.errors import InputError
+
+__all__ = ["EXPERIMENTS", "find_experiment"]
+
+EXPERIMENTS = {
+    "beam_errors": "What it costs a method to assume a wrong beam.",
+    "claims": "Every claim of the paper, with a verdict.",
+    "methods": "All methods side by side, through each beam.",
+    "n_sources": "How often a criterion finds the right number of sources.",
+    "readings": "Every claim under every reading of the paper's SDecGMCA.",
+    "transfer": "How well transfer functions correct the signal loss.",
+}
+"""{name: what is measured}."""
+
+
+def find_experiment(name):
+    """The `himap.paper.record.Experiment` of that name.
+
+    Raises
+    ------
+    InputError
+        There is none; the message lists what exists.
+    """
+    if name not in EXPERIMENTS:
+        raise InputError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}.")
+    return import_module(f"{__name__}.{name}").EXPERIMENT

@@ -1,0 +1,328 @@
+"""Experiments on many skies, and the records that store their numbers: one table, in one kind of file.
+
+A record stores ids and numbers. Words come from the code that shows them, so that rewording makes nothing
+stale. Its file is JSON with one line for each sky and key: where a column has several values there, such as
+those of a curve, they are a list.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+
+from himap.errors import InputError
+from himap.outputs import whole_file
+from himap.products.fingerprint import CodeTree
+from himap.products.parallel import dask_address
+from himap.products.provenance import Provenance, environment
+from himap.reading import regular_file, there_is
+
+__all__ = ["Experiment", "Record", "measuring_code"]
+
+_FORMAT = 3
+_DIGITS = 6  # of a number: far more than two machines agree on
+_TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1
+_SEED = "seed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """What is measured on many skies: a grid of runs and a measure, which gives a table.
+
+    Attributes
+    ----------
+    name
+        Of its file in `himap.paper.experiments`, which has `skies` and `measure` at its top level.
+    chapter
+        Name of the notebook that shows it and whose parameters are those of the experiment.
+    columns
+        {column: type of its values}, in order; an absent number is NaN, an absent text or bool None. Every
+        table has the column "seed", an int, before these.
+    key
+        The columns that identify a row on one sky; the others may have several values for a key.
+    skies
+        Function from the parameters to a list with what is measured on each sky: objects with `survey` and
+        `galaxy`. Skies are told apart by the seed of their survey.
+    measure
+        Function from one of these to its rows, a list of dicts with a value for each column.
+    summary
+        Function from the table of all rows to what a terminal shows, a DataFrame of texts.
+    defaults
+        {parameter: value} where that is not the default of the chapter.
+    without
+        Parameters of the chapter that the experiment does not have.
+    more
+        {parameter: (type, default, help)} of the experiment that the chapter does not have.
+    stated
+        Parameters that are always stored.
+    extent
+        Parameters that say how much is measured, not how: one sky measured again may have others.
+    words
+        Columns of text that are not compared when a sky is measured again.
+    prepare
+        Function that makes all that a list of skies needs, for a cluster that shares the work; optional.
+    """
+
+    name: str
+    chapter: str
+    columns: Mapping
+    key: tuple
+    skies: Callable
+    measure: Callable
+    summary: Callable
+    defaults: Mapping = field(default_factory=dict)
+    without: tuple = ()
+    more: Mapping = field(default_factory=dict)
+    stated: tuple = ("n_realisations",)
+    extent: tuple = ("n_realisations",)
+    words: tuple = ()
+    prepare: Callable | None = None
+
+    def table(self, skies):
+        """What is measured on some skies, a DataFrame with the columns of the experiment, "seed" first.
+
+        What the cache holds is not computed again; observations that were made for it are deleted.
+
+        Raises
+        ------
+        InputError
+            No sky, or what the measure refuses.
+        """
+        if not skies:
+            raise InputError(f"the experiment {self.name} needs one sky or more, got none.")
+        if self.prepare and dask_address():
+            self.prepare(skies)
+        return self.frame([{_SEED: sky.survey.seed} | row for sky in skies for row in self.measure(sky)])
+
+    def frame(self, rows):
+        """A DataFrame of rows, dicts with a value for each column, whose types are checked.
+
+        Raises
+        ------
+        ValueError
+            Other columns, or a value of another type.
+        """
+        types = {_SEED: int, **self.columns}
+        if any(row.keys() != types.keys() for row in rows):
+            raise ValueError(f"the columns are not {', '.join(types)}")
+        return pd.DataFrame(
+            {name: _column([row[name] for row in rows], name, kind) for name, kind in types.items()}
+        )
+
+    def code(self, tree=None):
+        """SHA-256 (hex) of the code that measures it, as on disk or in a `CodeTree`."""
+        return measuring_code(self.name, tree)
+
+
+def measuring_code(name, tree=None):
+    """SHA-256 (hex) of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
+    source = f"from himap.paper.experiments.{name} import measure, skies"
+    return (tree or CodeTree()).source_fingerprint(source)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What was measured in one experiment, and what made it.
+
+    Attributes
+    ----------
+    experiment
+        The `Experiment`.
+    rows
+        DataFrame with its columns.
+    about
+        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of what measured it; with
+        "checked" where one sky was measured again, {"code", "commit", "dirty"}, and "grown", the commits that
+        added skies.
+    """
+
+    experiment: Experiment
+    rows: pd.DataFrame
+    about: Mapping
+
+    @property
+    def made(self):
+        """The `Provenance`."""
+        return Provenance.of_stored(self.about)
+
+    @property
+    def seeds(self):
+        """Of its skies, a list."""
+        return self.rows[_SEED].unique().tolist()
+
+    @property
+    def codes(self):
+        """Fingerprints of code that is known to give these numbers, a set."""
+        return {self.about["code"], self.about.get("checked", {}).get("code", self.about["code"])}
+
+    def save(self, path):
+        """Write it as JSON; the file is whole or not there."""
+        columns, key = self.rows.columns.tolist(), [_SEED, *self.experiment.key]
+        groups = self.rows.groupby(key, sort=False, dropna=False)
+        lines = [[_cell(group[name].tolist()) for name in columns] for _, group in groups]
+        head = {"format": _FORMAT, "experiment": self.experiment.name, "about": dict(self.about)}
+        text = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in head.items())
+        rows = ",\n".join(json.dumps(line, allow_nan=False) for line in lines)
+        with whole_file(path) as temporary:
+            temporary.write_text(f'{{{text},\n"columns": {json.dumps(columns)},\n"rows": [\n{rows}\n]}}\n')
+
+    @classmethod
+    def load(cls, experiment, path):
+        """The record of an experiment in a file that `save` wrote.
+
+        Raises
+        ------
+        InputError
+            No such file, or another kind of file.
+        """
+        command = f"`himap measure {experiment.name}`"
+        if not there_is(path):
+            raise InputError(f"there is no record {path}; {command} writes it.")
+        try:
+            content = json.loads(regular_file(path, "record").read_text())
+            if (content["format"], content["experiment"]) != (_FORMAT, experiment.name):
+                raise ValueError(f"format {content['format']!r} of {content['experiment']!r}")
+            columns, about = content["columns"], dict(content["about"])
+            rows = [row for line in content["rows"] for row in _rows(columns, line)]
+            if not rows:
+                raise ValueError("no row")
+            record = cls(experiment=experiment, rows=experiment.frame(rows), about=about)
+            if not (record.made and all(isinstance(code, str) for code in record.codes)):
+                raise ValueError("nothing says what made it")
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path} is not a record that {command} wrote ({error}).") from None
+        return record
+
+    def check(self, rows, about):
+        """This record, marked as what today's code gives, if one of its skies says so.
+
+        Parameters
+        ----------
+        rows
+            Of that sky, measured again.
+        about
+            What made them, as of the record.
+
+        Raises
+        ------
+        InputError
+            The record was made with other parameters, or has other numbers of that sky.
+        """
+        self._check_parameters(about)
+        seed = int(rows[_SEED].iloc[0])
+        columns = [name for name in rows.columns if name not in self.experiment.words]
+        own = self.rows.loc[self.rows[_SEED] == seed, columns].reset_index(drop=True)
+        if len(own) != len(rows):
+            raise InputError(
+                f"the record has {len(own)} rows of the seed {seed}, {len(rows)} were measured: give the "
+                "parameters that it was made with."
+            )
+        same = pd.concat([_agree(own[name], rows[name]) for name in columns], axis=1).all(axis=1)
+        if not same.all():
+            first = int(np.flatnonzero(~same)[0])
+            raise InputError(
+                f"{int((~same).sum())} of {len(own)} rows of the seed {seed} have changed, such as "
+                f"{own.iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; measure all of it "
+                "again."
+            )
+        now = environment()
+        checked = {"code": about["code"], "commit": now["commit"], "dirty": now["dirty"]}
+        return replace(self, about={**self.about, "checked": checked})
+
+    def missing(self, seeds, about):
+        """Those of some seeds whose sky the record does not have, a list.
+
+        Raises
+        ------
+        InputError
+            It was made with other parameters or by other code than `about` says.
+        """
+        self._check_parameters(about)
+        if about["code"] not in self.codes:
+            raise InputError("the record was made by other code; see with --check if that gives the same.")
+        return [seed for seed in seeds if seed not in self.seeds]
+
+    def grow(self, rows, about):
+        """This record with the rows of more skies, the time of all, and the commits that added to it."""
+        rows = pd.concat([self.rows, rows], ignore_index=True)
+        n_skies = rows[_SEED].nunique()
+        overrides = [
+            [name, n_skies if name == "n_realisations" else value] for name, value in self.about["overrides"]
+        ]
+        grown = dict.fromkeys([*self.about.get("grown", []), about["commit"]])
+        changed = {
+            "overrides": overrides,
+            "seconds": self.about["seconds"] + about["seconds"],
+            "grown": list(grown),
+        }
+        return replace(self, rows=rows, about={**self.about, **changed})
+
+    def is_stale(self, tree=None):
+        """Whether today's code, as on disk or in a `CodeTree`, may give other numbers."""
+        return self.experiment.code(tree) not in self.codes
+
+    def _check_parameters(self, about):
+        """Refuse what was made with other parameters than the record."""
+        differing = [name for name in ("preset", "galaxy", _SEED) if about[name] != self.about[name]]
+        ours, theirs = (
+            {name: json.dumps(value) for name, value in one["overrides"]} for one in (about, self.about)
+        )
+        names = (ours.keys() | theirs.keys()) - set(self.experiment.extent)
+        differing += sorted(name for name in names if ours.get(name) != theirs.get(name))
+        if differing:
+            raise InputError(
+                f"the record was made with other parameters ({', '.join(differing)}): give those that it was "
+                "made with."
+            )
+
+
+def _column(values, name, kind):
+    """A Series of values of one type, or of one of several."""
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    values = [value.item() if isinstance(value, np.generic) else value for value in values]
+    if float in kinds:
+        values = [math.nan if value is None else value for value in values]
+    accepted = (*kinds, int) if float in kinds else kinds
+    for value in values:
+        absent = value is None and int not in kinds
+        wrong_bool = isinstance(value, bool) and bool not in kinds
+        if not absent and (wrong_bool or not isinstance(value, accepted)):
+            raise ValueError(f"a value of {name} is {value!r}")
+    dtype = {(int,): "int64", (float,): "float64"}.get(kinds, "object")
+    return pd.Series(values, dtype=dtype)
+
+
+def _cell(values):
+    """What a file has of the values of one key: one, if they are all the same, or the list."""
+    plain = [_rounded(value) for value in values]
+    return plain[0] if all(value == plain[0] for value in plain) else plain
+
+
+def _rounded(value):
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+def _rows(columns, line):
+    """The rows of one line of a file, dicts."""
+    cells = dict(zip(columns, line, strict=True))
+    lengths = {len(cell) for cell in cells.values() if isinstance(cell, list)} or {1}
+    if len(lengths) > 1:
+        raise ValueError(f"lists of {' and '.join(map(str, sorted(lengths)))} values in one row")
+    return [
+        {name: cell[n] if isinstance(cell, list) else cell for name, cell in cells.items()}
+        for n in range(*lengths)
+    ]
+
+
+def _agree(own, again):
+    """Whether two columns agree, row by row: numbers to a thousandth, all else to the letter."""
+    if own.dtype == "float64":
+        own, again = own.to_numpy(), again.to_numpy()
+        near = np.abs(own - again) <= _TOLERANCE * np.maximum(1, np.abs(own))
+        return pd.Series(near | (np.isnan(own) & np.isnan(again)))
+    return pd.Series([one == other for one, other in zip(own, again, strict=True)])
