@@ -14,7 +14,7 @@ from ledgers import entry
 from PIL import Image
 
 from himap.companion.notebooks import find
-from himap.companion.stored import RESULTS, extrapolated, read_stored, times_of_all
+from himap.companion.stored import RESULTS, extrapolated, read_ledger, read_stored, times_of_all
 from himap.companion.stored_tables import (
     differing,
     endurance_table,
@@ -28,9 +28,10 @@ from himap.companion.stored_tables import (
 )
 from himap.errors import InputError
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
-from himap.paper.ledger import read_ledger
-from himap.paper.readings_file import read_readings
+from himap.paper.experiments import find_experiment
+from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
+from himap.paper.record import Record
 from himap.products.memory import estimate
 from himap.survey import PRESETS
 
@@ -268,9 +269,9 @@ def test_every_figure_is_shown_with_what_made_it():
 @pytest.mark.parametrize("path", sorted(RESULTS.glob("readings*.json")), ids=lambda path: path.stem)
 def test_stored_readings_can_be_read(path):
     """They are of one size and are small; every claim is judged under every reading that is there."""
-    outcomes, about = read_readings(path)
-    assert "default" in outcomes and set(about) >= {"preset", "code", "commit"}
-    assert all(set(one.judged) == set(CLAIMS) for one in outcomes.values())
+    outcomes = outcomes_of(Record.load(find_experiment("readings"), path).rows)
+    assert "default" in outcomes
+    assert all(set(one.entries) == set(CLAIMS) for one in outcomes.values())
     assert path.stat().st_size < 6e5
 
 
