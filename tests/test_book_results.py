@@ -2,9 +2,6 @@
 
 import contextlib
 import re
-import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -291,16 +288,8 @@ def test_short_numbers():
     assert [short(567.68, 3), short(0.0312), short(12345.0)] == ["568", "0.031", "12,000"]
 
 
-def test_pictures_lead_to_themselves_in_full_size(tmp_path):
-    """A book of the chapter only; test_book.py renders them all, and knows warnings and broken links."""
-    shutil.copy(ROOT / "_config.yml", tmp_path)
-    shutil.copytree(ROOT / "book", tmp_path / "book")
-    shutil.copytree(ROOT / "notebooks", tmp_path / "notebooks")
-    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: notebooks/18_paper_size\n")
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    outcome = subprocess.run([*jupyter_book, "build", str(tmp_path)], capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    pages = tmp_path / "_build" / "html" / "notebooks"
+def test_pictures_lead_to_themselves_in_full_size(html):
+    pages = html / "notebooks"
     page = (pages / "18_paper_size.html").read_text()
     shown = re.findall(r'<a [^>]*href="([^"]+)"[^>]*><img alt="([^"]+)"[^>]*src="([^"]+)"', page)
     assert len(shown) == len([*RESULTS.glob("*/*.png")])
