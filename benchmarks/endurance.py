@@ -182,7 +182,7 @@ def main(kills, pairs, only, seed, output):
     """Kill, share and fill, and count what is lost."""
     chance, started, fields = random.Random(seed), monotonic(), [w for pair in pairs for w in ("-p", pair)]
     run = ["run", "04_pca", *_SKY, *fields]
-    claims = ["claims", *_SKY, *fields, *_CLAIMS]
+    claims = ["measure", "claims", *_SKY, *fields, *_CLAIMS]
     clean = ["clean", "cube.h5", "--method", "pca", "-p", "n_sources=2", "-o", "cleaned.fits"]
     each, few = -(-kills // 3), max(1, kills // 10)
     trials = [

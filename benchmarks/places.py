@@ -104,7 +104,7 @@ def _digest(path):
         cells = json.loads(content)["cells"]
         content = [[cell["source"], *map(_numbers, cell.get("outputs", []))] for cell in cells]
     elif path.suffix == ".json":
-        content = json.loads(content)["claims"]
+        content = json.loads(content)["rows"]
     if not isinstance(content, bytes):
         content = re.sub(VOLATILE, "", json.dumps(content, ensure_ascii=False)).encode()
     return hashlib.sha256(content).hexdigest()

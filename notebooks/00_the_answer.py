@@ -43,20 +43,19 @@ from pathlib import Path
 
 from IPython.display import Markdown
 
-from himap.companion.stored import RESULTS
+from himap.companion.stored import RESULTS, read_ledger
 from himap.companion.stored_curves import angular_ratios, stored_curves
 from himap.companion.stored_tables import ledgers_table, picture
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.paper.conclusions import CONCLUSIONS, verdict
-from himap.paper.ledger import read_ledger
 from himap.paper.ledger_table import BADGES
 from himap.products.provenance import Provenance
 
 folder = Path(results or RESULTS)
 ledgers = [read_ledger(folder / f"{name}.json") for name in (several, f"claims_{large}")]
-by_id = [{entry.claim["id"]: entry for entry in entries} for entries, _ in ledgers]
+by_id = [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
 
 
 def percent(ledger, claim):
@@ -88,7 +87,7 @@ def badge(conclusion, entries):
 def told(number):
     """The claims of a conclusion, with verdicts and numbers of both ledgers."""
     own = CONCLUSIONS[number - 1]
-    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim["id"] in own.claims))
+    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in own.claims))
 
 
 # %% tags=["hide-input"]

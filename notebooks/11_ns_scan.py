@@ -53,6 +53,7 @@ from IPython.display import Markdown
 
 from himap import removal
 from himap.checks import whole_number
+from himap.companion.stored import read_ledger
 from himap.companion.stored_tables import ledgers_table, of_chapter
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -61,7 +62,6 @@ from himap.instrument.beams import named
 from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper import captions
 from himap.paper.claims.base import LOW_K, angular_error, bump, frequency_error
-from himap.paper.ledger import RECORDED, read_ledger
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.study import Study
 from himap.removal.base import REGISTRY, SeparationWarning
@@ -398,7 +398,7 @@ for label, settled in by_method.items():
 # each row, {doc}`18_paper_size` the paper's own size, and {doc}`16_readings` the other readings.
 
 # %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("11_ns_scan")))
+Markdown(ledgers_table([read_ledger()], of_chapter("11_ns_scan")))
 
 # %% [markdown]
 # ## What to take away

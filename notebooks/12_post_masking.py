@@ -54,6 +54,7 @@ import warnings
 import numpy as np
 from IPython.display import Markdown
 
+from himap.companion.stored import read_ledger
 from himap.companion.stored_tables import ledgers_table, of_chapter
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -64,7 +65,6 @@ from himap.maps.blocked import centred
 from himap.measures import diagnostics
 from himap.measures.power_spectra import angular_power
 from himap.paper import captions, pipeline
-from himap.paper.ledger import RECORDED, read_ledger
 from himap.paper.losses import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
@@ -425,7 +425,7 @@ quote(
 # What the paper says of all this, as the ledger judges it on the real Galaxy at `laptop`, so M1 need not agree with the share above, which is that of this page's Galaxy and preset; the verdict on M4 also asks that SDecGMCA gain most; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
 
 # %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("12_post_masking")))
+Markdown(ledgers_table([read_ledger()], of_chapter("12_post_masking")))
 
 # %% [markdown]
 # ## What to take away

@@ -58,6 +58,7 @@ import warnings
 import numpy as np
 from IPython.display import Markdown
 
+from himap.companion.stored import read_ledger
 from himap.companion.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
@@ -66,7 +67,6 @@ from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
 from himap.measures.power_spectra import frequency_power
 from himap.paper import captions, pipeline
-from himap.paper.ledger import RECORDED, read_ledger
 from himap.paper.losses import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
@@ -338,7 +338,7 @@ quote(
 # What the paper says of this, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
 
 # %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("13_dimmed_galaxy")))
+Markdown(ledgers_table([read_ledger()], of_chapter("13_dimmed_galaxy")))
 
 # %% [markdown]
 # ## What to take away

@@ -46,6 +46,7 @@ import warnings
 import numpy as np
 from IPython.display import Markdown
 
+from himap.companion.stored import read_ledger
 from himap.companion.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
@@ -53,7 +54,6 @@ from himap.instrument.beams import named
 from himap.maps.blocked import centred
 from himap.measures.diagnostics import error_variance
 from himap.paper import captions, pipeline
-from himap.paper.ledger import RECORDED, read_ledger
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
@@ -359,7 +359,7 @@ quote(
 # What the paper says of both, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
 
 # %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger(RECORDED)], of_chapter("14_diagnostics")))
+Markdown(ledgers_table([read_ledger()], of_chapter("14_diagnostics")))
 
 # %% [markdown]
 # ## What to take away

@@ -59,20 +59,21 @@ import warnings
 from IPython.display import Markdown
 
 from himap.companion.notebooks import notebooks
+from himap.companion.stored import LEDGER, read_ledger
 from himap.companion.stored_tables import differing, failed_table, ledgers_table, verdicts_table
 from himap.figures.numbers import quote, show, show_table
-from himap.paper.ledger import NUDGES, RECORDED, evaluate, read_ledger, realisations
+from himap.paper.claims.entries import entries
+from himap.paper.experiments.claims import EXPERIMENT, skies
 from himap.paper.ledger_table import LedgerTable, summary
-from himap.paper.methods import paper_beams
 from himap.removal.base import SeparationWarning
 
-skies = realisations(
+judged = skies(
     preset=preset,
     survey=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    oscillating=paper_beams(ripple=ripple)["oscillating"],
+    ripple=ripple,
     plane_weight=plane_weight,
     plane_edge=plane_edge,
     n_sources_min=n_sources_min,
@@ -80,6 +81,7 @@ skies = realisations(
     n_realisations=n_realisations,
     reading=reading,
     method=method,
+    nudged=nudged,
 )
 warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the methods say which do not settle
 
@@ -89,13 +91,13 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # On the real Galaxy (`templates` of nside 64, as `himap templates FOLDER` writes them), at half the paper's resolution in pixels and in frequency (`laptop`: nside 128, 250 channels). It was made by
 #
 # ```sh
-# himap claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
+# himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
 # ```
 #
 # and is stored with the book, because it takes long: this one took {glue:text}`claims_minutes`.
 
 # %% tags=["hide-input"]
-recorded, about = read_ledger(RECORDED)
+recorded, about = read_ledger()
 show(summary(recorded))
 
 # %% tags=["hide-input"]
@@ -160,7 +162,7 @@ quote(
 # %% tags=["hide-input"]
 ledgers, missing = [(recorded, about)], []
 for place in ("letter", "code", "beam_subspace"):
-    path = RECORDED.with_name(f"{RECORDED.stem}_{place}.json")
+    path = LEDGER.with_name(f"{LEDGER.stem}_{place}.json")
     if path.exists():
         ledgers.append(read_ledger(path))
     else:
@@ -181,12 +183,11 @@ Markdown(ledgers_table(ledgers, differing))
 # most claims, and quick enough to be run whenever the code changes. The book's other chapters use `quick`.
 
 # %%
-entries = evaluate(skies, nudges=NUDGES if nudged else ())
 rows = {}
-for entry in entries:
+for entry in entries(EXPERIMENT.table(judged)):
     median = entry.values[0]
     number = (median, max(0.05 * abs(median), 0.01)) if median == median else "–"
-    rows[entry.claim["id"]] = {"verdict": entry.label, "measured": number, "paper": entry.claim["paper"]}
+    rows[entry.claim.id] = {"verdict": entry.label, "measured": number, "paper": entry.claim.paper}
 show_table(rows)
 
 # %% [markdown]
@@ -220,7 +221,7 @@ show_table(rows)
 # More to run:
 #
 # ```sh
-# himap claims --preset quick --jobs 2                              # the ledger on a synthetic sky, in minutes
-# himap claims --preset quick -p plane_weight=0.01                  # a hundredth of the plane is left
-# himap claims --preset quick -p ripple=additive_strong             # a ripple five times stronger
+# himap measure claims --preset quick --jobs 2                              # the ledger on a synthetic sky, in minutes
+# himap measure claims --preset quick -p plane_weight=0.01                  # a hundredth of the plane is left
+# himap measure claims --preset quick -p ripple=additive_strong             # a ripple five times stronger
 # ```

@@ -39,7 +39,7 @@
 # the follow-up only by the last $\mathbf{S}$, so that there the three levels say nothing of the iteration.
 
 # %% tags=["parameters"]
-results: str | None = None  # what `himap readings` wrote; None: that of the book
+results: str | None = None  # what `himap measure readings` wrote; None: that of the book
 reference: str | None = None  # numbers of the authors' code; None: those of the checkout
 
 # %% tags=["hide-input"]
@@ -53,15 +53,16 @@ from himap.figures.tables import Table
 from himap.paper import readings_table
 from himap.paper.authors_code import ITERATIONS, VARIANTS, AuthorsCode
 from himap.paper.claims import CLAIMS
-from himap.paper.readings import FAILING, readings
+from himap.paper.experiments import find_experiment
+from himap.paper.readings import BANDS, FAILING, readings
+from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure
-from himap.paper.readings_file import read_readings
 from himap.paper.readings_table import EVERY, NONE, SOME, VOID
-from himap.products.provenance import Provenance
+from himap.paper.record import Record
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
-outcomes, about = read_readings(results or RESULTS / "readings.json")
-made = Provenance.of_stored(about)
+record = Record.load(find_experiment("readings"), results or RESULTS / "readings.json")
+outcomes, made = outcomes_of(record.rows), record.made
 known = readings()
 runs = {label: one.runs for label, one in outcomes.items()}
 Markdown(f"*{made.footer()}*")
@@ -70,7 +71,7 @@ Markdown(f"*{made.footer()}*")
 # They are made by
 #
 # ```sh
-# himap readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_sources_max=7 --jobs 2
+# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_sources_max=7 --jobs 2
 # ```
 #
 # and stored with the book, because they take long.
@@ -93,11 +94,11 @@ Markdown(f"*{made.footer()}*")
 # {glue:text}`readings_split` differ from sky to sky: there a difference between readings may be one between runs.
 
 # %% tags=["hide-input"]
-places = readings_table.standing(outcomes)
-unmoved = readings_table.unmoved(outcomes)
+places = readings_table.robustness(outcomes)
+unmoved = readings_table.insensitive_claims(outcomes)
 skies = list(dict.fromkeys(run.seed for several in runs.values() for run in several))
-judged = outcomes["default"].judged if "default" in outcomes else {}
-split = [claim for claim, found in judged.items() if len({one.verdict for one in found.values()}) > 1]
+judged = outcomes["default"].entries if "default" in outcomes else {}
+split = [claim for claim, entry in judged.items() if entry.agreeing < len(entry.findings)]
 
 
 def listed(names):
@@ -112,7 +113,7 @@ def failures(label):
     return f"{outcomes[label].n_failing} of {len(outcomes[label].runs)} runs"
 
 
-turned = {claim: readings_table.deciding(outcomes, claim) for claim in places[SOME]}
+turned = {claim: readings_table.decisive_options(outcomes, claim) for claim in places[SOME]}
 deciders = list(dict.fromkeys(label for labels in turned.values() for label in labels))
 single = [label for label in outcomes if known[label].changed]
 by_one = [f"{claim} ({known[labels[0]].title})" for claim, labels in turned.items() if len(labels) == 1]
@@ -184,7 +185,7 @@ plotting.stamp(curves_figure(outcomes), made)
 
 # %% tags=["hide-input"]
 plain = readings_table.plain_rows(outcomes)
-in_bands = (*readings_table.BANDS, "bump")
+in_bands = (*BANDS, "bump")
 header, lines = readings_table.with_columns([n for n in readings_table.HEADER if n not in in_bands], plain)
 Table(header, lines, align="l" + "r" * len(header[1:]))
 
@@ -208,7 +209,7 @@ sound = [known[label].title for label, one in outcomes.items() if not one.n_fail
 
 def moved(several):
     """Largest over least mean error of the runs on one sky, the largest of all skies."""
-    by_sky = [[run.mean_error for run in several if run.seed == seed] for seed in skies]
+    by_sky = [[run.numbers["mean error"] for run in several if run.seed == seed] for seed in skies]
     return max((max(errors) / min(errors) for errors in by_sky if errors), default=1.0)
 
 
@@ -219,7 +220,7 @@ quote(
     readings_fails_code=failures("code"),
     readings_fails_follow_up=failures("follow-up"),
     readings_sound=listed(sound),
-    readings_nearest=listed([known[label].title for label in readings_table.nearest_sound(outcomes)]),
+    readings_nearest=listed([known[label].title for label in readings_table.closest_converged(outcomes)]),
     readings_moved=(largest, 0.1 * largest),
     readings_moved_default=(moved(runs.get("default", ())), 0.1),
 )
@@ -229,7 +230,7 @@ quote(
 # ## Which choice decides what
 #
 # Every choice, the words that speak of it, and the readings that take it. For a choice that the default does not take: in how many runs the default fails once it is changed, and which claims then change
-# from held to not held or back. How to take them: `himap claims -p reading=code` for a reading, `SDecGMCA(sign="free")` or `himap clean --method sdecgmca -p sign=free` for a single choice.
+# from held to not held or back. How to take them: `himap measure claims -p reading=code` for a reading, `SDecGMCA(sign="free")` or `himap clean --method sdecgmca -p sign=free` for a single choice.
 
 # %% tags=["hide-input"]
 head = [
@@ -299,7 +300,7 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # More to run:
 #
 # ```sh
-# himap readings --preset ci -p n_realisations=1 -p n_sources_max=3   # all readings on one coarse sky
-# himap claims --preset quick -p reading=letter --jobs 2              # the ledger, to the letter of the text
+# himap measure readings --preset ci -p n_realisations=1 -p n_sources_max=3   # all readings on one coarse sky
+# himap measure claims --preset quick -p reading=letter --jobs 2              # the ledger, to the letter of the text
 # himap run 16_readings -p results=FILE                               # this page, of readings that you have judged
 # ```

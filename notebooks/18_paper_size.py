@@ -31,7 +31,7 @@
 #
 # ```sh
 # himap templates FOLDER --nside 64
-# himap claims --preset paper -p n_realisations=1 -p galaxy=templates -p template_dir=FOLDER --jobs 2
+# himap measure claims --preset paper -p n_realisations=1 -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # ```
 #
@@ -50,11 +50,10 @@ from pathlib import Path
 import numpy as np
 from IPython.display import Markdown
 
-from himap.companion.stored import RESULTS
+from himap.companion.stored import RESULTS, read_ledger
 from himap.companion.stored_tables import differing, ledgers_table, pictures, verdicts_table
 from himap.errors import InputError
 from himap.figures.numbers import quote
-from himap.paper.ledger import read_ledger
 from himap.sky.cosmology import Cosmology, redshift
 from himap.survey import PRESETS
 
@@ -129,6 +128,6 @@ Markdown(pictures([real, synthetic], folder))
 #
 # ```sh
 # himap run 10_results --preset laptop                           # Figs. 1 and 2 on the way to this size, in minutes
-# himap claims --preset laptop -p n_realisations=1 --jobs 2      # a ledger to put beside these
+# himap measure claims --preset laptop -p n_realisations=1 --jobs 2      # a ledger to put beside these
 # himap run 18_paper_size -p results=FOLDER                      # this page, of results that you have measured
 # ```

@@ -157,7 +157,7 @@ Markdown(growth_table(scaling))
 # - **Memory** is estimated before anything is computed, and what does not fit is refused, for the light cone with a box that would. `--max-memory`
 #   (the variable `HIMAP_MAX_MEMORY`) says what may be used; the default is what is free. `--jobs 2` cleans two cubes at once and needs twice as much for it.
 # - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; the ledger keeps those of one case (a beam, dimmed or not) of one realisation while it works. Cubes can be deleted at any time, with
-#   `himap cache clear pipeline.observation` for instance; `himap claims` deletes those that it made itself once they are measured, but not
+#   `himap cache clear pipeline.observation` for instance; `himap measure claims` deletes those that it made itself once they are measured, but not
 #   those that an interrupted run left.
 #
 # (kills)=
@@ -173,7 +173,7 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # %% [markdown]
 # ## On a cluster
 #
-# With `--dask`, `himap claims` and `himap run` share independent products among the workers of a [Dask](https://distributed.dask.org) scheduler that is already there.
+# With `--dask`, `himap measure claims` and `himap run` share independent products among the workers of a [Dask](https://distributed.dask.org) scheduler that is already there.
 # Cubes do not travel: each worker keeps what it makes in the cache folder and reads from there. So that folder, and that of the templates, must be ones that all
 # machines see, and all need the same himap. What a worker that dies was making goes to another one, and the result is the same as without Dask.
 #
@@ -199,7 +199,7 @@ Markdown(endurance_table(read_stored("endurance", results)))
 #
 # ```sh
 # export HIMAP_CACHE=/scratch/me/himap HIMAP_MAX_MEMORY=24GB
-# himap claims --preset paper -p n_realisations=20 --dask tcp://10.0.0.7:35791
+# himap measure claims --preset paper -p n_realisations=20 --dask tcp://10.0.0.7:35791
 # ```
 #
 # - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once.

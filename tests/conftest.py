@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from filelock import FileLock
 
 import himap
 from himap.cli.main import main
@@ -71,8 +72,21 @@ def himap_command(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="session")
 def html(tmp_path_factory):
-    """The folder of the book, rendered from what is committed; a warning is an error."""
-    folder = tmp_path_factory.mktemp("book")
+    """The folder of the book, rendered once for all workers from what is committed; a warning is an error."""
+    several = "PYTEST_XDIST_WORKER" in os.environ
+    shared = tmp_path_factory.getbasetemp().parent if several else tmp_path_factory.mktemp("shared")
+    folder = shared / "book"
+    with FileLock(shared / "book.lock"):
+        if not folder.exists():
+            rendered = _rendered(shared / "rendering")
+            rendered.rename(folder)
+    return folder / "_build" / "html"
+
+
+def _rendered(folder):
+    """A copy of the book's sources in `folder`, rendered there."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
     for name in ("_config.yml", "_toc.yml", "CHANGELOG.md", "CITATION.cff"):
         shutil.copy(ROOT / name, folder)
     shutil.copytree(ROOT / "book", folder / "book")
@@ -81,7 +95,7 @@ def html(tmp_path_factory):
     options = ["build", str(folder), "-W", "--keep-going"]
     outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return folder / "_build" / "html"
+    return folder
 
 
 class Quiet(SimpleHTTPRequestHandler):

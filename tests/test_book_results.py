@@ -2,9 +2,6 @@
 
 import contextlib
 import re
-import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +11,7 @@ from ledgers import entry
 from PIL import Image
 
 from himap.companion.notebooks import find
-from himap.companion.stored import RESULTS, extrapolated, read_stored, times_of_all
+from himap.companion.stored import RESULTS, extrapolated, read_ledger, read_stored, times_of_all
 from himap.companion.stored_tables import (
     differing,
     endurance_table,
@@ -28,9 +25,10 @@ from himap.companion.stored_tables import (
 )
 from himap.errors import InputError
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
-from himap.paper.ledger import read_ledger
-from himap.paper.readings_file import read_readings
+from himap.paper.experiments import find_experiment
+from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
+from himap.paper.record import Record
 from himap.products.memory import estimate
 from himap.survey import PRESETS
 
@@ -268,9 +266,9 @@ def test_every_figure_is_shown_with_what_made_it():
 @pytest.mark.parametrize("path", sorted(RESULTS.glob("readings*.json")), ids=lambda path: path.stem)
 def test_stored_readings_can_be_read(path):
     """They are of one size and are small; every claim is judged under every reading that is there."""
-    outcomes, about = read_readings(path)
-    assert "default" in outcomes and set(about) >= {"preset", "code", "commit"}
-    assert all(set(one.judged) == set(CLAIMS) for one in outcomes.values())
+    outcomes = outcomes_of(Record.load(find_experiment("readings"), path).rows)
+    assert "default" in outcomes
+    assert all(set(one.entries) == set(CLAIMS) for one in outcomes.values())
     assert path.stat().st_size < 6e5
 
 
@@ -290,16 +288,8 @@ def test_short_numbers():
     assert [short(567.68, 3), short(0.0312), short(12345.0)] == ["568", "0.031", "12,000"]
 
 
-def test_pictures_lead_to_themselves_in_full_size(tmp_path):
-    """A book of the chapter only; test_book.py renders them all, and knows warnings and broken links."""
-    shutil.copy(ROOT / "_config.yml", tmp_path)
-    shutil.copytree(ROOT / "book", tmp_path / "book")
-    shutil.copytree(ROOT / "notebooks", tmp_path / "notebooks")
-    (tmp_path / "_toc.yml").write_text("format: jb-book\nroot: notebooks/18_paper_size\n")
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    outcome = subprocess.run([*jupyter_book, "build", str(tmp_path)], capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    pages = tmp_path / "_build" / "html" / "notebooks"
+def test_pictures_lead_to_themselves_in_full_size(html):
+    pages = html / "notebooks"
     page = (pages / "18_paper_size.html").read_text()
     shown = re.findall(r'<a [^>]*href="([^"]+)"[^>]*><img alt="([^"]+)"[^>]*src="([^"]+)"', page)
     assert len(shown) == len([*RESULTS.glob("*/*.png")])

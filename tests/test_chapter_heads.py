@@ -12,8 +12,8 @@ import pytest
 from sphinx.application import Sphinx
 
 from himap.companion.notebooks import notebooks
+from himap.companion.stored import LEDGER, read_ledger
 from himap.paper.claims import CLAIMS
-from himap.paper.ledger import RECORDED, read_ledger
 from himap.paper.ledger_table import BADGES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +62,7 @@ def rendered(page):
 
 
 def test_verdicts_are_those_of_the_ledger(html):
-    entries = {entry.claim["id"]: entry for entry in read_ledger(RECORDED)[0]}
+    entries = {entry.claim.id: entry for entry in read_ledger()[0]}
     ledger = (html / "notebooks" / "15_claims.html").read_text()
     seen = {}
     for chapter in CHAPTERS:
@@ -74,7 +74,7 @@ def test_verdicts_are_those_of_the_ledger(html):
         assert address == f"15_claims.html#claim-{id}" and f'id="claim-{id}"' in ledger
 
 
-def small_page(folder, text, ledger=RECORDED):
+def small_page(folder, text, ledger=LEDGER):
     """(the page of a book of one page, errors) with a ledger, or none."""
     results = folder / "source" / "book" / "results"
     results.mkdir(parents=True)

@@ -1,6 +1,5 @@
 """The ledger: verdicts over seeds, the file, the table, and the whole on a tiny sky."""
 
-import json
 import math
 import re
 from dataclasses import dataclass, replace
@@ -12,12 +11,14 @@ from pages import cells
 
 from himap.companion.notebook_files import read_notebook
 from himap.companion.notebooks import notebooks
+from himap.companion.stored import LEDGER, read_ledger
 from himap.errors import InputError
 from himap.figures.numbers import QUOTED
 from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import BEAMS
-from himap.paper.ledger import NUDGES, RECORDED, evaluate, read_ledger, realisations, write_ledger
+from himap.paper.claims.entries import entries, finding_rows
+from himap.paper.experiments.claims import EXPERIMENT, NUDGES, JudgedSky, realisations, skies
 from himap.paper.ledger_table import BADGES, HEADER, LedgerTable, plain_rows, summary
 from himap.paper.methods import BEAM_AWARE
 
@@ -89,43 +90,34 @@ def test_values_are_median_and_range_of_what_was_measured():
     assert all(math.isnan(value) for value in entry(INAPPLICABLE, values=[None]).values)
 
 
-def test_file_there_and_back(tmp_path):
+def test_rows_there_and_back():
     nudged = {0.999: finding(FAILED, 2.0, "a."), 1.001: finding(REPRODUCED)}
-    entries = [entry(REPRODUCED, FAILED, nudged=nudged), entry(INAPPLICABLE, values=[None], id="O6")]
-    path = tmp_path / "new" / "ledger.json"
-    write_ledger(entries, path, {"preset": "ci"})
-    assert read_ledger(path) == (entries, {"preset": "ci"})
-    assert [file.name for file in path.parent.iterdir()] == ["ledger.json"]
-    assert "NaN" not in path.read_text()
-
-
-def test_a_ledger_that_cannot_be_written_or_read(tmp_path):
-    with pytest.raises(InputError, match="there is no ledger"):
-        read_ledger(tmp_path / "none.json")
-    (tmp_path / "older.json").write_text('{"about": {}, "claims": [{"id": "D1"}]}')
-    with pytest.raises(InputError, match="is a ledger in the format of another version of himap"):
-        read_ledger(tmp_path / "older.json")
-    for text in ("{}", "[]", '{"format": 2, "about": {}, "claims": [1]}', "not JSON"):
-        (tmp_path / "other.json").write_text(text)
-        with pytest.raises(InputError, match="is not a ledger"):
-            read_ledger(tmp_path / "other.json")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_ledger([entry(REPRODUCED)], tmp_path / "file" / "ledger.json", {})
+    told = [entry(REPRODUCED, FAILED, nudged=nudged), entry(INAPPLICABLE, values=[None], id="O6")]
+    rows = [
+        {"seed": seed} | row
+        for one in told
+        for seed, found in one.findings.items()
+        for row in finding_rows({one.claim.id: found}, 1)
+    ]
+    rows += [{"seed": 0} | row for level, one in nudged.items() for row in finding_rows({"D1": one}, level)]
+    again = entries(EXPERIMENT.frame(rows))
+    assert str(again) == str(told)  # as text, in which NaN is NaN
+    with pytest.raises(InputError, match="claims of another version of himap, Z9; .* `himap measure claims`"):
+        entries(EXPERIMENT.frame([row | {"claim": "Z9"} for row in rows]))
 
 
 def test_table_says_what_the_entries_say():
-    entries = [
+    several = [
         entry(REPRODUCED, REPRODUCED, values=[0.1, 0.2]),
         entry(FAILED, id="N1"),
         entry(INAPPLICABLE, id="O6"),
         entry(IN_PART, id="F1"),
     ]
-    assert summary(entries) == {REPRODUCED: 1, IN_PART: 1, FAILED: 1, INAPPLICABLE: 1}
+    assert summary(several) == {REPRODUCED: 1, IN_PART: 1, FAILED: 1, INAPPLICABLE: 1}
     first = ("D1", "degraded", REPRODUCED, "2/2", "0.15 (0.1 to 0.2)", "", "< 0.1", "largest |C/C0 - 1|")
-    assert plain_rows(entries)[0] == first and len(HEADER) == len(first)
-    assert plain_rows(entries)[3][2] == "in part (1 of 2)"
-    page = LedgerTable(entries, {"10_results": {"1": "fig-a"}})._repr_html_()
+    assert plain_rows(several)[0] == first and len(HEADER) == len(first)
+    assert plain_rows(several)[3][2] == "in part (1 of 2)"
+    page = LedgerTable(several, {"10_results": {"1": "fig-a"}})._repr_html_()
     assert '<a href="10_results.html#fig-a">Fig. 1</a>' in page
     assert '<a href="11_ns_scan.html">Fig. 3</a>' in page
     assert "&lt; 0.1" in page
@@ -137,7 +129,7 @@ def test_table_says_what_the_entries_say():
     assert "≈ in part (1 of 2)</span>" in rows[2][2]
     assert '<a href="01_simulations.html">chapter</a>' in rows[2][1]
     assert rows[4][3].startswith("0.15 (0.1 to 0.2)") and rows[4][4] == "&lt; 0.1"
-    assert repr(LedgerTable(entries)).count("\n") == 3
+    assert repr(LedgerTable(several)).count("\n") == 3
 
 
 def test_every_claim_has_its_row():
@@ -158,9 +150,11 @@ def test_badges_can_be_read():
 
 
 def test_seeds_follow_that_of_the_survey():
-    skies = realisations(preset="ci", survey={"seed": 7}, n_realisations=3)
-    assert [sky.survey.seed for sky in skies] == [7, 8, 9]
-    assert len({(sky.galaxy, sky.n_sources, sky.survey.nside) for sky in skies}) == 1
+    found = skies(preset="ci", survey={"seed": 7}, n_realisations=3)
+    assert [sky.survey.seed for sky in found] == [7, 8, 9]
+    assert [[one.noise_level for one in sky.realisations] for sky in found] == [[1, *NUDGES], [1], [1]]
+    assert len({(one.galaxy, one.n_sources) for sky in found for one in sky.realisations}) == 1
+    assert [len(sky.realisations) for sky in skies(preset="ci", n_realisations=2, nudged=False)] == [1, 1]
 
 
 @pytest.mark.parametrize(
@@ -171,7 +165,7 @@ def test_seeds_follow_that_of_the_survey():
         ({"n_sources_max": 101}, "up to the 100 channels"),
         ({"n_sources_min": 0}, "the scan needs"),
         ({"galaxy": "milky way"}, "unknown Galaxy source"),
-        ({"oscillating": "meerkat"}, "a Case takes a beam"),
+        ({"ripple": "square"}, "ripple"),
         ({"plane_weight": 2.0}, "at most 1"),
         ({"reading": "backwards"}, "backwards|no option reading"),
         ({"method": "pca"}, "in the place of SDecGMCA can stand"),
@@ -201,47 +195,46 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     sky = replace(sky, options=SHORT)
     before, *others = dict.fromkeys(case for case, *_ in sky.cases.values())
     pipeline.observation(before)
-    entries = evaluate([sky], nudges=NUDGES)
+    judged = JudgedSky((sky, *(replace(sky, noise_level=level) for level in NUDGES)))
+    found = entries(EXPERIMENT.table([judged]))
     assert pipeline.observation.is_cached(before) and pipeline.hi_of_sky.is_cached(sky.survey.sky)
     assert others and not any(pipeline.observation.is_cached(case) for case in others)
     assert not any(pipeline.peak_masked.is_cached(case) for case in [before, *others])
     assert evidence.sky_brightness.is_cached(sky.survey.sky, sky.galaxy)
     assert all(evidence.masked_voxels.is_cached(sky.cases[beam][0]) for beam in BEAMS)
-    assert [one.claim["id"] for one in entries] == list(CLAIMS)
-    by_id = {one.claim["id"]: one for one in entries}
+    assert [one.claim.id for one in found] == list(CLAIMS)
+    by_id = {one.claim.id: one for one in found}
     empty = {id for id, one in by_id.items() if one.verdict == INAPPLICABLE}
     assert {"O6", "R1", "N1", "N2", "N3", "N4", "N5"} <= empty
-    assert all(math.isfinite(one.values[0]) for one in entries if one.verdict != INAPPLICABLE)
+    assert all(math.isfinite(one.values[0]) for one in found if one.verdict != INAPPLICABLE)
     assert by_id["F1"].verdict == REPRODUCED  # holds by far even here
     assert by_id["N1"].sentence == "The scan does not hold n_s = 5."
-    assert {tuple(one.nudged) for one in entries} == {NUDGES}
+    assert {tuple(one.nudged) for one in found} == {NUDGES}
     moved = {id for id, one in by_id.items() if len({*one.nudged_values}) == 2}
     assert "S1" in moved and not {"F1", "E1", "E3", "E5", "O1", "M3"} & moved  # those are not about SDecGMCA
 
 
 def test_recorded_ledger_is_complete():
-    entries, about = read_ledger(RECORDED)
-    assert [one.claim["id"] for one in entries] == list(CLAIMS)
-    assert len({tuple(one.findings) for one in entries}) == 1
-    assert about["preset"] == "laptop"
-    stored = json.loads(RECORDED.read_text())["claims"]
-    assert [row["verdict"] for row in stored] == [one.label for one in entries]
+    found, about = read_ledger()
+    assert [one.claim.id for one in found] == list(CLAIMS)
+    assert len({tuple(one.findings) for one in found}) == 1
+    assert about["preset"] == "laptop" and LEDGER.stem == "claims_laptop"
 
 
 def test_intro_says_what_the_ledger_says():
     """Its counts are those that the chapter of the ledger quotes."""
-    entries, _ = read_ledger(RECORDED)
-    count = summary(entries)
+    found, _ = read_ledger()
+    count = summary(found)
     path = ROOT / "notebooks" / "15_claims.ipynb"
     outputs = [output for cell in read_notebook(path).cells for output in cell.get("outputs", [])]
     named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
     wanted = {
-        "claims_total": len(entries),
+        "claims_total": len(found),
         "claims_reproduced": count[REPRODUCED],
         "claims_in_part": count[IN_PART],
         "claims_failed": count[FAILED],
         "claims_inapplicable": count[INAPPLICABLE],
-        "claims_realisations": len(entries[0].findings),
+        "claims_realisations": len(found[0].findings),
     }
     text = (ROOT / "book" / "intro.md").read_text()
     for name, number in wanted.items():

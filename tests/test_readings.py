@@ -10,11 +10,11 @@ from outcomes import outcome, run
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.paper import pipeline
-from himap.paper import readings as readings_module
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
-from himap.paper.ledger import NUDGES, judge, realisations
+from himap.paper.experiments import readings as experiment
+from himap.paper.experiments.claims import NUDGES, judge
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, evaluate, readings
+from himap.paper.readings import BANDS, outcomes, readings
 from himap.paper.realisation import Realisation
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 from himap.survey import Survey
@@ -91,31 +91,27 @@ def tiny(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
         some = {label: readings()[label] for label in CHOSEN}
-        patch.setattr(readings_module, "readings", lambda: some)
-        (sky,) = realisations(**TINY, n_realisations=1)
-        yield evaluate([sky]), sky
+        patch.setattr(experiment, "readings", lambda: some)
+        (sky,) = experiment.skies(**TINY, n_realisations=1)
+        yield outcomes(experiment.EXPERIMENT.table([sky])), sky.judged["default"]
 
 
 class TestEvaluate:
     def test_every_reading_claim_and_noise_level(self, tiny):
-        outcomes, sky = tiny
-        assert tuple(outcomes) == CHOSEN
-        for one in outcomes.values():
-            assert tuple(one.judged) == tuple(CLAIMS)
-            assert all(tuple(by_seed) == (sky.survey.seed,) for by_seed in one.judged.values())
+        found, sky = tiny
+        assert tuple(found) == CHOSEN
+        for one in found.values():
+            assert tuple(one.entries) == tuple(CLAIMS)
+            assert all(tuple(entry.findings) == (sky.survey.seed,) for entry in one.entries.values())
             assert [run.noise_level for run in one.runs] == [1.0, *NUDGES]
             assert {run.seed for run in one.runs} == {sky.survey.seed}
 
     def test_the_verdicts_are_those_of_the_ledger(self, tiny):
-        outcomes, sky = tiny
-        found = judge(replace(sky, options=(("last", "unregularised"),)))
-        for claim, finding in found.items():
-            (one,) = outcomes["last = unregularised"].judged[claim].values()
-            assert (one.verdict, one.n_held, one.n_parts) == (
-                finding.verdict,
-                finding.n_held,
-                len(finding.parts),
-            )
+        found, sky = tiny
+        judged = judge(replace(sky, options=(("last", "unregularised"),)))
+        for claim, finding in judged.items():
+            (one,) = found["last = unregularised"].entries[claim].findings.values()
+            assert (one.verdict, one.parts) == (finding.verdict, finding.parts)
             assert one.value == pytest.approx(finding.value, nan_ok=True)
 
     def test_observations_do_not_stay(self, tiny):
@@ -126,51 +122,49 @@ class TestEvaluate:
 
     @pytest.mark.parametrize("label", CHOSEN)
     def test_a_run_is_what_the_assessment_says(self, tiny, label):
-        outcomes, sky = tiny
+        found, sky = tiny
         one = replace(sky, options=readings()[label].options)
         comparison, assessed = one.of("oscillating")["sdecgmca"], one.assessed("sdecgmca")
         ratio, degrees = comparison.angular_ratio, comparison.degrees
-        found = outcomes[label].runs[0]
-        assert list(found.angular) == ["2 to 4", "5 to 9", "10 to 19"]  # the maps end at l = 16
-        for (low, high), mean in zip(ANGULAR_BANDS[:3], found.angular.values(), strict=True):
-            assert mean == pytest.approx(ratio[(degrees >= low) & (degrees <= high)].mean())
-        assert list(found.frequency) == list(FREQUENCY_BANDS)[1:]  # the least k is 0.05 / MHz
-        for name, mean in found.frequency.items():
-            low, high = FREQUENCY_BANDS[name]
-            inside = (comparison.k > low) & (comparison.k < high)
-            assert mean == pytest.approx(comparison.frequency_ratio[inside].mean())
+        numbers = found[label].runs[0].numbers
+        there = [name for name in BANDS if name in numbers]
+        # The maps end at l = 16, and the least k is 0.05 / MHz.
+        sky, line = list(BANDS)[:3], list(BANDS)[-2:]
+        assert there == [*sky, *line] and sky[-1] == "C/C0, 10 to 19"
+        for name in there:
+            curve, low, high = BANDS[name]
+            x, values = {"C/C0": (degrees, ratio), "P/P0": (comparison.k, comparison.frequency_ratio)}[curve]
+            assert numbers[name] == pytest.approx(values[(x > low) & (x < high)].mean())
         errors = np.abs(ratio[(degrees > 10) & (degrees < 200)] - 1)
-        assert (found.mean_error, found.largest_error) == pytest.approx((errors.mean(), errors.max()))
+        assert numbers["mean error"] == pytest.approx(errors.mean())
+        assert numbers["largest error"] == pytest.approx(errors.max())
         errors = assessed.line_errors
         out = np.abs(errors - errors.mean()) > errors.std()
         latitude = np.abs(sphere.pixel_latitude(8))
-        assert found.flagged == pytest.approx(out.mean())
-        assert found.near_plane == pytest.approx((latitude[out] < 10).mean(), nan_ok=True)
-        assert (found.n_iterations, found.settled) == (assessed.n_iterations, assessed.converged)
-        assert found.bump == pytest.approx(
+        assert numbers["flagged"] == pytest.approx(out.mean())
+        assert numbers["near the plane"] == pytest.approx((latitude[out] < 10).mean(), nan_ok=True)
+        assert (numbers["iterations"], numbers["converged"]) == (assessed.n_iterations, assessed.converged)
+        assert numbers["bump"] == pytest.approx(
             comparison.frequency_ratio[(comparison.k > 0.25) & (comparison.k < 0.38)].max()
         )
 
     def test_curves_are_means_in_bins(self, tiny):
-        outcomes, sky = tiny
-        comparison, found = sky.of("oscillating")["sdecgmca"], outcomes["default"].runs[0]
-        assert found.degrees == pytest.approx(comparison.degrees)  # so few that each has its own bin
-        assert found.angular_ratio == pytest.approx(comparison.angular_ratio)
+        found, sky = tiny
+        comparison, one = sky.of("oscillating")["sdecgmca"], found["default"].runs[0]
+        at, ratio = one.curves["C/C0"]
+        assert at == pytest.approx(comparison.degrees)  # so few that each has its own bin
+        assert ratio == pytest.approx(comparison.angular_ratio)
         x = np.arange(2.0, 500)
-        at, means = readings_module._binned(x, 3 * x)
+        at, means = zip(*experiment._binned(x, 3 * x), strict=True)
         assert at[:3] == (2, 3, 4) and at[-1] > 450 and len(at) <= 40
         assert means == pytest.approx(3 * np.array(at))
 
-    def test_no_realisation(self):
-        with pytest.raises(InputError, match="one realisation or more, got none"):
-            evaluate([])
-
-    @pytest.mark.parametrize(
-        "options", [{"method": "beam_subspace"}, {"reading": "letter"}], ids=["method", "reading"]
-    )
-    def test_realisations_of_another_method_or_reading(self, options):
-        with pytest.raises(InputError, match="give realisations of its default reading"):
-            evaluate(realisations(**TINY, n_realisations=1, **options))
+    def test_rows_of_another_version(self, tiny):
+        row = experiment._row("default", 1.0, "D1", 1.0)
+        for name, value in (("reading", "backwards"), ("quantity", "Z9")):
+            rows = experiment.EXPERIMENT.frame([{"seed": 7} | row | {name: value}])
+            with pytest.raises(InputError, match=f"of another version of himap, {value}; measure it again"):
+                outcomes(rows)
 
 
 class TestOutcome:
@@ -179,12 +173,6 @@ class TestOutcome:
         assert [one.verdict(claim) for claim in ("D1", "D2", "E1")] == [FAILED, IN_PART, INAPPLICABLE]
         assert [one.holds(claim) for claim in ("D1", "D2", "E1")] == [False, True, False]
         assert one.verdict("S1") is None and one.holds("S1") is None
-
-    def test_a_judgement_says_how_many_parts_hold(self):
-        (one,) = outcome({"D1": IN_PART}).judged["D1"].values()
-        assert one.label == "in part (1 of 2)" and one.holds
-        (one,) = outcome({"D1": FAILED}).judged["D1"].values()
-        assert one.label == FAILED and not one.holds
 
     def test_to_fail_is_twice_the_error_of_the_paper(self):
         runs = [run(mean_error=error) for error in (0.05, 0.0999, 0.1001, math.inf)]

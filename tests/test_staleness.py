@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from himap.companion.notebooks import find
-from himap.companion.staleness import ledger_code, readings_code, stale_results, stored_results
+from himap.companion.staleness import stale_results, stored_results
+from himap.paper.record import measuring_code
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
@@ -33,11 +34,12 @@ def folders(tmp_path):
             {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": today} | changed
             for name in figures
         ]
-        about = about or ABOUT | {"code": ledger_code()}
+        about = about or ABOUT | {"code": measuring_code("claims")}
+        readings = ABOUT | {"code": measuring_code("readings")}
         files = {
-            "claims_a": {"about": about, "claims": []},
+            "claims_a": {"about": about, "experiment": "claims"},
             "paper_a/figures": {"figures": rows},
-            "readings_a": {"about": ABOUT | {"code": readings_code()} | changed, "readings": []},
+            "readings_a": {"about": readings | changed, "experiment": "readings"},
             "steps_a": {"about": ABOUT, "steps": []},
         }
         for name, content in files.items():
@@ -98,12 +100,12 @@ def test_those_in_the_book_can_be_told():
 
 
 def test_a_result_that_was_checked_is_one_of_the_code_that_checked_it(folders):
-    checked = {"code": ledger_code(), "commit": "def5678", "dirty": False}
+    checked = {"code": measuring_code("claims"), "commit": "def5678", "dirty": False}
     results, notebooks = folders(about=ABOUT | {"code": "other", "checked": checked})
     assert stale_results(results, notebooks) == {}
     ledger, *others = stored_results(results)
     assert ledger.checked == "def5678" and not any(one.checked for one in others)
     results, notebooks = folders(
-        about=ABOUT | {"code": ledger_code(), "checked": checked | {"code": "older"}}
+        about=ABOUT | {"code": measuring_code("claims"), "checked": checked | {"code": "older"}}
     )
     assert stale_results(results, notebooks) == {"claims_a": "the code behind claims changed"}

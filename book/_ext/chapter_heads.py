@@ -14,7 +14,7 @@ from sphinx.util.docutils import SphinxRole
 
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.companion.parameters import read_parameters
-from himap.paper.ledger import read_ledger
+from himap.companion.stored import read_ledger
 from himap.paper.ledger_table import BADGES
 from himap.products.memory import estimate
 from himap.products.provenance import duration
@@ -46,13 +46,13 @@ class Claim(SphinxRole):
             return nodes.Text(self.text)
         page = self.env.app.builder.get_relative_uri(self.env.docname, LEDGER)
         row = f"{page}#claim-{self.text}"
-        return nodes.reference("", self.text, internal=True, refuri=row, reftitle=entry.claim["statement"])
+        return nodes.reference("", self.text, internal=True, refuri=row, reftitle=entry.claim.statement)
 
 
 @cache
 def _verdicts(path):
     """{id: entry} of a ledger."""
-    return {entry.claim["id"]: entry for entry in read_ledger(path)[0]}
+    return {entry.claim.id: entry for entry in read_ledger(path)[0]}
 
 
 class Cost(SphinxRole):

@@ -17,8 +17,9 @@ from docutils import nodes
 from himap.companion.figures import figures
 from himap.companion.notebook_files import STAMP, read_notebook
 from himap.figures import styles
-from himap.paper.readings import readings
-from himap.paper.readings_file import read_readings
+from himap.paper.experiments import find_experiment
+from himap.paper.readings import CURVES, outcomes, readings
+from himap.paper.record import Record
 from himap.removal.sdecgmca.readings import READINGS
 
 SPECTRA = {
@@ -122,18 +123,21 @@ def _axes(name, title, about, kind):
 
 def _of_readings(path):
     """SDecGMCA under every reading: a view for each noise level, those with a name shown at first."""
-    outcomes, _ = read_readings(path)
+    found = outcomes(Record.load(find_experiment("readings"), path).rows)
     known = readings()
-    runs = [(label, run) for label, one in outcomes.items() for run in one.runs]
-    titles = {label: known[label].title for label in outcomes}
+    runs = [(label, run) for label, one in found.items() for run in one.runs]
+    titles = {label: known[label].title for label in found}
     views = []
     for level in sorted({run.noise_level for _, run in runs}, key=lambda value: abs(value - 1)):
         panels, axes = {}, {}
         for seed in dict.fromkeys(run.seed for _, run in runs):
-            for kind, across in (("angular", _SKY), ("frequency", "along the line of sight")):
+            for kind, curve, across in (
+                ("angular", CURVES[0], _SKY),
+                ("frequency", CURVES[1], "along the line of sight"),
+            ):
                 title = f"seed {seed}, {across}"
                 panels[title] = [
-                    (titles[label], _points(run, kind))
+                    (titles[label], dict(zip(*run.curves[curve], strict=True)))
                     for label, run in runs
                     if (run.seed, run.noise_level) == (seed, level)
                 ]
@@ -149,14 +153,9 @@ def _of_readings(path):
         for panel in one["panels"]:
             panel |= axes[panel["title"]]
         views.append(one)
-    hidden = [titles[label] for label in outcomes if label not in READINGS]
-    names = {"view": "Told noise level", "panel": "Sky and direction"}
+    hidden = [titles[label] for label in found if label not in READINGS]
+    names = {"view": "Assumed noise level", "panel": "Sky and direction"}
     return {"names": names, "slider": None, "views": views, "hidden": hidden}
-
-
-def _points(run, kind):
-    x, y = ("degrees", "angular_ratio") if kind == "angular" else ("k", "frequency_ratio")
-    return dict(zip(getattr(run, x), getattr(run, y), strict=True))
 
 
 def setup(app):

@@ -1,17 +1,13 @@
 """What the commands of `himap` share: options, errors told in one paragraph, sizes."""
 
 import functools
-from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from himap.checks import whole_number
 from himap.companion import reproduce
 from himap.companion.kernels import changed_environment
 from himap.companion.notebook_files import check_output
-from himap.companion.notebooks import find
-from himap.companion.parameters import check_parameters, parse_texts
 from himap.errors import InputError, shortened
 from himap.products.memory import LIMIT_VARIABLE, parse_size
 from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
@@ -22,17 +18,11 @@ __all__ = [
     "check_alone",
     "debug",
     "json_output",
-    "judging_parameters",
     "named_values",
     "overwrite_option",
-    "provenance_parameters",
     "size_text",
     "workers",
 ]
-
-_JUDGING = "15_claims"  # the notebook whose parameters commands share that judge claims
-
-_MOST_SOURCES = 10_000
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
@@ -168,45 +158,6 @@ def named_values(pairs):
             )
         texts[name] = text
     return texts
-
-
-def judging_parameters(pairs, preset, *, own, without=(), more=(), notebook=_JUDGING):
-    """Parameters of what measures on several skies, from texts NAME=VALUE.
-
-    Parameters
-    ----------
-    pairs, preset
-        As given to the command.
-    own
-        {name: default} where it is not that of the notebook.
-    without
-        Parameters of the notebook that this command does not have.
-    more
-        `Parameter` of this command that the notebook does not have.
-    notebook
-        Whose parameters they are; that of the claims unless given.
-
-    Returns
-    -------
-    (dict, dict)
-        {name: value} of all, and of those that were given.
-    """
-    declared = [
-        replace(parameter, default=own.get(parameter.name, parameter.default))
-        for parameter in find(notebook).parameters
-        if parameter.name not in without
-    ]
-    declared += more
-    given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
-    for name in given.keys() & {"n_sources_min", "n_sources_max"}:
-        whole_number(name, given[name], 1, _MOST_SOURCES)  # before so many are counted
-    return {parameter.name: parameter.default for parameter in declared} | given, given
-
-
-def provenance_parameters(given):
-    """Those parameters that a provenance does not know by itself."""
-    elsewhere = {"preset", "survey", "galaxy", "template_dir"}
-    return {name: value for name, value in given.items() if name not in elsewhere}
 
 
 def size_text(n_bytes):

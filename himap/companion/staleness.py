@@ -1,8 +1,8 @@
 """Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
 
-Ledgers, readings and figures carry the fingerprint of the code that made them, without parameters, which
-stand beside it; what only looks does not count, and accepted code is as good (`himap.products.accepted`).
-Timings carry none: they are those of one machine and one day. A stale result is told, not made again.
+Records and figures carry the fingerprint of the code that made them, without parameters, which are stored
+with it; what only looks does not count, and accepted code is as good (`himap.products.accepted`). Timings
+carry none: they are those of one machine and one day. A stale result is reported, not made again.
 """
 
 import json
@@ -11,32 +11,12 @@ from pathlib import Path
 
 from himap.companion.notebooks import notebooks
 from himap.companion.stored import RESULTS
+from himap.paper.experiments import EXPERIMENTS
+from himap.paper.record import measuring_code
 from himap.products.accepted import moved
 from himap.products.fingerprint import CodeTree
 
-__all__ = [
-    "StoredResult",
-    "beam_errors_code",
-    "corrections_code",
-    "ledger_code",
-    "readings_code",
-    "side_by_side_code",
-    "stale_results",
-    "stored_results",
-    "suggestions_code",
-]
-
-_LEDGER = "from himap.paper.ledger import evaluate, realisations"
-_BEAM_ERRORS = (
-    "from himap.paper.beam_errors import evaluate\nfrom himap.paper.corrections import cases_and_methods"
-)
-_CORRECTIONS = "from himap.paper.corrections import cases_and_methods, evaluate"
-_SUGGESTIONS = (
-    "from himap.paper.corrections import cases_and_methods\n"
-    "from himap.paper.suggestions import cases_over, evaluate"
-)
-_SIDE_BY_SIDE = "from himap.paper.side_by_side import evaluate, skies_and_methods"
-_READINGS = "from himap.paper.ledger import realisations\nfrom himap.paper.readings import evaluate"
+__all__ = ["StoredResult", "stale_results", "stored_results"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,9 +34,8 @@ class StoredResult:
     seconds
         What it took.
     codes
-        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a ledger
-        "claims", of what `himap record` and `himap readings` write the name of it, of a folder of figures
-        their names, of timings nothing.
+        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a record the
+        name of its experiment, of a folder of figures their names, of timings nothing.
     checked
         Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
         fingerprint is of that code then.
@@ -93,53 +72,13 @@ def stale_results(folder=None, notebooks_folder=None):
         Where the results and the notebooks are, if not in this checkout.
     """
     tree = CodeTree()
-    today = {name: code(tree) for name, code in _CODES.items()}
+    today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
     for notebook in notebooks(notebooks_folder):
         code = notebook.fingerprint(tree)
         cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
         today |= {figure["name"]: code for figure in cells if "name" in figure}
     states = {result.name: _state(result, today) for result in stored_results(folder)}
     return {name: state for name, state in states.items() if state}
-
-
-def ledger_code(tree=None):
-    """Fingerprint of the code that evaluates the claims, as on disk or in a `CodeTree`."""
-    return (tree or CodeTree()).source_fingerprint(_LEDGER)
-
-
-def readings_code(tree=None):
-    """Fingerprint of the code that evaluates the readings of SDecGMCA, as `ledger_code`."""
-    return (tree or CodeTree()).source_fingerprint(_READINGS)
-
-
-def corrections_code(tree=None):
-    """Fingerprint of the code that measures corrections of what is lost, as `ledger_code`."""
-    return (tree or CodeTree()).source_fingerprint(_CORRECTIONS)
-
-
-def beam_errors_code(tree=None):
-    """Fingerprint of the code that measures what a wrong beam costs, as `ledger_code`."""
-    return (tree or CodeTree()).source_fingerprint(_BEAM_ERRORS)
-
-
-def suggestions_code(tree=None):
-    """Fingerprint of the code that judges criteria for the number of sources, as `ledger_code`."""
-    return (tree or CodeTree()).source_fingerprint(_SUGGESTIONS)
-
-
-def side_by_side_code(tree=None):
-    """Fingerprint of the code that measures methods side by side, as `ledger_code`."""
-    return (tree or CodeTree()).source_fingerprint(_SIDE_BY_SIDE)
-
-
-_CODES = {
-    "beam_errors": beam_errors_code,
-    "claims": ledger_code,
-    "corrections": corrections_code,
-    "readings": readings_code,
-    "side_by_side": side_by_side_code,
-    "suggestions": suggestions_code,
-}
 
 
 def _state(result, today):
@@ -165,7 +104,7 @@ def _read(path):
         about = content["about"]
         checked = about.get("checked", {})
         code = checked.get("code", about.get("code"))
-        codes = {name: code for name in _CODES if name in content}
+        codes = {content["experiment"]: code} if "experiment" in content else {}
         return replace(_result(path, about, [about], codes), checked=checked.get("commit", ""))
     rows = content["figures"]
     made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]

@@ -9,20 +9,27 @@ from dataclasses import replace
 from pathlib import Path
 
 from himap.errors import InputError
-from himap.paper.ledger import RECORDED
+from himap.paper.claims.entries import entries
+from himap.paper.experiments import find_experiment
+from himap.paper.record import Record
 from himap.products.memory import estimate
 from himap.survey import PRESETS
 
 __all__ = [
+    "LEDGER",
     "RESULTS",
+    "read_ledger",
     "extrapolated",
     "read_stored",
     "stored_figure",
     "times_of_all",
 ]
 
-RESULTS = RECORDED.parent
+RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
 """The folder of stored results, in a checkout."""
+
+LEDGER = RESULTS / "claims_laptop.json"
+"""The record of the claims that the book shows."""
 
 _TIMES = {"HI light cone": 1, "observations, three beams": 1, "BeamSubspace": 0, "all measures": 3 * 6}
 """How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
@@ -55,6 +62,18 @@ def read_stored(name, folder=None):
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is not a stored result ({error}).") from None
+
+
+def read_ledger(path=LEDGER):
+    """The `himap.paper.claims.entries.Entry` of each claim in a record, and what made it, (list, dict).
+
+    Raises
+    ------
+    InputError
+        No such file, or another kind of file.
+    """
+    record = Record.load(find_experiment("claims"), path)
+    return entries(record.rows), record.about
 
 
 def stored_figure(folder, name, results=None):

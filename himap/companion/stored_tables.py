@@ -31,12 +31,12 @@ _SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter 
 _GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
 _DISTURBED = {
     "run_killed": ("`himap run` killed", "kills"),
-    "claims_killed": ("`himap claims` killed, with two processes", "kills"),
+    "claims_killed": ("`himap measure claims` killed, with two processes", "kills"),
     "clean_killed": ("`himap clean` killed", "kills"),
     "four_processes": ("one of four `himap run` on one cache killed; processes", "processes"),
     "full_disk_run": ("disk full under `himap run`", "full_disks"),
     "full_disk_clean": ("disk full under `himap clean`", "full_disks"),
-    "dead_worker": ("a process that works for `himap claims` killed", "workers_killed"),
+    "dead_worker": ("a process that works for `himap measure claims` killed", "workers_killed"),
 }
 """{name in `benchmarks.endurance`: (in words, which of its counts says how often)}"""
 
@@ -123,7 +123,7 @@ def ledgers_table(ledgers, only=None):
     Parameters
     ----------
     ledgers
-        A list of (entries, about), as `himap.paper.ledger.read_ledger` gives them.
+        A list of (entries, about), as `himap.companion.stored.read_ledger` gives them.
     only
         Function from the entries of one claim, one of each ledger, to whether it is shown, such as
         `of_chapter("10_results")` or `differing`; all claims unless given, and then their count as well.
@@ -151,7 +151,7 @@ def _notes(names, made):
 
 def of_chapter(notebook):
     """Function for `ledgers_table`: the claims that a chapter shows."""
-    return lambda entries: entries[0].claim["notebook"] == notebook
+    return lambda entries: entries[0].claim.notebook == notebook
 
 
 def differing(entries):
@@ -179,7 +179,7 @@ def failed_table(entries):
     for entry in entries:
         parts = [f"{part} ({n})" for part, n in entry.failed_parts().items()]
         if parts:
-            rows.append([f"**{entry.claim['id']}**", _signed(entry), "; ".join(parts), entry.sentence])
+            rows.append([f"**{entry.claim.id}**", _signed(entry), "; ".join(parts), entry.sentence])
     return _markdown(["Claim", "", f"Does not hold (in how many of {_most(entries)})", "Numbers"], rows)
 
 
@@ -206,7 +206,7 @@ def _claim(entries):
     """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
     claim = entries[0].claim
     cells = [_cell(entry) for entry in entries]
-    return [f"**{claim['id']}**", f"{claim['number']} ({claim['beam']})", claim["paper"], *cells]
+    return [f"**{claim.id}**", f"{claim.number} ({claim.beam})", claim.paper, *cells]
 
 
 def _cell(entry):

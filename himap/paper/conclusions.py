@@ -69,7 +69,7 @@ def verdict(entries):
     Parameters
     ----------
     entries
-        `himap.paper.ledger.Entry` of each of its claims.
+        `himap.paper.claims.entries.Entry` of each of its claims.
     """
     verdicts = [entry.verdict for entry in entries if entry.verdict != INAPPLICABLE]
     if not verdicts:

@@ -26,6 +26,8 @@ BADGES = {
 }
 """{verdict: (sign, colour)}; dark enough for white letters, and told apart without colours by the sign."""
 
+_WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
+
 HEADER = ("claim", "beam", "verdict", "in", "measured", "0.1 % of noise", "paper", "what is measured")
 """Of the columns of `plain_rows`."""
 
@@ -40,14 +42,14 @@ def plain_rows(entries):
     """Rows of text, columns as in `HEADER`."""
     return [
         (
-            entry.claim["id"],
-            entry.claim["beam"],
+            entry.claim.id,
+            entry.claim.beam,
             entry.label,
             f"{entry.agreeing}/{len(entry.findings)}",
             measured(entry),
             _nudged(entry),
-            entry.claim["paper"],
-            entry.claim["number"],
+            entry.claim.paper,
+            entry.claim.number,
         )
         for entry in entries
     ]
@@ -59,7 +61,7 @@ class LedgerTable:
     Parameters
     ----------
     entries
-        A list of `himap.paper.ledger.Entry`.
+        A list of `himap.paper.claims.entries.Entry`.
     links
         {notebook: {figure of the paper: name of the figure in the book}}, for links from claims to figures.
     """
@@ -73,13 +75,13 @@ class LedgerTable:
     def _repr_html_(self):
         rows = []
         for section, title in _SECTIONS.items():
-            claims = [self._row(entry) for entry in self.entries if entry.claim["section"] == section]
+            claims = [self._row(entry) for entry in self.entries if entry.claim.section == section]
             if claims:
                 rows += [["", HTML(f"<strong>{title}</strong>"), "", "", ""], *claims]
         return Table(["", "claim", "verdict", "measured", "paper"], rows).html()
 
     def _row(self, entry):
-        claim = {key: html.escape(value) for key, value in entry.claim.items()}
+        claim = {name: html.escape(getattr(entry.claim, name)) for name in _WORDS}
         sign, colour = BADGES[entry.verdict]
         badge = (
             f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
@@ -98,7 +100,7 @@ class LedgerTable:
         return [HTML(cell) for cell in cells]
 
     def _link(self, claim):
-        page, figure = claim["notebook"], claim["figure"]
+        page, figure = claim.notebook, claim.figure
         name = self.links.get(page, {}).get(figure, "")
         anchor = f"#{name}" if name else ""
         text = f"Fig. {html.escape(figure)}" if figure else "chapter"

@@ -1,56 +1,71 @@
-"""What the readings of SDecGMCA lead to: every claim, and both spectra, under each of them.
-
-The paper leaves choices about SDecGMCA open (`himap.removal.sdecgmca.readings`). Each reading is judged on
-the same skies, and at noise levels a thousandth apart, which should change nothing of account.
-"""
+"""The readings of what the paper leaves open about SDecGMCA, and what a record says of each."""
 
 import math
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from himap.errors import InputError
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP
-from himap.paper.claims import IN_PART, REPRODUCED
-from himap.paper.claims.base import angular_deviation, angular_error, bump
-from himap.paper.claims.verdicts import most_common
-from himap.paper.ledger import NUDGES, judge
-from himap.paper.realisation import make
-from himap.products.parallel import dask_address
+from himap.measures.transfer import ANGULAR_BANDS
+from himap.paper.claims import CLAIMS
+from himap.paper.claims.entries import entries
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
 __all__ = [
-    "ANGULAR_BANDS",
+    "BANDS",
+    "COLUMNS",
+    "CURVES",
     "FAILING",
-    "FREQUENCY_BANDS",
     "NEAR_PLANE",
-    "Judgement",
+    "QUANTITIES",
     "Outcome",
     "Reading",
     "Run",
-    "evaluate",
+    "outcomes",
     "readings",
 ]
 
 FAILING = 0.1
 """Mean |C/C0 - 1| at 10 < l < 200 above which a run fails: twice the paper's 5 %."""
 
-ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
-"""First and last l of the bands of C/C0."""
-
-FREQUENCY_BANDS = {
-    "k < 0.03": (0, 0.03),
-    "0.03 to 0.1": (0.03, 0.1),
-    "k > 0.1": (0.1, math.inf),
+BANDS = {f"C/C0, {low} to {high}": ("C/C0", low - 0.5, high + 0.5) for low, high in ANGULAR_BANDS} | {
+    "P/P0, k < 0.03": ("P/P0", 0, 0.03),
+    "P/P0, 0.03 to 0.1": ("P/P0", 0.03, 0.1),
+    "P/P0, k > 0.1": ("P/P0", 0.1, math.inf),
 }
-"""Ends of the bands of P/P0, 1/MHz."""
+"""{band: (curve, lower and upper end)}; of k in 1/MHz."""
 
 NEAR_PLANE = 10.0
 """Galactic latitude below which a line of sight is near the plane, deg."""
 
-_N_BINS = 40  # of a curve, at most
-_EDGE = 200  # of l that the paper recovers
+CURVES = ("C/C0", "P/P0")
+"""Quantities with a value for each x: l, or k in 1/MHz."""
+
+QUANTITIES = (
+    *BANDS,
+    "bump",
+    "mean error",
+    "largest error",
+    "flagged",
+    "near the plane",
+    "iterations",
+    "converged",
+    *CURVES,
+)
+"""What is measured of a run besides claims: mean ratios in bands; the highest P/P0 near k = 0.31 / MHz; mean
+and largest |C/C0 - 1| at 10 < l < 200; the share of lines of sight that are flagged, and of these near the
+plane; iterations of both stages; whether the last one converged; and both curves in bins.
+"""
+
+COLUMNS = {
+    "reading": str,
+    "noise_level": float,
+    "quantity": str,
+    "x": float,
+    "value": float,
+    "part": str,
+    "main": bool,
+    "held": bool,
+}
+"""{column: type} of the rows of readings: the quantity is the id of a claim, or one of `QUANTITIES`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +108,7 @@ class Reading:
 
     @property
     def distance(self):
-        """How many values the paper's text speaks against."""
+        """How many values contradict the paper's text."""
         return sum(self.values[name] in option.against for name, option in OPTIONS.items())
 
 
@@ -132,67 +147,28 @@ def _refused(values):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judgement:
-    """The verdict on one claim, how many of its parts hold, and the measured number, NaN if there is none."""
-
-    verdict: str
-    n_held: int
-    n_parts: int
-    value: float
-
-    @property
-    def holds(self):
-        """Whether all that the paper's sentence is about holds: reproduced, or in part."""
-        return self.verdict in (REPRODUCED, IN_PART)
-
-    @property
-    def label(self):
-        """The verdict; *in part* with how many parts hold."""
-        return f"{IN_PART} ({self.n_held} of {self.n_parts})" if self.verdict == IN_PART else self.verdict
-
-
-@dataclass(frozen=True, kw_only=True)
 class Run:
-    """SDecGMCA through the oscillating beam, on one sky, told one noise level.
+    """SDecGMCA through the oscillating beam, on one sky, with one assumed noise level.
 
     Attributes
     ----------
     seed, noise_level
-        Of the sky; the noise level that it is told, over that of the survey.
-    angular, frequency
-        {band: mean C/C0} and {band: mean P/P0}, of the bands that the maps hold.
-    bump
-        Highest P/P0 near k = 0.31 / MHz.
-    mean_error, largest_error
-        Of |C/C0 - 1| at 10 < l < 200, as far as the maps go.
-    flagged, near_plane
-        Share of the lines of sight whose error stands out; and of these, within `NEAR_PLANE` of the plane.
-    n_iterations, settled
-        Of both stages; whether the last one came to rest.
-    degrees, angular_ratio, k, frequency_ratio
-        C/C0 and P/P0 in bins, tuples.
+        Of the sky; the assumed noise level over that of the survey.
+    numbers
+        {quantity: value}; bands that the maps do not hold are missing.
+    curves
+        {"C/C0" or "P/P0": (x, ratio)}, arrays.
     """
 
     seed: int
     noise_level: float
-    angular: dict
-    frequency: dict
-    bump: float
-    mean_error: float
-    largest_error: float
-    flagged: float
-    near_plane: float
-    n_iterations: int
-    settled: bool
-    degrees: tuple
-    angular_ratio: tuple
-    k: tuple
-    frequency_ratio: tuple
+    numbers: dict
+    curves: dict
 
     @property
     def fails(self):
         """Whether the mean error is above `FAILING`."""
-        return self.mean_error > FAILING
+        return self.numbers["mean error"] > FAILING
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,24 +177,22 @@ class Outcome:
 
     Attributes
     ----------
-    judged
-        {claim: {seed: `Judgement`}}.
+    entries
+        {claim: `himap.paper.claims.entries.Entry`}.
     runs
         A `Run` for each seed and noise level.
     """
 
-    judged: dict
+    entries: dict
     runs: tuple
 
     def verdict(self, claim):
-        """That of most seeds, of two that as many have the worse, as in the ledger; None if not judged."""
-        by_seed = self.judged.get(claim)
-        return most_common(one.verdict for one in by_seed.values()) if by_seed else None
+        """That of most seeds, as in the ledger; None if it was not judged."""
+        return self.entries[claim].verdict if claim in self.entries else None
 
     def holds(self, claim):
         """Whether it is reproduced, at least in part; None if it was not judged."""
-        verdict = self.verdict(claim)
-        return None if verdict is None else verdict in (REPRODUCED, IN_PART)
+        return self.entries[claim].holds if claim in self.entries else None
 
     @property
     def n_failing(self):
@@ -226,108 +200,41 @@ class Outcome:
         return sum(run.fails for run in self.runs)
 
 
-def evaluate(realisations, *, nudges=NUDGES):
-    """{label: `Outcome`} of every reading.
-
-    All readings of one sky are computed together: they share its observations, which do not stay, and what
-    the other methods make of them. What the cache holds is not computed again.
-
-    Parameters
-    ----------
-    realisations
-        A list of `Realisation` of SDecGMCA in its default reading, as `himap.paper.ledger.realisations` has
-        them.
-    nudges
-        Noise levels at which SDecGMCA is run through the oscillating beam once more.
+def outcomes(rows):
+    """{label: `Outcome`} of a table with `COLUMNS`, in the order of `readings`. Some may be missing.
 
     Raises
     ------
     InputError
-        No realisation, one of another method or with options of its own.
+        Readings or quantities that himap does not have.
     """
-    if not realisations:
-        raise InputError("readings are judged on one realisation or more, got none.")
-    if any((sky.method, sky.options, sky.noise_level) != ("sdecgmca", (), 1) for sky in realisations):
-        raise InputError("readings are those of SDecGMCA: give realisations of its default reading.")
-    skies = [
-        {label: replace(sky, options=reading.options) for label, reading in readings().items()}
-        for sky in realisations
-    ]
-    nudged = [
-        {label: [replace(sky, noise_level=level) for level in nudges] for label, sky in by_label.items()}
-        for by_label in skies
-    ]
-    if dask_address():
-        _make(skies, nudged)
-    judged, runs = ({label: [] for label in skies[0]} for _ in range(2))
-    for by_label, others in zip(skies, nudged, strict=True):
-        _make([by_label], [others])
-        for label, sky in by_label.items():
-            judged[label].append((sky.survey.seed, judge(sky)))
-            runs[label] += [_run(one) for one in (sky, *others[label])]
-    return {
-        label: Outcome(judged=_by_claim(found), runs=tuple(runs[label])) for label, found in judged.items()
+    known = readings()
+    for what, column, names in (
+        ("readings", "reading", known),
+        ("claims", "quantity", (*CLAIMS, *QUANTITIES)),
+    ):
+        if unknown := sorted(set(rows[column]) - set(names)):
+            raise InputError(
+                f"the record has {what} of another version of himap, {', '.join(unknown)}; measure it again "
+                "with `himap measure readings`."
+            )
+    found = {label: _outcome(group) for label, group in rows.groupby("reading", sort=False)}
+    return {label: found[label] for label in known if label in found}
+
+
+def _outcome(rows):
+    judged = rows["quantity"].isin(list(CLAIMS))
+    claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
+    groups = rows[~judged].groupby(["seed", "noise_level"], sort=False)
+    runs = tuple(_run(seed, level, group) for (seed, level), group in groups)
+    return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=runs)
+
+
+def _run(seed, noise_level, rows):
+    curves = {
+        name: (own["x"].to_numpy(), own["value"].to_numpy())
+        for name, own in rows[rows["quantity"].isin(CURVES)].groupby("quantity")
     }
-
-
-def _make(skies, nudged):
-    whole = [sky for by_label in skies for sky in by_label.values()]
-    make(
-        whole,
-        only_oscillating=[sky for by_label in nudged for several in by_label.values() for sky in several],
-    )
-
-
-def _by_claim(found):
-    """{claim: {seed: `Judgement`}} of [(seed, {claim: `Finding`})]."""
-    return {
-        claim: {seed: _judgement(findings[claim]) for seed, findings in found} for claim in dict(found[0][1])
-    }
-
-
-def _judgement(finding):
-    return Judgement(
-        verdict=finding.verdict,
-        n_held=finding.n_held,
-        n_parts=len(finding.parts),
-        value=float(finding.value),
-    )
-
-
-def _run(sky):
-    """What SDecGMCA leaves on the oscillating case of a `Realisation`."""
-    assessed, comparison = sky.assessed("sdecgmca"), sky.of("oscillating")["sdecgmca"]
-    flagged = sky.flagged("sdecgmca")
-    near = np.abs(sphere.pixel_latitude(sky.survey.nside)[flagged]) < NEAR_PLANE
-    degrees, angular = comparison.degrees, comparison.angular_ratio
-    k, frequency = comparison.k, comparison.frequency_ratio
-    return Run(
-        seed=sky.survey.seed,
-        noise_level=sky.noise_level,
-        angular=_means(
-            degrees, angular, {f"{low} to {high}": (low - 0.5, high + 0.5) for low, high in ANGULAR_BANDS}
-        ),
-        frequency=_means(k, frequency, FREQUENCY_BANDS),
-        bump=bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
-        mean_error=angular_error(10, _EDGE)(comparison),
-        largest_error=angular_deviation(10, _EDGE)(comparison),
-        flagged=float(flagged.mean()),
-        near_plane=float(near.mean()) if len(near) else math.nan,
-        n_iterations=int(assessed.n_iterations),
-        settled=bool(assessed.converged),
-        **dict(zip(("degrees", "angular_ratio"), _binned(degrees, angular), strict=True)),
-        **dict(zip(("k", "frequency_ratio"), _binned(k, frequency), strict=True)),
-    )
-
-
-def _means(x, values, bands):
-    """{band: mean of the values with low < x < high}, of the bands that hold some."""
-    inside = {name: values[(x > low) & (x < high)] for name, (low, high) in bands.items()}
-    return {name: float(some.mean()) for name, some in inside.items() if len(some)}
-
-
-def _binned(x, values):
-    """Means of both in logarithmic bins of x, tuples, without the bins that are empty."""
-    place = np.floor(np.log(x / x[0]) / np.log(x[-1] / x[0]) * _N_BINS * (1 - 1e-9)).astype(int)
-    bins = [place == n for n in np.unique(place)]
-    return tuple(float(x[one].mean()) for one in bins), tuple(float(values[one].mean()) for one in bins)
+    single = rows[~rows["quantity"].isin(CURVES)]
+    numbers = dict(zip(single["quantity"], single["value"], strict=True))
+    return Run(seed=seed, noise_level=noise_level, numbers=numbers, curves=curves)

@@ -5,8 +5,8 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.figures.marks import marks
 from himap.paper.claims import CLAIMS
-from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, readings
-from himap.paper.readings_table import MARKS, standing
+from himap.paper.readings import BANDS, CURVES, readings
+from himap.paper.readings_table import MARKS, robustness
 from himap.removal.sdecgmca.readings import READINGS
 
 __all__ = ["bands_figure", "claims_figure", "code_figure", "curves_figure"]
@@ -33,7 +33,7 @@ def claims_figure(outcomes):
     known = readings()
     groups = {
         name: {_named(claim): [_verdicts(one, claim) for one in outcomes.values()] for claim in claims}
-        for name, claims in standing(outcomes).items()
+        for name, claims in robustness(outcomes).items()
         if claims
     }
     n_named = sum(label in READINGS for label in outcomes)
@@ -45,7 +45,8 @@ def _named(claim):
 
 
 def _verdicts(outcome, claim):
-    return [one.verdict for one in outcome.judged.get(claim, {}).values()]
+    entry = outcome.entries.get(claim)
+    return [finding.verdict for finding in entry.findings.values()] if entry else []
 
 
 def bands_figure(outcomes):
@@ -53,8 +54,7 @@ def bands_figure(outcomes):
 
     What is wrong by more than a factor of a thousand stands where that is, at the edge.
     """
-    quantities = {f"$C/C_0$, {low} to {high}": f"{low} to {high}" for low, high in ANGULAR_BANDS}
-    quantities |= {f"$P/P_0$, {band}": band for band in FREQUENCY_BANDS} | {"$P/P_0$, bump": None}
+    quantities = {_title(band): band for band in BANDS} | {"$P/P_0$, bump": "bump"}
     known, places = readings(), _places(outcomes)
     panels = []
     # Coarse maps end before the last bands.
@@ -62,7 +62,7 @@ def bands_figure(outcomes):
     there = {
         title: band
         for title, band in quantities.items()
-        if np.isfinite([_value(run, band) for run in every]).any()
+        if np.isfinite([run.numbers.get(band, np.nan) for run in every]).any()
     }
     for n, (title, band) in enumerate(there.items()):
         points = list(_points(outcomes, places, band, shown=n == min(7, len(there) - 1)))
@@ -99,7 +99,11 @@ def _points(outcomes, places, band, *, shown):
             label: [run for run in one.runs if (run.seed, run.noise_level) == (seed, level)]
             for label, one in outcomes.items()
         }
-        pairs = [(_value(run, band), places[label]) for label, found in several.items() for run in found]
+        pairs = [
+            (run.numbers.get(band, np.nan), places[label])
+            for label, found in several.items()
+            for run in found
+        ]
         pairs = np.array([(np.clip(x, *_FAR), y) for x, y in pairs if np.isfinite(x)]).reshape(-1, 2)
         shift = 0.3 * (seeds.index(seed) - (len(seeds) - 1) / 2)
         label = f"seed {seed}" + (f", noise × {level:g}" if level != 1 else "")
@@ -116,10 +120,10 @@ def _points(outcomes, places, band, *, shown):
         )
 
 
-def _value(run, band):
-    if band is None:
-        return run.bump
-    return (run.frequency if band in FREQUENCY_BANDS else run.angular).get(band, np.nan)
+def _title(band):
+    """A band with its ratio as a formula."""
+    ratio, _, ends = band.partition(", ")
+    return f"${ratio[0]}/{ratio[2]}_0$, {ends}"
 
 
 def _scale(values):
@@ -139,13 +143,10 @@ def curves_figure(outcomes):
     panels = []
     for seed in seeds:
         runs = [(label, run) for label, one in named.items() for run in one.runs if run.seed == seed]
-        for kind, x, y, across in (
-            ("angular", "degrees", "angular_ratio", "across the sky"),
-            ("frequency", "k", "frequency_ratio", "along the line of sight"),
+        for kind, curve, across in zip(
+            ("angular", "frequency"), CURVES, ("across the sky", "along the line of sight"), strict=True
         ):
-            curves = [
-                (getattr(run, x), getattr(run, y), _look(label, run.noise_level)) for label, run in runs
-            ]
+            curves = [(*run.curves[curve], _look(label, run.noise_level)) for label, run in runs]
             ends = [min(x[0] for x, _, _ in curves), max(x[-1] for x, _, _ in curves)]
             panels.append(
                 {

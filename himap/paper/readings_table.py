@@ -3,23 +3,22 @@
 import math
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
-from himap.paper.readings import ANGULAR_BANDS, FREQUENCY_BANDS, readings
+from himap.paper.readings import BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 __all__ = [
-    "BANDS",
     "EVERY",
     "HEADER",
     "MARKS",
     "NONE",
     "SOME",
     "VOID",
-    "deciding",
-    "nearest_sound",
+    "decisive_options",
+    "closest_converged",
     "option_rows",
     "plain_rows",
-    "standing",
-    "unmoved",
+    "robustness",
+    "insensitive_claims",
     "with_columns",
 ]
 
@@ -33,13 +32,6 @@ MARKS = {
     INAPPLICABLE: ("–", "#ffffff", "#666666"),
 }
 """{verdict: (sign, colour, colour of the sign)}, from dark to light, so that they differ in grey too."""
-
-_SHORT = {"C/C0": tuple(f"{low} to {high}" for low, high in ANGULAR_BANDS), "P/P0": tuple(FREQUENCY_BANDS)}
-BANDS = (
-    *(f"C/C0, {band}" for band in _SHORT["C/C0"]),
-    *(f"P/P0, {band}" for band in _SHORT["P/P0"]),
-)
-"""Of the columns of `plain_rows`, those of bands."""
 
 HEADER = (
     "reading",
@@ -66,9 +58,7 @@ def plain_rows(outcomes):
             f"{known[label].distance}",
             f"{one.n_failing} of {len(one.runs)}",
             *(f"{n}" for n in _count(one)),
-            *(_furthest(run.angular.get(band, math.nan) for run in one.runs) for band in _SHORT["C/C0"]),
-            *(_furthest(run.frequency.get(band, math.nan) for run in one.runs) for band in _SHORT["P/P0"]),
-            _furthest(run.bump for run in one.runs),
+            *(_furthest(run.numbers.get(name, math.nan) for run in one.runs) for name in (*BANDS, "bump")),
         )
         for label, one in outcomes.items()
     ]
@@ -82,7 +72,7 @@ def with_columns(names, rows):
 
 
 def _count(outcome):
-    verdicts = [outcome.verdict(claim) for claim in outcome.judged]
+    verdicts = [entry.verdict for entry in outcome.entries.values()]
     return [verdicts.count(verdict) for verdict in MARKS]
 
 
@@ -97,7 +87,7 @@ def _furthest(values):
     return f"{furthest:.0e}".replace("e+0", "e")
 
 
-def standing(outcomes):
+def robustness(outcomes):
     """{`EVERY`, `SOME`, `NONE` or `VOID`: its claims, in the order of the paper}.
 
     A claim holds under a reading if it is reproduced there, at least in part. Where it does not apply it does
@@ -105,7 +95,7 @@ def standing(outcomes):
     """
     places = {EVERY: [], SOME: [], NONE: [], VOID: []}
     for claim in _judged(outcomes):
-        there = [one for one in outcomes.values() if claim in one.judged]
+        there = [one for one in outcomes.values() if claim in one.entries]
         holds = {one.holds(claim) for one in there}
         if all(one.verdict(claim) == INAPPLICABLE for one in there):
             places[VOID].append(claim)
@@ -114,7 +104,7 @@ def standing(outcomes):
     return places
 
 
-def deciding(outcomes, claim):
+def decisive_options(outcomes, claim):
     """Labels of the readings with one choice changed under which a claim holds and by default does not, or
     the reverse; none where the default was not judged.
     """
@@ -124,26 +114,31 @@ def deciding(outcomes, claim):
     return [label for label, one in held.items() if None not in (one, base) and one != base]
 
 
-def unmoved(outcomes):
+def insensitive_claims(outcomes):
     """The claims of which every reading says the same, to the last number: no choice about SDecGMCA is in
     them.
     """
     said = {
         claim: {
-            tuple((seed, one.label, f"{one.value}") for seed, one in outcome.judged[claim].items())
+            tuple((seed, *_said(finding)) for seed, finding in outcome.entries[claim].findings.items())
             for outcome in outcomes.values()
-            if claim in outcome.judged
+            if claim in outcome.entries
         }
         for claim in _judged(outcomes)
     }
     return [claim for claim, versions in said.items() if len(versions) == 1]
 
 
+def _said(finding):
+    """Verdict, number of parts that hold, and the number as text, so that NaN is equal to itself."""
+    return finding.verdict, finding.n_held, len(finding.parts), f"{finding.value}"
+
+
 def _judged(outcomes):
-    return [claim for claim in CLAIMS if any(claim in one.judged for one in outcomes.values())]
+    return [claim for claim in CLAIMS if any(claim in one.entries for one in outcomes.values())]
 
 
-def nearest_sound(outcomes):
+def closest_converged(outcomes):
     """Labels of the readings of which no run fails, and that have the fewest choices off the text.
 
     Of several such, those that have the fewest choices unlike the letter.
@@ -185,4 +180,7 @@ def _decided(outcomes, label):
     """The claims that a reading with one choice changed decides, one after the other."""
     if label not in outcomes:
         return ""
-    return ", ".join(claim for claim in _judged(outcomes) if label in deciding(outcomes, claim)) or "none"
+    return (
+        ", ".join(claim for claim in _judged(outcomes) if label in decisive_options(outcomes, claim))
+        or "none"
+    )

@@ -15,6 +15,7 @@ import pandas as pd
 
 from himap.errors import InputError
 from himap.outputs import whole_file
+from himap.products.accepted import moved
 from himap.products.fingerprint import CodeTree
 from himap.products.parallel import dask_address
 from himap.products.provenance import Provenance, environment
@@ -113,12 +114,12 @@ class Experiment:
         )
 
     def code(self, tree=None):
-        """SHA-256 (hex) of the code that measures it, as on disk or in a `CodeTree`."""
+        """Fingerprint of the code that measures it, as on disk or in a `CodeTree`."""
         return measuring_code(self.name, tree)
 
 
 def measuring_code(name, tree=None):
-    """SHA-256 (hex) of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
+    """Fingerprint of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
     source = f"from himap.paper.experiments.{name} import measure, skies"
     return (tree or CodeTree()).source_fingerprint(source)
 
@@ -155,8 +156,8 @@ class Record:
 
     @property
     def codes(self):
-        """Fingerprints of code that is known to give these numbers, a set."""
-        return {self.about["code"], self.about.get("checked", {}).get("code", self.about["code"])}
+        """Fingerprints of code that is known to give these numbers, a list."""
+        return [made["code"] for made in (self.about, self.about.get("checked")) if made]
 
     def save(self, path):
         """Write it as JSON; the file is whole or not there."""
@@ -190,7 +191,7 @@ class Record:
             if not rows:
                 raise ValueError("no row")
             record = cls(experiment=experiment, rows=experiment.frame(rows), about=about)
-            if not (record.made and all(isinstance(code, str) for code in record.codes)):
+            if not (record.made and all(isinstance(code, dict) for code in record.codes)):
                 raise ValueError("nothing says what made it")
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path} is not a record that {command} wrote ({error}).") from None
@@ -241,7 +242,7 @@ class Record:
             It was made with other parameters or by other code than `about` says.
         """
         self._check_parameters(about)
-        if about["code"] not in self.codes:
+        if all(moved(code, about["code"]) for code in self.codes):
             raise InputError("the record was made by other code; see with --check if that gives the same.")
         return [seed for seed in seeds if seed not in self.seeds]
 
@@ -262,7 +263,8 @@ class Record:
 
     def is_stale(self, tree=None):
         """Whether today's code, as on disk or in a `CodeTree`, may give other numbers."""
-        return self.experiment.code(tree) not in self.codes
+        today = self.experiment.code(tree)
+        return all(moved(code, today) for code in self.codes)
 
     def _check_parameters(self, about):
         """Refuse what was made with other parameters than the record."""

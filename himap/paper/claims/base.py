@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
+from himap.paper.claims.verdicts import RECOVERED, Finding, parts_of
 
 __all__ = [
     "BEAMS",
@@ -27,6 +28,8 @@ __all__ = [
     "frequency_median",
     "listing",
     "listing_by_beam",
+    "method_claim",
+    "recovered",
     "total",
 ]
 
@@ -102,6 +105,44 @@ def claim(id, beam, statement, *, number, paper, section, figure, notebook):
         return check
 
     return register
+
+
+def method_claim(
+    id, beam, statement, *, measure, test, words, extreme, sentence, reading, methods=tuple(METHODS), **entry
+):
+    """Enter a claim that each of some methods passes one test: a main part for each of them.
+
+    Parameters
+    ----------
+    id, beam, statement, entry
+        As of `claim`; the beam is the case that is measured.
+    measure, methods
+        Function from a `Comparison` to a number, and the methods whose number counts.
+    test, words
+        Function from a number to whether it passes, and what it says if it does, such as "within 10 %".
+    extreme
+        `max` or `min`: which of the numbers is that of the claim.
+    sentence
+        What the numbers are.
+    reading
+        How the words of the paper are read.
+    """
+
+    def check(realisation):
+        values = by_method(realisation.of(beam), measure, methods)
+        return Finding(
+            value=extreme(values.values()),
+            parts=parts_of(values, test, words),
+            sentence=f"{sentence}: {listing(values)}.",
+        )
+
+    check.__doc__ = reading
+    claim(id, beam, statement, **entry)(check)
+
+
+def recovered(deviation):
+    """Whether a deviation from 1 is within the 10 % of the paper."""
+    return deviation < RECOVERED
 
 
 def by_method(comparisons, measure, methods=tuple(METHODS)):

@@ -13,13 +13,13 @@ from himap.paper.claims.base import (
     claim,
     frequency_mean,
     listing,
+    method_claim,
 )
 from himap.paper.claims.verdicts import CLEAR, FAILS, STRONG, Finding, Part, parts_of
 from himap.paper.methods import BSS
 
 __all__ = [
     "oscillating_angular",
-    "oscillating_excess",
     "oscillating_fits",
     "oscillating_low_k",
     "oscillating_peak",
@@ -54,20 +54,15 @@ def oscillating_fits(realisation):
     )
 
 
-@claim(
+method_claim(
     "O2", "oscillating", "The BSS methods have a strong excess in C/C0 at l < 10.",
-    number="smallest mean C/C0 at l < 10", paper="> 1.5", **_ANGULAR,
+    measure=angular_mean(1, 10), test=lambda value: value > STRONG, words="in excess", extreme=min,
+    methods=BSS,
+    sentence="Mean C/C0 at l < 10", number="smallest mean C/C0 at l < 10", paper="> 1.5",
+    reading="A strong excess is a mean of more than 1.5 for 2 <= l < 10. Three main parts: PCA/ICA by the "
+    "worse of the two, GMCA, SD.",
+    **_ANGULAR,
 )  # fmt: skip
-def oscillating_excess(realisation):
-    """A strong excess is a mean of more than 1.5 for 2 <= l < 10. Three main parts: PCA/ICA by the worse of
-    the two, GMCA, SD.
-    """
-    values = by_method(realisation.of("oscillating"), angular_mean(1, 10), BSS)
-    return Finding(
-        value=min(values.values()),
-        parts=parts_of(values, lambda value: value > STRONG, "in excess"),
-        sentence=f"Mean C/C0 at l < 10: {listing(values)}.",
-    )
 
 
 @claim(

@@ -12,7 +12,16 @@ from himap.paper.claims.base import (
     listing_by_beam,
     total,
 )
-from himap.paper.claims.verdicts import MOST, NOTABLE, RECOVERED, STRONG, Finding, Part, parts_of, void
+from himap.paper.claims.verdicts import (
+    MOST,
+    NOTABLE,
+    RECOVERED,
+    STRONG,
+    Finding,
+    Part,
+    not_applicable,
+    parts_of,
+)
 from himap.paper.methods import BSS
 
 __all__ = ["broadband_bias", "excess_of_masking", "masked_peaks", "peaks_left_in"]
@@ -47,7 +56,7 @@ def excess_of_masking(realisation):
     excess = {name: value - 1 for name, value in with_masking.items() if value > STRONG}
     numbers = f"Mean C/C0 at l < 10: {listing(with_masking)}; without masking: {listing(without)}."
     if not excess:
-        return void(f"No BSS method has a strong excess. {numbers}")
+        return not_applicable(f"No BSS method has a strong excess. {numbers}")
     gone = {name: 1 - (without[name] - 1) / value for name, value in excess.items()}
     counts = realisation.masked_voxels("oscillating")
     share = _share(counts, "foreground")
@@ -78,7 +87,7 @@ def peaks_left_in(realisation):
         ratios[beam] = {name: without[name] / with_masking[name] for name in without}
         parts += parts_of(ratios[beam], lambda value: value > 1, f"worse, {beam} beam")
     if not ratios:
-        return void("No voxel is masked.")
+        return not_applicable("No voxel is masked.")
     return Finding(
         value=min(min(row.values()) for row in ratios.values()),
         parts=parts,
@@ -110,13 +119,13 @@ def broadband_bias(realisation):
         }
         parts += parts_of(gone, lambda share: share > MOST, f"less biased, {beam} beam")
     if not without:
-        return void("No voxel is masked.")
+        return not_applicable("No voxel is masked.")
     words = (
         f"Median P/P0 at k > 0.1 without masking: {listing_by_beam(without, '{:.4g}')}; "
         f"with it: {listing_by_beam(with_masking, '{:.4g}')}."
     )
     if not parts:
-        return void(f"No BSS method is off by 10 % without masking. {words}")
+        return not_applicable(f"No BSS method is off by 10 % without masking. {words}")
     return Finding(
         value=max(abs(value - 1) for row in with_masking.values() for value in row.values()),
         parts=parts,
@@ -136,7 +145,7 @@ def masked_peaks(realisation):
     counts = {beam: realisation.masked_voxels(beam) for beam in BEAMS}
     shares = {beam: _share(row, "HI") for beam, row in counts.items() if sum(row.values())}
     if not shares:
-        return void("No voxel is masked.")
+        return not_applicable("No voxel is masked.")
     return Finding(
         value=min(shares.values()),
         parts=parts_of(shares, lambda share: share > MOST, "beam: most on HI peaks"),

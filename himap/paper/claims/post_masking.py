@@ -22,8 +22,8 @@ from himap.paper.claims.verdicts import (
     RECOVERED,
     Finding,
     Part,
+    not_applicable,
     parts_of,
-    void,
 )
 from himap.paper.methods import BSS
 
@@ -43,7 +43,7 @@ def flagged_in_plane(realisation):
     """
     flagged = realisation.flagged("sdecgmca")
     if not flagged.any():
-        return void("No line of sight is flagged.")
+        return not_applicable("No line of sight is flagged.")
     latitude = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged])
     share = float(np.mean(latitude < _PLANE))
     return Finding(
@@ -65,7 +65,7 @@ def masked_sdecgmca(realisation):
     before, after = bump(realisation.of("oscillating")["sdecgmca"]), bump(realisation.masked("sdecgmca"))
     numbers = f"the highest P/P0 goes from {before:.4g} to {after:.4g}"
     if before <= CLEAR:
-        return void(f"SD has no peak: {numbers}.")
+        return not_applicable(f"SD has no peak: {numbers}.")
     return Finding(
         value=after,
         parts=(Part(name="lower peak", held=after < before),),

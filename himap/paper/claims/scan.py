@@ -12,7 +12,7 @@ from himap.paper.claims.base import (
     listing,
     total,
 )
-from himap.paper.claims.verdicts import Finding, Part, parts_of, void
+from himap.paper.claims.verdicts import Finding, Part, not_applicable, parts_of
 
 __all__ = ["scan_compromise", "scan_ends", "scan_large_degrees", "scan_minimum", "scan_scales"]
 
@@ -23,7 +23,7 @@ def _missing(realisation, *counts):
     """A Finding that says so if the scan lacks some number of sources, else None."""
     lacking = [n for n in counts if n not in realisation.scan]
     if lacking:
-        return void(f"The scan does not hold n_s = {', '.join(map(str, lacking))}.")
+        return not_applicable(f"The scan does not hold n_s = {', '.join(map(str, lacking))}.")
     return None
 
 
@@ -119,9 +119,9 @@ def scan_large_degrees(realisation):
     """
     degrees = next(iter(realisation.scan.values())).degrees
     if degrees.max() < 200:
-        return void(f"These maps end at l = {degrees.max():.0f}.")
+        return not_applicable(f"These maps end at l = {degrees.max():.0f}.")
     if len(realisation.scan) < 2:
-        return void("The scan holds one n_s only.")
+        return not_applicable("The scan holds one n_s only.")
     spread = np.ptp([comparison.angular_ratio for comparison in realisation.scan.values()], axis=0)
     middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
     large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))

@@ -12,14 +12,12 @@ from himap.paper.claims.base import (
     frequency_deviation,
     frequency_mean,
     listing,
+    method_claim,
+    recovered,
 )
 from himap.paper.claims.verdicts import CLEAR, ORDERS, RECOVERED, ROUGHLY, Finding, parts_of
 
 __all__ = [
-    "degraded_angular",
-    "degraded_frequency",
-    "degraded_loss",
-    "evolving_angular",
     "evolving_frequency",
     "evolving_gmca",
     "evolving_parametric",
@@ -30,53 +28,32 @@ _ANGULAR = {"section": "4.2", "figure": "1", "notebook": "10_results"}
 _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
 
 
-def _recovered(deviation):
-    return deviation < RECOVERED
-
-
-@claim(
+method_claim(
     "D1", "degraded", "All six methods recover C/C0 to 10 % for 3 < l < 200.",
-    number="largest |C/C0 - 1|", paper="< 0.1", **_ANGULAR,
+    measure=angular_deviation(3, 200), test=recovered, words="within 10 %", extreme=max,
+    sentence="Largest |C/C0 - 1|", number="largest |C/C0 - 1|", paper="< 0.1",
+    reading="Every l between 3 and 200 (or 2 nside). A main part for each method, PCA/ICA by the worse of "
+    "both.",
+    **_ANGULAR,
 )  # fmt: skip
-def degraded_angular(realisation):
-    """Every l between 3 and 200 (or 2 nside). A main part for each method, PCA/ICA by the worse of both."""
-    values = by_method(realisation.of("degraded"), angular_deviation(3, 200))
-    return Finding(
-        value=max(values.values()),
-        parts=parts_of(values, _recovered, "within 10 %"),
-        sentence=f"Largest |C/C0 - 1|: {listing(values)}.",
-    )
 
-
-@claim(
+method_claim(
     "D2", "degraded", "All six methods recover P/P0 to 10 % for k > 0.03.",
-    number="largest |P/P0 - 1|", paper="< 0.1", **_FREQUENCY,
+    measure=frequency_deviation(0.03), test=recovered, words="within 10 %", extreme=max,
+    sentence="Largest |P/P0 - 1|", number="largest |P/P0 - 1|", paper="< 0.1",
+    reading="Every k above 0.03. A main part for each method, PCA/ICA by the worse of the two.",
+    **_FREQUENCY,
 )  # fmt: skip
-def degraded_frequency(realisation):
-    """Every k above 0.03. A main part for each method, PCA/ICA by the worse of the two."""
-    values = by_method(realisation.of("degraded"), frequency_deviation(0.03))
-    return Finding(
-        value=max(values.values()),
-        parts=parts_of(values, _recovered, "within 10 %"),
-        sentence=f"Largest |P/P0 - 1|: {listing(values)}.",
-    )
 
-
-@claim(
+method_claim(
     "D3", "degraded", "All six methods lose power at k < 0.03.",
-    number="largest P/P0", paper="< 1", **_FREQUENCY,
+    measure=lambda comparison: band_max(comparison.k, comparison.frequency_ratio, 0, 0.03),
+    test=lambda value: value < 1, words="loses power", extreme=max,
+    sentence="Largest P/P0 below k = 0.03", number="largest P/P0", paper="< 1",
+    reading="P/P0 below 1 at every k below 0.03. A main part for each method, PCA/ICA by the worse of the "
+    "two.",
+    **_FREQUENCY,
 )  # fmt: skip
-def degraded_loss(realisation):
-    """P/P0 below 1 at every k below 0.03. A main part for each method, PCA/ICA by the worse of the two."""
-    values = by_method(
-        realisation.of("degraded"),
-        lambda comparison: band_max(comparison.k, comparison.frequency_ratio, 0, 0.03),
-    )
-    return Finding(
-        value=max(values.values()),
-        parts=parts_of(values, lambda value: value < 1, "loses power"),
-        sentence=f"Largest P/P0 below k = 0.03: {listing(values)}.",
-    )
 
 
 @claim(
@@ -95,18 +72,15 @@ def evolving_parametric(realisation):
     )
 
 
-@claim(
+method_claim(
     "E2", "evolving", "PCA, ICA and SD recover C/C0 to about 10 % for 4 <= l <= 200.",
-    number="largest |C/C0 - 1|", paper="about 0.1", **_ANGULAR,
+    measure=angular_deviation(3, 201), test=lambda value: value < ROUGHLY * RECOVERED,
+    words="within about 10 %", extreme=max, methods=("pca", "fastica", "sdecgmca"),
+    sentence="Largest |C/C0 - 1|", number="largest |C/C0 - 1|", paper="about 0.1",
+    reading="About 10 % is less than 15 %, at every l. Two main parts: PCA/ICA by the worse of the two, "
+    "and SD.",
+    **_ANGULAR,
 )  # fmt: skip
-def evolving_angular(realisation):
-    """About 10 % is less than 15 %, at every l. Two main parts: PCA/ICA by the worse of the two, and SD."""
-    values = by_method(realisation.of("evolving"), angular_deviation(3, 201), ("pca", "fastica", "sdecgmca"))
-    return Finding(
-        value=max(values.values()),
-        parts=parts_of(values, lambda value: value < ROUGHLY * RECOVERED, "within about 10 %"),
-        sentence=f"Largest |C/C0 - 1|: {listing(values)}.",
-    )
 
 
 @claim(
@@ -149,7 +123,7 @@ def evolving_frequency(realisation):
     growth = {name: below[name] - above[name] for name in above}
     return Finding(
         value=max(above.values()),
-        parts=parts_of(above, _recovered, "recovered above")
+        parts=parts_of(above, recovered, "recovered above")
         + parts_of(growth, lambda value: value > 0, "deviates more below", main=False),
         sentence=f"Largest |P/P0 - 1| above 0.1: {listing(above)}; below: {listing(below)}.",
     )
@@ -172,7 +146,7 @@ def evolving_polynomial(realisation):
     }
     return Finding(
         value=change["C/C0"],
-        parts=parts_of(change, _recovered, "the same"),
+        parts=parts_of(change, recovered, "the same"),
         sentence=f"C/C0 of POL changes by up to {change['C/C0']:.2g}, "
         f"its P/P0 by up to {change['P/P0']:.2g}.",
     )

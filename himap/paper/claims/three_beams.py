@@ -12,7 +12,7 @@ from himap.paper.claims.base import (
     frequency_error,
     listing_by_beam,
 )
-from himap.paper.claims.verdicts import CLEAR, MUCH, RECOVERED, Finding, Part, parts_of, void
+from himap.paper.claims.verdicts import CLEAR, MUCH, RECOVERED, Finding, Part, not_applicable, parts_of
 from himap.paper.methods import BSS
 
 __all__ = ["beyond_200", "inversion_limit", "most_consistent", "offset_in_other_beams"]
@@ -36,7 +36,7 @@ def beyond_200(realisation):
         comparison = realisation.beyond(beam)
         beyond = comparison.degrees > 200
         if not beyond.any():
-            return void(f"These maps end at l = {comparison.degrees.max():.0f}.")
+            return not_applicable(f"These maps end at l = {comparison.degrees.max():.0f}.")
         peaks[beam] = float(comparison.angular_ratio[beyond].max())
         top = comparison.degrees[beyond][comparison.angular_ratio[beyond].argmax()]
         onset, _ = _onset(realisation, beam)
@@ -94,7 +94,7 @@ def inversion_limit(realisation):
     found = {beam: _onset(realisation, beam) for beam in BEAMS}
     last = min(realisation.windows(beam).shape[1] for beam in BEAMS) - 1
     if last < _NEAR_200[1] and any(onset is None for onset, _ in found.values()):
-        return void(f"These maps end at l = {last}, before it sets in.")
+        return not_applicable(f"These maps end at l = {last}, before it sets in.")
     parts, words = [], []
     for beam, (onset, condition) in found.items():
         near = onset is not None and _NEAR_200[0] <= onset <= _NEAR_200[1]

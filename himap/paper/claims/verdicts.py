@@ -27,8 +27,8 @@ __all__ = [
     "Finding",
     "Part",
     "most_common",
+    "not_applicable",
     "parts_of",
-    "void",
 ]
 
 RECOVERED = 0.1
@@ -131,7 +131,7 @@ def most_common(verdicts):
     return max(count, key=lambda verdict: (count[verdict], VERDICTS.index(verdict)))
 
 
-def void(sentence):
+def not_applicable(sentence):
     """The `Finding` where what a claim speaks of does not occur; the sentence says what is missing."""
     return Finding(value=math.nan, parts=(), sentence=sentence)
 

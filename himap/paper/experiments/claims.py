@@ -1,0 +1,157 @@
+"""Every claim of the paper on several skies, with a verdict: the ledger."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import pandas as pd
+
+from himap.checks import whole_number
+from himap.errors import InputError
+from himap.instrument.beams.oscillating import Oscillating
+from himap.paper import ledger_table
+from himap.paper.claims import CLAIMS
+from himap.paper.claims.entries import COLUMNS, entries, finding_rows
+from himap.paper.claims.verdicts import not_applicable
+from himap.paper.realisation import Realisation, make
+from himap.paper.record import Experiment
+from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Galaxy
+from himap.survey import Survey
+
+__all__ = ["EXPERIMENT", "NUDGES", "JudgedSky", "judge", "measure", "realisations", "skies"]
+
+NUDGES = (0.999, 1.001)
+"""Noise levels a thousandth away from that of the survey, which should change nothing of account."""
+
+
+@dataclass(frozen=True)
+class JudgedSky:
+    """One sky on which the claims are judged.
+
+    Attributes
+    ----------
+    realisations
+        Tuple of `Realisation`, alike but for the noise level that SDecGMCA assumes.
+    """
+
+    realisations: tuple
+
+    @property
+    def survey(self):
+        return self.realisations[0].survey
+
+    @property
+    def galaxy(self):
+        return self.realisations[0].galaxy
+
+
+def realisations(
+    *,
+    preset="quick",
+    survey=None,
+    galaxy="synthetic",
+    template_dir=None,
+    small_scales=True,
+    ripple="bracket",
+    plane_weight=0.1,
+    plane_edge=15.0,
+    n_sources_min=2,
+    n_sources_max=20,
+    n_realisations=5,
+    reading="default",
+    method="sdecgmca",
+):
+    """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
+
+    Parameters
+    ----------
+    preset, survey, galaxy, template_dir, small_scales
+        As in `himap.paper.study.Study`.
+    ripple
+        Reading of the ripple of the oscillating beam.
+    plane_weight, plane_edge
+        Of the `Dimming`.
+    n_sources_min, n_sources_max
+        Ends of the scan.
+    n_realisations
+        How many; fewer than 5 say little about verdicts that depend on the sky.
+    reading
+        Of what the paper leaves open about SDecGMCA, or "default".
+    method
+        What is put in the place of SDecGMCA, as in `Realisation`.
+
+    Raises
+    ------
+    InputError
+        A bad value of any of them.
+    """
+    whole_number("n_realisations", n_realisations, 1, 1000)
+    first = Realisation(
+        survey=Survey.preset(preset, **(survey or {})),
+        galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
+        oscillating=Oscillating(ripple=ripple),
+        dimming=Dimming(weight=plane_weight, edge=plane_edge),
+        n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
+        method=method,
+        options=() if reading == "default" else (("reading", reading),),
+    )
+    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
+    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+
+
+def skies(*, nudged=True, **settings):
+    """A list of `JudgedSky`; parameters as of `realisations`.
+
+    With `nudged` the first of them is judged at the noise levels `NUDGES` too; InputError where the method in
+    the place of SDecGMCA has no noise level.
+    """
+    first, *others = realisations(**settings)
+    levels = [replace(first, noise_level=level) for level in NUDGES] if nudged else []
+    return [JudgedSky((first, *levels)), *(JudgedSky((sky,)) for sky in others)]
+
+
+def judge(realisation):
+    """{id: `Finding`} of every claim on one realisation, in the order of the paper."""
+    return {id: _checked(claim, realisation) for id, claim in CLAIMS.items()}
+
+
+def _checked(claim, realisation):
+    """The finding; the claim does not apply where the maps do not hold the scales that it is about."""
+    try:
+        return claim.check(realisation)
+    except InputError as error:
+        return not_applicable(f"Not on these maps: {error}")
+
+
+def measure(sky):
+    """What is found of every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
+    make(sky.realisations)
+    return [row for one in sky.realisations for row in finding_rows(judge(one), one.noise_level)]
+
+
+def _prepare(several):
+    make([one for sky in several for one in sky.realisations])
+
+
+def _summary(rows):
+    """A row for each claim, and how many have which verdict."""
+    found = entries(rows)
+    table = pd.DataFrame(ledger_table.plain_rows(found), columns=ledger_table.HEADER)
+    count = Counter(entry.verdict for entry in found)
+    said = ", ".join(f"{count[verdict]} {verdict}" for verdict in ledger_table.BADGES if count[verdict])
+    table.loc[len(table)] = ["all", "", said, *[""] * (len(ledger_table.HEADER) - 3)]
+    return table
+
+
+EXPERIMENT = Experiment(
+    name="claims",
+    chapter="15_claims",
+    columns=COLUMNS,
+    key=("noise_level", "claim"),
+    skies=skies,
+    measure=measure,
+    summary=_summary,
+    prepare=_prepare,
+    defaults={"n_realisations": 5, "nudged": True},
+    words=("sentence",),
+)

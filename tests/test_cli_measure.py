@@ -1,0 +1,203 @@
+"""`himap measure`: records written, checked and grown on many skies, with nothing computed."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from ledgers import entry
+
+import himap
+from himap.companion import notebooks
+from himap.paper.claims import FAILED, IN_PART, REPRODUCED
+from himap.paper.claims.entries import finding_rows
+from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.experiments.claims import NUDGES
+from himap.paper.record import Experiment, Record, measuring_code
+
+CLAIMS = ("measure", "claims", "--preset", "ci")
+FORMER = {
+    "claims": "claims",
+    "readings": "readings",
+    "record corrections": "transfer",
+    "record beam-errors": "beam_errors",
+    "record side-by-side": "methods",
+    "record suggestions": "n_sources",
+}
+
+
+@pytest.fixture
+def seen(monkeypatch):
+    """The skies of each table that was asked for; the real parameters of the chapters, nothing measured.
+
+    Every sky has two claims: D1, reproduced on even seeds and in part on odd ones, and N1, not reproduced.
+    """
+    monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+    tables = []
+
+    def table(self, skies):
+        tables.append(skies)
+        rows = []
+        for sky in skies:
+            d1 = entry((REPRODUCED, IN_PART)[sky.survey.seed % 2]).findings[0]
+            found = {"D1": d1, "N1": entry(FAILED).findings[0]}
+            rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, 1)]
+        return self.frame(rows)
+
+    monkeypatch.setattr(Experiment, "table", table)
+    return tables
+
+
+def stored(path):
+    return Record.load(find_experiment("claims"), path)
+
+
+class TestWrite:
+    def test_table_and_file(self, himap_command, seen):
+        code, out, err = himap_command(*CLAIMS, "-p", "n_realisations=2", "-p", "seed=7")
+        assert (code, err) == (0, "")
+        assert [sky.survey.seed for sky in seen[0]] == [7, 8]
+        assert re.search(r"^D1 +degraded +in part \(1 of 2\) +1/2", out, re.M)
+        assert "1 in part, 1 not reproduced" in out
+        path = Path("results/claims_ci_n_realisations=2_seed=7.json")
+        assert f"{path}  (" in out
+        record = stored(path)
+        assert record.seeds == [7, 8] and record.about["code"] == measuring_code("claims")
+        assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
+
+    def test_five_skies_with_nudges_by_default(self, himap_command, seen):
+        assert himap_command(*CLAIMS, "-o", "a.json")[0] == 0
+        assert [len(sky.realisations) for sky in seen[0]] == [1 + len(NUDGES), 1, 1, 1, 1]
+        assert himap_command(*CLAIMS, "-p", "nudged=false", "-o", "b.json")[0] == 0
+        assert {len(sky.realisations) for sky in seen[1]} == {1}
+        assert ["nudged", False] in stored("b.json").about["overrides"]
+
+    @pytest.mark.parametrize("name", EXPERIMENTS)
+    def test_what_exists_is_not_lost(self, himap_command, name):
+        for file, option in (("mine.json", ["-o", "mine.json"]), (f"results/{name}_ci.json", [])):
+            Path(file).parent.mkdir(exist_ok=True)
+            Path(file).write_text("hours of work")
+            code, _, err = himap_command("measure", name, "--preset", "ci", *option)
+            assert code == 2 and f"{file} exists; choose another output, or give --overwrite" in err
+            assert Path(file).read_text() == "hours of work"
+        code, _, err = himap_command("measure", name, "--preset", "ci", "-o", "")
+        assert code == 2 and "something.json; got" in err
+
+    @pytest.mark.parametrize("old", FORMER)
+    def test_former_commands(self, himap_command, monkeypatch, old):
+        """They do what the new one does, with one line more."""
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        code, _, err = himap_command(*old.split(), "--preset", "huge")
+        assert code == 2
+        assert err.startswith(f"`himap {old}` is `himap measure {FORMER[old]}` now")
+        assert "unknown preset" in err
+
+
+def bad(name, *options, message):
+    return pytest.param(name, options, message, id=f"{name} {' '.join(options)}")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        bad("clams", message="unknown experiment 'clams'; there are beam_errors, claims"),
+        bad("claims", "-p", "method=pca", message="in the place of SDecGMCA can stand"),
+        bad("claims", "-p", "n_realisation=2", message="did you mean n_realisations"),
+        bad("claims", "-p", "n_realisations=0", message="between 1 and 1000"),
+        bad("claims", "-p", "galaxy=templates", message="needs template_dir"),
+        bad("claims", "-o", "claims.txt", message="something.json"),
+        bad("claims", "--preset", "huge", message="unknown preset"),
+        bad("claims", "--jobs", "0", message="--jobs"),
+        bad("claims", "--check", "none.json", message="there is no record none.json"),
+        bad("claims", "--check", "none.json", "--grow", "none.json", message="--grow exclude each other"),
+        bad("claims", "--check", "none.json", "-o", "b.json", message="leave -o out"),
+        bad("claims", "--grow", "none.json", "--overwrite", message="leave -o out"),
+        bad("readings", "-p", "reading=code", message="unknown parameter reading"),
+        bad("readings", "-p", "method=beam_subspace", message="unknown parameter method"),
+        bad("readings", "-p", "n_realisations=0", message="between 1 and 1000"),
+        bad("transfer", "-p", "results=[]", message="unknown parameter results"),
+        bad("transfer", "-p", "n_mock=2", message="did you mean n_mocks"),
+        bad("transfer", "-p", "n_mocks=1", message="between 2 and 1000, got 1"),
+        bad("transfer", "-p", 'methods=[["pca", 500]]', message="at most the number of channels"),
+        bad("beam_errors", "-p", "results=[]", message="unknown parameter"),
+        bad("beam_errors", "-p", "lobes=[]", message="unknown parameter"),
+        bad("n_sources", "-p", "n_sources_max=1", message="n_sources_max"),
+        bad("n_sources", "-p", "n_mocks=0", message="n_mocks"),
+        bad("n_sources", "-p", "noises=[3]", message="1 first"),
+        bad("n_sources", "-p", 'beams=["square"]', message="unknown beam"),
+        bad("methods", "-p", "n_mocks=0", message="n_mocks"),
+        bad("methods", "-p", "beams=[]", message="each once"),
+        bad("methods", "-p", 'methods=[["pca", [3]]]', message="numbers of sources for 3 beams"),
+        bad("methods", "-p", "results=null", message="unknown parameter results"),
+    ],
+)
+def test_bad_input_before_any_work(himap_command, seen, name, options, message):
+    code, _, err = himap_command("measure", name, *options)
+    assert code == 2
+    assert message in err
+    assert not seen
+    assert not list(Path().iterdir())
+
+
+class TestCheckAndGrow:
+    @pytest.fixture
+    def written(self, himap_command, seen):
+        """The command, and a record of two skies in a.json."""
+        assert himap_command(*CLAIMS, "-p", "n_realisations=2", "-o", "a.json")[0] == 0
+        return himap_command
+
+    def test_one_sky_again(self, written, seen):
+        code, out, err = written(*CLAIMS, "--check", "a.json")
+        assert (code, err) == (0, "") and len(seen[-1]) == 1
+        assert out == "a.json: 4 rows of one sky are the same with today's code.\n"
+        record = stored("a.json")
+        assert len(record.seeds) == 2 and record.about["checked"]["code"] == measuring_code("claims")
+
+    def test_only_the_skies_that_are_missing(self, written, seen):
+        before = stored("a.json")
+        code, out, err = written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=4")
+        assert (code, err) == (0, "") and "2/4" in out
+        first = before.seeds[0]
+        assert [[sky.survey.seed for sky in skies] for skies in seen[1:]] == [[first + 2], [first + 3]]
+        record = stored("a.json")
+        assert record.seeds == list(range(first, first + 4))
+        assert record.about["grown"] == [before.about["commit"]]
+        assert dict(record.about["overrides"])["n_realisations"] == 4
+        assert written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=4")[0] == 0 and len(seen) == 3
+
+    def test_what_is_measured_stays(self, written, monkeypatch):
+        table = Experiment.table
+
+        def interrupted(self, skies):
+            if skies[0].survey.seed % 2:  # the first of the missing ones is 2027
+                return table(self, skies)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(Experiment, "table", interrupted)
+        assert written(*CLAIMS, "-p", "n_realisations=4", "--grow", "a.json")[0] != 0
+        record = stored("a.json")
+        assert len(record.seeds) == 3 and dict(record.about["overrides"])["n_realisations"] == 3
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--grow", "a.json", "-p", "plane_weight=0.2"], "other parameters (plane_weight)"),
+            (["--grow", "a.json", "-p", "seed=7"], "other parameters (seed)"),
+            (["--check", "a.json", "-p", "seed=7"], "other parameters (seed)"),
+        ],
+    )
+    def test_refused(self, written, options, message):
+        before = Path("a.json").read_text()
+        code, _, err = written(*CLAIMS, *options)
+        assert code == 2 and message in err
+        assert Path("a.json").read_text() == before
+
+    def test_a_record_of_other_code_grows_once_it_was_checked(self, written):
+        content = json.loads(Path("a.json").read_text())
+        content["about"]["code"] = "0" * 64
+        Path("a.json").write_text(json.dumps(content))
+        grow = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=3")
+        code, _, err = written(*grow)
+        assert code == 2 and "was made by other code; see with --check" in err
+        assert written(*CLAIMS, "--check", "a.json")[0] == 0
+        assert written(*grow)[0] == 0 and len(stored("a.json").seeds) == 3

@@ -1,0 +1,112 @@
+"""The tables of what readings lead to."""
+
+from outcomes import outcome, run
+
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.readings_table import (
+    EVERY,
+    HEADER,
+    MARKS,
+    NONE,
+    SOME,
+    VOID,
+    closest_converged,
+    decisive_options,
+    insensitive_claims,
+    option_rows,
+    plain_rows,
+    robustness,
+    with_columns,
+)
+from himap.removal.sdecgmca.readings import OPTIONS
+
+BAD = {"mean error": 0.4, "bump": 30.0, "C/C0, 2 to 4": 0.02, "C/C0, 5 to 9": 3.0}
+OUTCOMES = {
+    "default": outcome({"D1": REPRODUCED, "O3": REPRODUCED, "O6": FAILED, "M2": INAPPLICABLE}),
+    "letter": outcome(
+        {"D1": IN_PART, "O3": FAILED, "O6": FAILED, "M2": INAPPLICABLE}, runs=[run(), run(**BAD)]
+    ),
+    "code": outcome({"D1": REPRODUCED, "O3": IN_PART, "O6": INAPPLICABLE, "M2": INAPPLICABLE}),
+    "last = repeated": outcome({"D1": REPRODUCED, "O3": REPRODUCED, "O6": FAILED, "M2": INAPPLICABLE}),
+}
+
+
+class TestAnswer:
+    def test_where_claims_stand(self):
+        assert robustness(OUTCOMES) == {EVERY: ["D1"], SOME: ["O3"], NONE: ["O6"], VOID: ["M2"]}
+
+    def test_a_claim_that_was_not_judged_everywhere(self):
+        """Only what was judged counts; a claim that nobody judged is left out."""
+        some = OUTCOMES | {"code": outcome({"D1": REPRODUCED})}
+        assert robustness(some) == {EVERY: ["D1"], SOME: ["O3"], NONE: ["O6"], VOID: ["M2"]}
+        assert robustness({"code": outcome({"D1": REPRODUCED})})[EVERY] == ["D1"]
+
+    def test_which_choice_decides(self):
+        assert decisive_options(OUTCOMES, "O3") == ["letter"]
+        assert decisive_options(OUTCOMES, "D1") == decisive_options(OUTCOMES, "S1") == []
+        without = {label: one for label, one in OUTCOMES.items() if label != "default"}
+        assert decisive_options(without, "O3") == []
+        other = OUTCOMES | {"code": outcome({"D1": FAILED})}
+        assert decisive_options(other, "D1") == []  # many choices at once
+
+    def test_what_no_choice_moves(self):
+        assert insensitive_claims(OUTCOMES) == ["M2"]
+        same = dict.fromkeys(("default", "code"), outcome({"E1": REPRODUCED}))
+        assert insensitive_claims(same) == ["E1"]
+        assert insensitive_claims(same | {"letter": outcome({"E1": REPRODUCED}, values={"E1": 0.6})}) == []
+
+    def test_the_rule_of_the_default(self):
+        assert closest_converged(OUTCOMES) == ["default"]
+        assert closest_converged(OUTCOMES | {"letter": OUTCOMES["code"]}) == ["letter"]
+        failing = outcome({"D1": FAILED}, runs=[run(**BAD)])
+        assert closest_converged(OUTCOMES | {"default": failing}) == ["last = repeated"]
+        assert closest_converged({"default": failing}) == []
+
+
+class TestTables:
+    def test_a_row_for_each_reading(self):
+        rows = plain_rows(OUTCOMES)
+        assert [row[:3] for row in rows] == [
+            ("default", "0", "0 of 1"),
+            ("letter (thresholds = mad)", "0", "1 of 2"),
+            ("code", "6", "0 of 1"),
+            ("last = repeated", "0", "0 of 1"),
+        ]
+        assert {len(row) for row in rows} == {len(HEADER)}
+        found = dict(zip(HEADER, rows[1], strict=True))
+        assert [found[sign] for sign, *_ in MARKS.values()] == ["0", "1", "2", "1"]
+        assert found["C/C0, 2 to 4"] == "0.0200"  # a factor of 50, where 1.25 is one of 1.25
+        assert (found["C/C0, 5 to 9"], found["C/C0, 10 to 19"], found["bump"]) == ("3.00", "–", "30.0")
+        far = plain_rows({"default": outcome({"D1": FAILED}, runs=[run(bump=90_910.0), run(bump=2.0)])})
+        assert far[0][-1] == "9e4"
+
+    def test_columns_without_a_number_are_left_out(self):
+        rows = plain_rows(OUTCOMES)
+        header, lines = with_columns(("reading", "C/C0, 10 to 19", "C/C0, 2 to 4"), rows)
+        assert header == ["reading", "C/C0, 2 to 4"]
+        assert lines[1] == ["letter (thresholds = mad)", "0.0200"] and len(lines) == len(rows)
+
+    def test_a_row_for_each_choice(self):
+        rows = option_rows(OUTCOMES)
+        assert len(rows) == sum(len(option.choices) for option in OPTIONS.values())
+        by_choice = {row[0]: row[1:] for row in rows}
+        *_, taken, fails, decides = by_choice["thresholds = mad"]
+        assert (taken, fails, decides) == ("letter, code, follow-up", "1 of 2", "O3")
+        assert by_choice["last = repeated"][-3:] == ("code, follow-up", "0 of 1", "none")
+        assert by_choice["sign = nonnegative"][-3:] == ("default, letter", "", "")
+        assert by_choice["last = unregularised"][-3:] == ("", "", "")
+
+    def test_marks_go_from_dark_to_light(self):
+        """Grey tells them apart; signs stand out by 4.5 to 1 (WCAG)."""
+
+        def luminance(colour):
+            colour = {"white": "#ffffff", "black": "#000000"}.get(colour, colour)
+            shares = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+            linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in shares]
+            return sum(weight * x for weight, x in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+        shades = [luminance(colour) for _, colour, _ in MARKS.values()]
+        assert all(light - dark > 0.2 for dark, light in zip(shades, shades[1:], strict=False))
+        for _, colour, ink in MARKS.values():
+            dark, light = sorted((luminance(colour), luminance(ink)))
+            assert (light + 0.05) / (dark + 0.05) >= 4.5

@@ -1,0 +1,217 @@
+"""Records: one file for all experiments, read strictly, checked against one sky, and grown."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from himap.errors import InputError
+from himap.paper import record as record_module
+from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.record import Experiment, Record, measuring_code
+from himap.products.fingerprint import CodeTree
+
+ABOUT = {
+    "preset": "ci",
+    "overrides": [["n_realisations", 2], ["n_mocks", 3]],
+    "galaxy": "synthetic",
+    "seed": 7,
+    "commit": "abc1234",
+    "dirty": False,
+    "seconds": 10.0,
+    "version": "0.1.0",
+    "packages": [],
+    "code": "today",
+}
+
+
+@dataclass(frozen=True)
+class Sky:
+    seed: int
+    rows: tuple
+
+    @property
+    def survey(self):
+        return SimpleNamespace(seed=self.seed)
+
+
+def rows_of(seed):
+    curve = [{"method": "pca", "x": n, "ratio": 0.9 + seed / 100 + n / 30, "note": None} for n in range(3)]
+    single = {"method": "gmca", "x": 0, "ratio": math.nan, "note": f"seed {seed}"}
+    return (*curve, single)
+
+
+EXPERIMENT = Experiment(
+    name="toy",
+    chapter="20_transfer_function",
+    columns={"method": str, "x": int, "ratio": float, "note": str},
+    key=("method",),
+    skies=lambda **settings: [Sky(seed, rows_of(seed)) for seed in (7, 8)],
+    measure=lambda sky: sky.rows,
+    summary=lambda rows: rows,
+    words=("note",),
+)
+
+
+@pytest.fixture
+def record():
+    return Record(experiment=EXPERIMENT, rows=EXPERIMENT.table(EXPERIMENT.skies()), about=ABOUT)
+
+
+def changed(record, **cells):
+    """The rows of the first sky, with some cells of its second row changed."""
+    rows = record.rows[record.rows["seed"] == 7].copy()
+    for name, value in cells.items():
+        rows.loc[1, name] = value
+    return rows
+
+
+class TestFile:
+    def test_there_and_back(self, record, tmp_path):
+        path = tmp_path / "new" / "a.json"
+        record.save(path)
+        again = Record.load(EXPERIMENT, path)
+        pd.testing.assert_frame_equal(again.rows, record.rows, rtol=1e-5)
+        assert again.about == ABOUT and again.seeds == [7, 8] and again.made.seed == 7
+        assert [file.name for file in path.parent.iterdir()] == ["a.json"]
+        content = json.loads(path.read_text())  # which has no NaN
+        assert content["rows"][0] == [7, "pca", [0, 1, 2], [0.97, 1.00333, 1.03667], None]  # six digits
+        assert content["rows"][1] == [7, "gmca", 0, None, "seed 7"]
+
+    def test_numbers_of_numpy_are_numbers(self):
+        row = {"seed": 1, "method": "pca", "x": np.int64(2), "ratio": np.float32(0.5), "note": None}
+        frame = EXPERIMENT.frame([row])
+        assert frame["ratio"].tolist() == [0.5] and frame["x"].dtype == "int64"
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            (lambda content: content.update(format=2), "format 2 of 'toy'"),
+            (lambda content: content.update(experiment="other"), "of 'other'"),
+            (lambda content: content.pop("about"), "about"),
+            (lambda content: content["about"].pop("code"), "code"),
+            (lambda content: content["about"].update(code=3), "nothing says what made it"),
+            (lambda content: content["about"].pop("seed"), "seed"),
+            (lambda content: content.update(rows=[]), "no row"),
+            (lambda content: content["rows"][0].pop(), "shorter|longer"),
+            (lambda content: content["columns"].__setitem__(1, "way"), "the columns are not"),
+            (lambda content: content["rows"][0].__setitem__(1, 5), "a value of method is 5"),
+            (lambda content: content["rows"][1].__setitem__(2, 0.5), "a value of x is 0.5"),
+            (lambda content: content["rows"][1].__setitem__(2, None), "a value of x is None"),
+            (lambda content: content["rows"][1].__setitem__(2, True), "a value of x is True"),
+            (lambda content: content["rows"][1].__setitem__(3, "high"), "a value of ratio is 'high'"),
+            (lambda content: content["rows"][0].__setitem__(2, [0, 1]), "lists of 2 and 3 values"),
+        ],
+    )
+    def test_another_kind_of_file(self, record, tmp_path, change, message):
+        path = tmp_path / "a.json"
+        record.save(path)
+        content = json.loads(path.read_text())
+        change(content)
+        path.write_text(json.dumps(content))
+        with pytest.raises(InputError, match=f"is not a record that `himap measure toy` wrote .*({message})"):
+            Record.load(EXPERIMENT, path)
+
+    @given(st.binary(max_size=200))
+    def test_any_bytes(self, tmp_path_factory, content):
+        path = tmp_path_factory.getbasetemp() / "any.json"
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="is not a record"):
+            Record.load(EXPERIMENT, path)
+
+    def test_no_file_and_no_place(self, record, tmp_path):
+        with pytest.raises(InputError, match="there is no record .*none.json; `himap measure toy` writes"):
+            Record.load(EXPERIMENT, tmp_path / "none.json")
+        (tmp_path / "file").write_text("")
+        with pytest.raises(InputError, match="cannot be written"):
+            record.save(tmp_path / "file" / "a.json")
+
+
+class TestCheck:
+    def test_the_same_numbers_mark_it(self, record):
+        rows = changed(record, ratio=record.rows["ratio"][1] * 1.0009, note="other words")
+        marked = record.check(rows, ABOUT | {"code": "tomorrow", "overrides": [["n_mocks", 3]]})
+        assert marked.about["checked"]["code"] == "tomorrow" and marked.codes == {"today", "tomorrow"}
+        assert marked.rows is record.rows and "checked" not in record.about
+
+    @pytest.mark.parametrize(
+        ("cells", "message"),
+        [
+            ({"ratio": 1.01}, "1 of 4 rows of the seed 7 have changed.*'ratio': 1.01"),
+            ({"ratio": math.nan}, "1 of 4 rows of the seed 7 have changed"),
+            ({"x": 5}, "have changed"),
+            ({"method": "ica"}, "have changed"),
+        ],
+    )
+    def test_other_numbers(self, record, cells, message):
+        with pytest.raises(InputError, match=message):
+            record.check(changed(record, **cells), ABOUT)
+
+    def test_other_rows(self, record):
+        with pytest.raises(InputError, match="the record has 4 rows of the seed 7, 3 were measured"):
+            record.check(changed(record)[:3], ABOUT)
+
+
+class TestGrow:
+    def test_skies_time_and_commits_add_up(self, record):
+        made = ABOUT | {"commit": "def5678", "overrides": [["n_realisations", 1], ["n_mocks", 3]]}
+        more = record.grow(EXPERIMENT.table([Sky(9, rows_of(9))]), made)
+        more = more.grow(EXPERIMENT.table([Sky(10, rows_of(10))]), made)
+        assert more.seeds == [7, 8, 9, 10] and more.about["seconds"] == 30
+        assert more.about["overrides"] == [["n_realisations", 4], ["n_mocks", 3]]
+        assert more.about["grown"] == ["def5678"] and more.about["code"] == "today"
+        assert record.seeds == [7, 8]
+
+    def test_only_the_skies_that_are_missing(self, record):
+        assert record.missing([7, 8, 9], ABOUT) == [9]
+        checked = replace(record, about=ABOUT | {"code": "older", "checked": {"code": "today"}})
+        assert checked.missing([8, 9], ABOUT) == [9]
+
+    @pytest.mark.parametrize(
+        ("about", "message"),
+        [
+            ({"overrides": [["n_realisations", 2], ["n_mocks", 4]]}, r"other parameters \(n_mocks\)"),
+            ({"overrides": [["n_realisations", 2]]}, r"other parameters \(n_mocks\)"),
+            ({"seed": 8, "preset": "quick"}, r"other parameters \(preset, seed\)"),
+            ({"code": "tomorrow"}, "made by other code; see with --check"),
+        ],
+    )
+    def test_skies_that_are_not_alike(self, record, about, message):
+        with pytest.raises(InputError, match=message):
+            record.missing([9], ABOUT | about)
+
+
+class TestExperiments:
+    def test_no_sky(self):
+        with pytest.raises(InputError, match="toy needs one sky or more"):
+            EXPERIMENT.table([])
+
+    def test_a_cluster_gets_all_skies_at_once(self, monkeypatch):
+        prepared = []
+        shared = replace(EXPERIMENT, prepare=prepared.append)
+        shared.table(EXPERIMENT.skies())
+        assert not prepared
+        monkeypatch.setattr(record_module, "dask_address", lambda: "tcp://host:8786")
+        shared.table(EXPERIMENT.skies())
+        assert [[sky.seed for sky in skies] for skies in prepared] == [[7, 8]]
+
+    def test_a_measure_that_gives_other_columns(self):
+        wrong = replace(EXPERIMENT, measure=lambda sky: [{"method": "pca"}])
+        with pytest.raises(ValueError, match="the columns are not seed, method, x, ratio, note"):
+            wrong.table(EXPERIMENT.skies())
+
+    @pytest.mark.parametrize("name", EXPERIMENTS)
+    def test_each_is_found_and_knows_its_code(self, name):
+        experiment = find_experiment(name)
+        assert experiment.name == name and set(experiment.key) <= set(experiment.columns)
+        assert experiment.code() == measuring_code(name, CodeTree(loaded=True))
+
+    def test_unknown(self):
+        with pytest.raises(InputError, match="unknown experiment 'x'; there are beam_errors, claims"):
+            find_experiment("x")
