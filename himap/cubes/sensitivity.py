@@ -6,7 +6,6 @@ import numpy as np
 
 from himap.cubes import page
 from himap.cubes.beams import beams_of
-from himap.cubes.cleaning import Basis, method_for
 from himap.cubes.corrected_report import plain_band
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -82,9 +81,6 @@ def beam_sensitivity(
     ripples=RIPPLES,
     period=20.0,
     dish=None,
-    peaks=True,
-    basis=None,
-    seed=2025,
 ):
     """What becomes of a cleaned cube if its beam is not the one that is believed, a list of `Sensitivity`.
 
@@ -101,8 +97,6 @@ def beam_sensitivity(
         Relative errors of the FWHM of all channels.
     ripples, period
         Relative amplitudes of an error that oscillates with frequency, and its period in MHz.
-    peaks, basis, seed
-        As the cube was cleaned (`clean_cube`).
 
     Raises
     ------
@@ -110,20 +104,18 @@ def beam_sensitivity(
         A method that does not use the beam, no error at all, or one outside its range.
     """
     cube, method = cleaned.cube, cleaned.method
-    if not method.needs_beams:
+    if "beams" not in method.uses:
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
     told = misjudged_beams(beam, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in told]  # fails now
-    method_for(cube, method)
-    basis = Basis(cube, peaks=peaks) if basis is None else basis
-    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=None if cube.whole_sky else cube.mask)
+    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=cube.sky_mask)
     if cleaned.separation.lmax is not None:
         alms = sphere.alms_upto(alms, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
     found = []
     for one, beams in progress(known, "beams"):
-        other = basis.separation(method, beams=beams, seed=seed)
-        more = (cleaned.separation.foreground + -other.foreground).condensed(faint)
+        other = cleaned.cleaning.with_beams(beams).separation
+        more = (cleaned.separation.foreground + -other.foreground).truncate(faint)
         if not len(more.maps):  # nothing moves
             more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
         more = replace(more, maps=cube.on_sphere(more.maps))

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.cubes import page
-from himap.cubes.cleaning import Basis, clean_cube, method_for
+from himap.cubes.cleaning import CleanedCube, cleaning_of, method_for
 from himap.cubes.report import views_of
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -149,11 +149,12 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
     # Refused now, not after the others.
-    knows_beam = method_for(cube, method, n_sources=int(counts[-1]), **parameters).needs_beams
-    basis = Basis(cube, peaks=peaks)
+    remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
+    cleaning = cleaning_of(cube, remover, beams=beams, peaks=peaks)
+    knows_beam = "beams" in remover.uses
     found, variances, spectra, spectra_of, views = {}, [], [], None, views_of(cube)
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
-        cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
+        cleaned = CleanedCube.of(cube, cleaning.with_sources(int(count)))
         spectra_of = spectra_of or views.spectra_beside(cleaned)
         if cube.weights is not None:
             found[count] = cleaned.separation
@@ -164,7 +165,9 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     at_one = knows_beam and cube.whole_sky
     n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
     criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
-    values = _eigenvalues(cube, basis, beams if at_one else None, found.get(counts[criterion.argmin()]))
+    values = _eigenvalues(
+        cube, cleaning.basis, beams if at_one else None, found.get(counts[criterion.argmin()])
+    )
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,

@@ -11,15 +11,12 @@ from himap.instrument.beams import named
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.beams.rippled import Rippled
-from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
-from himap.measures.difference import FAINT
 from himap.measures.transfer import JUDGED, bands, recovery
-from himap.paper import pipeline, plan
+from himap.paper import cleaned, pipeline, plan
 from himap.paper.mocks import own_recovery
 from himap.products.parallel import make_all
 from himap.products.store import product
-from himap.removal.beam_projection import on_sky
 
 __all__ = [
     "HEADER",
@@ -106,19 +103,8 @@ def misjudged_recovery(case, remover, told):
 
     A method that asks for the noise is told that of the instrument.
     """
-    observed = pipeline.observation(case)
-    found = remover.separate(
-        pipeline.basis(case, True),
-        freqs=observed.freqs,
-        beams=told.of_survey(case.survey).total,
-        noise=noise_sigma(case.survey),
-        rng=case.survey.rng(f"removal {remover.name}"),
-        modes=pipeline.analysis(case) if remover.needs_modes else None,
-    )
-    endless = found.lmax is None
-    there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case)
-    faint = FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
-    wrong = (on_sky(there, case.survey.nside, found.lmax) + -found.foreground).condensed(faint)
+    found = cleaned.cleaning(case, remover).with_beams(told.of_survey(case.survey).total).separation
+    wrong = cleaned.error_of(case, found)
     return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
@@ -149,16 +135,16 @@ def evaluate(cases, removers, errors):
     rows = []
     for case in cases:
         calls = [
-            (case, remover, beam) for remover in removers if remover.needs_beams for beam in told.values()
+            (case, remover, beam) for remover in removers if "beams" in remover.uses for beam in told.values()
         ]
-        blind = [(case, remover) for remover in removers if not remover.needs_beams]
+        blind = [(case, remover) for remover in removers if "beams" not in remover.uses]
         known = [misjudged_recovery.is_cached(*call) for call in calls]
         known += [own_recovery.is_cached(*call) for call in blind]
         with plan.passing_observations([] if all(known) else [case]):
             make_all(misjudged_recovery, calls, "beams")
             make_all(own_recovery, blind, "without beams")
         for remover in removers:
-            if remover.needs_beams:
+            if "beams" in remover.uses:
                 for (kind, error), beam in told.items():
                     found = misjudged_recovery(case, remover, beam)
                     rows += _rows(case, remover, kind, error, found)

@@ -102,7 +102,7 @@ def views_of(case, removers, mocks):
         counts=counts,
         bic=bic,
         aic=aic,
-        eigenvalues=eigenvalues(case, removers[0].needs_beams),
+        eigenvalues=eigenvalues(case, "beams" in removers[0].uses),
         change=how_many.changes([(one.came_back.angular[2:], one.came_back.frequency[1:]) for one in own]),
         corrected_change=how_many.changes([row[:, None] for row in corrected]),
         error=np.abs(np.divide(left, true) - 1).max(axis=1),

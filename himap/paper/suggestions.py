@@ -113,7 +113,7 @@ def _work(case, removers, mocks):
         work += [(own_recovery, (case, remover)) for remover in several]
         work += [(cleaned.assessment, (case, remover)) for remover in several]
         work += [(recovered, (case, several, mock)) for mock in mocks]
-        work.append((eigenvalues, (case, several[0].needs_beams)))
+        work.append((eigenvalues, (case, "beams" in several[0].uses)))
     return work
 
 

@@ -10,8 +10,7 @@ from threadpoolctl import threadpool_limits
 from himap.errors import InputError
 from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
-from himap.removal.covariance import channel_covariance
+from himap.removal.separation import ordered
 
 __all__ = ["GaussianProcess", "smoother", "squared_exponential"]
 
@@ -63,19 +62,19 @@ class GaussianProcess(ForegroundRemover):
                 f"needs as many channels, got {n_channels}."
             )
 
-    def _separate(self, maps, *, freqs, beams, rng):
+    def _separate(self, data):
         # The number of threads changes the last bits of products, and with them where the search ends.
         with threadpool_limits(1, user_api="blas"):
-            covariance = channel_covariance(maps)
+            covariance = data.covariance
             variance = np.trace(covariance) / len(covariance)
             if variance == 0:
                 raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
-            kernels = _Kernels(freqs)
+            kernels = _Kernels(data.freqs)
             scaled = covariance / variance
             runs = [self._maximised(kernels, scaled, mix) for mix in _STARTS]
             best = min(runs, key=lambda run: run.fun)
             spectra, rows = smoother(*kernels.parts(best.x))
-        mixing, sources = ordered(spectra, projection(rows, maps))
+        mixing, sources = ordered(spectra, projection(rows, data.centred))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit

@@ -41,8 +41,8 @@ class SpectralFilter:
         """Last l of its own; what a transform cannot hold is filtered like this one."""
         return len(self.spectra) - 1
 
-    def taken(self, maps, modes):
-        """What it takes of maps, a `MapModes`.
+    def foreground(self, maps, modes):
+        """The foreground of maps, a `MapModes`.
 
         Parameters
         ----------

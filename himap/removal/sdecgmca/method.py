@@ -13,12 +13,12 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import on_sky, seen_through, through_beams
-from himap.removal.conventions import ordered
 from himap.removal.sdecgmca.iteration import iterations, last_sources
 from himap.removal.sdecgmca.pixels import Grid, HEALPix
 from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 from himap.removal.sdecgmca.scales import Scales
+from himap.removal.separation import ordered
 
 __all__ = ["SDecGMCA"]
 
@@ -54,10 +54,7 @@ class SDecGMCA(ForegroundRemover):
     """
 
     name: ClassVar[str] = "sdecgmca"
-    needs_beams: ClassVar[bool] = True
-    needs_noise: ClassVar[bool] = True
-    needs_whole_sky: ClassVar[bool] = True
-    needs_modes: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"beams", "noise", "sphere"})
     ends_by_count: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
@@ -108,28 +105,27 @@ class SDecGMCA(ForegroundRemover):
 
     def check(self, n_channels):
         super().check(n_channels)
-        super().checked_noise(self.noise, n_channels)
+        checked_noise("noise", self.noise, n_channels)
 
-    def checked_noise(self, noise, n_channels):
-        noise = super().checked_noise(noise, n_channels)
+    def check_data(self, data):
+        super().check_data(data)
         needs = {
             "thresholds": self.thresholds == "analytic",
             "coefficients": self.coefficients == "spectrum",
             "last_coefficients": self.last_coefficients == "spectrum" and self.last != "unregularised",
         }
         asking = ", ".join(f"{name}={getattr(self, name)!r}" for name, needed in needs.items() if needed)
-        if asking and noise is None and self.noise is None:
+        if asking and data.noise is None and self.noise is None:
             raise InputError(
                 f"sdecgmca needs the noise of the instrument for {asking}: give noise=, mK per pixel, as one "
                 "number or one for each channel (-p noise=0.04 on the command line)."
             )
-        return noise
 
-    def _separate(self, maps, *, freqs, beams, rng, modes, noise):
+    def _separate(self, data):
         # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
         # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
         with threadpool_limits(1, user_api="blas"):
-            return self._separated(maps, beams, modes, noise)
+            return self._separated(data.centred, data.beams, data.modes, data.noise)
 
     def _separated(self, maps, beams, modes, noise):
         nside = sphere.nside_of(maps)
@@ -153,10 +149,10 @@ class SDecGMCA(ForegroundRemover):
         start = problem.start(self.n_sources, self.start)
         steps = enumerate(iterations(self, problem, scales, start), 1)
         ((n_iterations, step),) = deque(steps, maxlen=1)
-        sources, taken = self._last(maps, problem, scales, step, windows, modes)
+        sources, low_rank = self._last(maps, problem, scales, step, windows, modes)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(
-            taken=taken,
+            low_rank=low_rank,
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=step.settled,
