@@ -76,7 +76,7 @@ CLAIMS = {
 }
 OTHERS = {
     ("removal/sdecgmca/problem.py", "Problem.fit"): {"16"} | BEAM_AWARE,
-    ("removal/blurred_mixture.py", "BlurredMixture.corrected"): BEAM_AWARE,
+    ("removal/blurred_mixture.py", "BlurredMixture.corrected"): {"16"} | BEAM_AWARE,
     ("paper/captions.py", "of_sdecgmca"): {"09"},
     ("paper/captions.py", "in_short"): {"09", "10", "11", "12", "13", "14"},
     ("paper/losses.py", "error_parts"): {"12", "13", "23"},

@@ -29,7 +29,7 @@ from himap.figures import plotting, styles
 from himap.instrument.beams.base import gaussian_widths
 from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
 from himap.progress import progress
-from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance
 
@@ -212,9 +212,7 @@ def _eigenvalues(cube, basis, beams, found):
         return np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, found))[::-1]
     if beams is None:
         return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
-    lmax = min(2 * cube.nside, beams.shape[1] - 1)
-    mixture = BlurredMixture(basis.modes.upto(lmax), beams[:, : lmax + 1])
-    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
+    return one_resolution_eigenvalues(basis.modes, beams, min(2 * cube.nside, beams.shape[1] - 1))
 
 
 def advice(suggestion):

@@ -10,7 +10,7 @@ from himap.measures.transfer import JUDGED, TransferFunction, bands
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
 from himap.products.store import product
-from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 
 __all__ = ["SETTLED", "Views", "eigenvalues", "minka", "views_of"]
@@ -27,10 +27,8 @@ def eigenvalues(case, aware=False):
     """
     if not aware:
         return np.linalg.eigvalsh(channel_covariance(pipeline.basis(case, True)))[::-1]
-    lmax = 2 * case.survey.nside
-    beams = case.beam.of_survey(case.survey).total[:, : lmax + 1]
-    mixture = BlurredMixture(pipeline.analysis(case).upto(lmax), beams)
-    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
+    beams = case.beam.of_survey(case.survey).total
+    return one_resolution_eigenvalues(pipeline.analysis(case), beams, 2 * case.survey.nside)
 
 
 @product

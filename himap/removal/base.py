@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_fields, parameter
 from himap.errors import InputError
@@ -118,7 +119,10 @@ class ForegroundRemover(ABC):
         self.check_data(data)
         whole = data.on_sphere() if self.uses & _WHOLE and data.image is None else data
         try:
-            found = self._separate(whole)
+            # Sums in another order end elsewhere after many turns: one thread, so that machines with the same
+            # libraries agree whatever their number of cores. Transforms keep theirs, which do not matter.
+            with threadpool_limits(1, user_api="blas"):
+                found = self._separate(whole)
         except np.linalg.LinAlgError as error:
             raise InputError(
                 f"{self.name} cannot solve its equations for these maps ({error}): the brightest part is too "

@@ -7,10 +7,9 @@ from himap.maps.blocked import projection
 from himap.maps.modes import HarmonicModes, MapModes
 from himap.progress import progress
 from himap.removal import harmonic
+from himap.removal.covariance import common_axes
 
 __all__ = ["on_sky", "seen_through", "through_beams"]
-
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 def through_beams(maps, space, beams, modes):
@@ -34,7 +33,7 @@ def through_beams(maps, space, beams, modes):
     nside = sphere.nside_of(maps)
     lmax = min(3 * nside, beams.shape[1]) - 1
     bases = _bases(space, beams[:, : lmax + 1])
-    spectra = _common(bases)
+    spectra = common_axes(bases)
     within = np.einsum("cv,lcn->lvn", spectra, bases)
     projected = modes.along(spectra.T, lmax)
     # P_l of what the transform holds and the last P of the rest: P_l m less P_last m, and P_last of it all.
@@ -64,7 +63,7 @@ def seen_through(sources, mixing, beams):
     matrices = beams.T[:, :, None] * mixing
     blocks = harmonic.blocks(sources)
     sizes = (np.linalg.qr(block.T, mode="r").T for block in blocks)
-    spectra = _common([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
+    spectra = common_axes([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
     seen = np.empty((spectra.shape[1], sources.shape[1]))
     for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
         np.matmul(matrix, source, out=out)
@@ -83,9 +82,3 @@ def _bases(space, beams):
     """Orthonormal columns that span diag(beams_l) space, (n_l, n_channels, n_sources)."""
     space, _ = np.linalg.qr(space)
     return np.linalg.qr(beams.T[:, :, None] * space)[0]
-
-
-def _common(columns):
-    """Orthonormal spectra that hold all of some columns (n_channels, n), (n_channels, n_spectra)."""
-    spectra, values, _ = np.linalg.svd(np.hstack(list(columns)), full_matrices=False)
-    return spectra[:, values > _RANK * values[0]]

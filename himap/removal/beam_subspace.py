@@ -1,10 +1,9 @@
 """The space of the blurred spectra, found without thresholds in the way: himap's own method."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_noise
 from himap.errors import InputError
@@ -13,7 +12,7 @@ from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
-from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.separation import ordered
 from himap.removal.sparse_sources import SparseSources
 
@@ -100,21 +99,18 @@ class BeamSubspace(ForegroundRemover):
             )
 
     def _separate(self, data):
-        with threadpool_limits(1, user_api="blas"):  # so that the bits do not depend on the number of cores
-            return self._separated(data.centred, data.beams, data.modes, data.inside)
-
-    def _separated(self, maps, beams, modes, kept):
+        maps, beams, modes, kept = data.centred, data.beams, data.modes, data.inside
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1], kept))
+        mixture = replace(mixture, noise=self._noise_power(mixture, mixing, maps.shape[1], kept))
         weights = None
         if kept is not None:
             weights = inner_weights(sphere.synthesise_grid(inner_alm(kept, beams.min(axis=0), lmax)))
         mixing, converged, n_iterations = self._settled(mixture, mixing, weights)
-        mixing, sources = ordered(mixing, mixture.sources(mixing))
+        mixing, sources = ordered(mixing, mixture.sources(mixture.least_squares(mixing)))
         return Separation(
             low_rank=through_beams(maps, mixing, beams / best, modes),
             mixing=mixing,
@@ -126,9 +122,9 @@ class BeamSubspace(ForegroundRemover):
     def _noise_power(self, mixture, mixing, n_pix, kept):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
         if self.noise is None:
-            left = mixture.residual_noise(mixing, mixture.sources(mixing))
+            left = mixture.residual_noise(mixing, mixture.sources(mixture.least_squares(mixing)))
             return left if kept is None else left / np.mean(kept)
-        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
+        return noise_per_mode(self.noise, len(mixture.modes), n_pix)
 
     def _settled(self, mixture, mixing, weights):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
@@ -142,14 +138,14 @@ class BeamSubspace(ForegroundRemover):
         exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_ITERATIONS), self.name):
-            inverses = harmonic.safe_inverse(mixture.matrices(mixing))
-            sources = harmonic.project(inverses, mixture.modes)
+            inverses = mixture.least_squares(mixing)
+            sources = mixture.sources(inverses)
             residual = mixture.residual(mixing, sources)
             previous, misfit = misfit, np.vdot(residual, residual)
             settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
-            kept = sparse(sources, mixture.noise_of(inverses), self.share)
+            kept = sparse(sources, mixture.source_noise(inverses), self.share)
             mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_ITERATIONS
 

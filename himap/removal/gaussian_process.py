@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 from scipy import linalg, optimize
-from threadpoolctl import threadpool_limits
 
 from himap.errors import InputError
 from himap.maps.blocked import projection
@@ -63,17 +62,13 @@ class GaussianProcess(ForegroundRemover):
             )
 
     def _separate(self, data):
-        # The number of threads changes the last bits of products, and with them where the search ends.
-        with threadpool_limits(1, user_api="blas"):
-            covariance = data.covariance
-            variance = np.trace(covariance) / len(covariance)
-            if variance == 0:
-                raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
-            kernels = _Kernels(data.freqs)
-            scaled = covariance / variance
-            runs = [self._maximised(kernels, scaled, mix) for mix in _STARTS]
-            best = min(runs, key=lambda run: run.fun)
-            spectra, rows = smoother(*kernels.parts(best.x))
+        variance = np.trace(data.covariance) / len(data.covariance)
+        if variance == 0:
+            raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
+        kernels = _Kernels(data.freqs)
+        runs = [self._maximised(kernels, data.covariance / variance, mix) for mix in _STARTS]
+        best = min(runs, key=lambda run: run.fun)
+        spectra, rows = smoother(*kernels.parts(best.x))
         mixing, sources = ordered(spectra, projection(rows, data.centred))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 from scipy import linalg
-from threadpoolctl import threadpool_limits
 
 from himap.errors import InputError
 from himap.maps import sphere
@@ -83,12 +82,10 @@ class GNILC(ForegroundRemover):
         lmax = 3 * nside - 1
         peaks = self._peaks(lmax)
         windows = cosine_needlets(peaks, lmax)
-        # The number of threads changes the last bits of products, and with them what is counted.
-        with threadpool_limits(1, user_api="blas"):
-            covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
-            priors = self._priors(maps, freqs, covariances, peaks, windows)
-            filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
-            local = self._local(modes, windows, priors, filters, nside)
+        covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
+        priors = self._priors(maps, freqs, covariances, peaks, windows)
+        filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
+        local = self._local(modes, windows, priors, filters, nside)
         found = [
             _through(window**2, modes.along(rows, lmax), nside)
             for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True)

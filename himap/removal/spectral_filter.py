@@ -9,10 +9,9 @@ from himap.maps.blocked import projection
 from himap.maps.modes import MapModes
 from himap.progress import progress
 from himap.removal import harmonic
+from himap.removal.covariance import common_axes
 
 __all__ = ["SpectralFilter", "block_of"]
-
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +50,7 @@ class SpectralFilter:
         modes
             Their `CubeModes`.
         """
-        axes = _axes(self.spectra)
+        axes = common_axes(self.spectra)
         within = axes.T @ self.spectra
         foreground = within[-1] @ projection(self.estimators[-1], maps)
         more = np.empty((axes.shape[1], (self.lmax + 1) ** 2))
@@ -73,9 +72,3 @@ def block_of(modes, degree):
     """The modes of one l of a `CubeModes`, (n_channels, 2 l + 1) float64."""
     block = slice(degree**2, (degree + 1) ** 2)
     return modes.spectra @ modes.bright[:, block] + modes.rest[:, block]
-
-
-def _axes(spectra):
-    """Orthonormal spectra that hold all of some W_l (n_l, n_channels, n_sources), (n_channels, n_axes)."""
-    axes, values, _ = np.linalg.svd(np.hstack(list(spectra)), full_matrices=False)
-    return axes[:, values > _RANK * values[0]]

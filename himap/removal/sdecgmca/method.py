@@ -1,11 +1,8 @@
 """SDecGMCA: separation of sparse sources seen through beams (paper, Sect. 3.3; C21)."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
-
-import numpy as np
-from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_noise
 from himap.errors import InputError
@@ -13,6 +10,7 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import on_sky, seen_through, through_beams
+from himap.removal.blurred_mixture import noise_per_mode
 from himap.removal.sdecgmca.iteration import iterations, last_sources
 from himap.removal.sdecgmca.pixels import Grid, HEALPix
 from himap.removal.sdecgmca.problem import Problem
@@ -122,19 +120,14 @@ class SDecGMCA(ForegroundRemover):
             )
 
     def _separate(self, data):
-        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
-        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
-        with threadpool_limits(1, user_api="blas"):
-            return self._separated(data.centred, data.beams, data.modes, data.noise)
-
-    def _separated(self, maps, beams, modes, noise):
-        nside = sphere.nside_of(maps)
+        maps, beams, modes = data.centred, data.beams, data.modes
+        nside, noise = sphere.nside_of(maps), data.noise if self.noise is None else self.noise
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
         problem = Problem(
             modes=modes.upto(lmax),
             beams=windows[:, : lmax + 1],
-            noise=self._noise_per_mode(noise, *maps.shape),
+            noise=None if noise is None else noise_per_mode(noise, *maps.shape),
             floor=self.floor,
         )
         scales = Scales(
@@ -164,12 +157,7 @@ class SDecGMCA(ForegroundRemover):
         """The last S, real modes to the l that it is found to, and the foreground, a `MapModes`."""
         if self.beyond == "regularised":
             top = min(3 * sphere.nside_of(maps), windows.shape[1]) - 1
-            problem = Problem(
-                modes=modes.upto(top),
-                beams=windows[:, : top + 1],
-                noise=problem.noise,
-                floor=problem.floor,
-            )
+            problem = replace(problem, modes=modes.upto(top), beams=windows[:, : top + 1])
         mixing = step.mixing
         sources = last_sources(self, problem, scales, mixing, step.sources)
         nside = sphere.nside_of(maps)
@@ -181,10 +169,3 @@ class SDecGMCA(ForegroundRemover):
             more = sources - problem.sources(problem.inverses(mixing, 0))
             taken += on_sky(seen_through(more, mixing, problem.beams), nside)
         return sources, taken
-
-    def _noise_per_mode(self, noise, n_channels, n_pix):
-        """Variance per mode and channel, (n_channels,), or None where it is not known."""
-        noise = noise if self.noise is None else self.noise
-        if noise is None:
-            return None
-        return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))
