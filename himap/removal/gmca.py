@@ -12,7 +12,7 @@ from himap.removal.covariance import bright_axes, channel_covariance, principal_
 from himap.removal.details import details_of
 from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
-from himap.removal.thresholds import NORMAL, share_threshold
+from himap.removal.sparse_sources import NORMAL, share_threshold
 
 __all__ = ["GMCA", "Step", "thresholds"]
 

@@ -11,7 +11,7 @@ from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
-__all__ = ["SpectralFilter", "block_of"]
+__all__ = ["SpectralFilter", "block_of", "filtered"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,22 +50,37 @@ class SpectralFilter:
         modes
             Their `CubeModes`.
         """
-        axes = common_axes(self.spectra)
-        within = axes.T @ self.spectra
-        foreground = within[-1] @ projection(self.estimators[-1], maps)
-        more = np.empty((axes.shape[1], (self.lmax + 1) ** 2))
-        for degree, out in enumerate(harmonic.blocks(more)):
-            data = block_of(modes, degree)
-            out[:] = within[degree] @ (self.estimators[degree] @ data)
-            out -= within[-1] @ (self.estimators[-1] @ data)
-        nside = sphere.nside_of(maps)
-        for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
-            pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-        return MapModes(spectra=axes, maps=foreground)
+        return filtered(self.spectra, self.estimators, maps, modes)
 
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
+
+
+def filtered(spectra, estimators, maps, modes):
+    """W_l G_l X_l of maps at every l, a `MapModes`; what the transform cannot hold is filtered as the last l.
+
+    Parameters
+    ----------
+    spectra, estimators
+        W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels). All W_l lie in a space of a few dozen
+        spectra, so few maps are transformed back.
+    maps
+        (n_channels, n_pix) float32, mK, RING.
+    modes
+        Their `CubeModes`.
+    """
+    axes = common_axes(spectra)
+    within = axes.T @ spectra
+    foreground = within[-1] @ projection(estimators[-1], maps)
+    more = np.empty((axes.shape[1], len(spectra) ** 2))
+    for degree, out in enumerate(harmonic.blocks(more)):
+        data = block_of(modes, degree)
+        out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
+    nside = sphere.nside_of(maps)
+    for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
+        pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
+    return MapModes(spectra=axes, maps=foreground)
 
 
 def block_of(modes, degree):
