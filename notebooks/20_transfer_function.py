@@ -3,7 +3,7 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/corrections_*.json
+#     - book/results/transfer_*.json
 #     section: ''
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -49,32 +49,30 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 methods: list = [["beam_subspace", 3], ["pca", 6], ["pca", 8]]  # pairs of a name and a number of sources
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_mocks: int = 3  # mocks, each with a seed of its own
-results: list | None = None  # what `himap record corrections` wrote; null: that of the book
+results: list | None = None  # what `himap measure transfer` wrote; null: that of the book
 larger: list | None = None  # the same at laptop
 
 # %%
 import warnings
 
 import numpy as np
+import pandas as pd
 
-from himap.checks import whole_number
 from himap.companion.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
 from himap.figures.tables import Table
 from himap.measures.results import Comparison
 from himap.measures.transfer import TransferFunction
-from himap.paper.corrections import HEADER, Correction, cases_and_methods, corrections, grouped, summary
-from himap.paper.corrections_figures import record_figure
-from himap.paper.mocks import Mock, first_mocks, own_recovery, transfer_functions
-from himap.paper.record_file import read_record
+from himap.paper.experiment_figures import transfer_figure
+from himap.paper.experiments.transfer import EXPERIMENT, skies
+from himap.paper.mocks import Mock, own_recovery, transfer_functions
+from himap.paper.record import Record
 from himap.paper.study import Study
-from himap.products.provenance import Provenance
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)
-whole_number("n_mocks", n_mocks, 2, 1000)
-(case,), removers = cases_and_methods(
+(first_sky,) = skies(
     preset=preset,
     survey=survey,
     galaxy=galaxy,
@@ -84,12 +82,14 @@ whole_number("n_mocks", n_mocks, 2, 1000)
     ripple=ripple,
     methods=methods,
     reading=reading,
+    n_mocks=n_mocks,
     n_realisations=1,
 )
+((case, removers),) = first_sky.methods.items()
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
-mocks = first_mocks(n_mocks, [case])
+mocks = first_sky.mocks
 names = {remover: styles.numbered(remover.name, getattr(remover, "n_sources", 0)) for remover in removers}
 shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 
@@ -132,12 +132,12 @@ study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 # %% [markdown]
 # ## One sky, corrected
 #
-# The power that a method leaves on the first sky, over that of the truth, before and after it is divided by $T$. The mocks knew nothing of this truth.
+# The power of the residual of the first sky over that of the truth, before and after it is divided by $T$. The mocks do not know this truth.
 
 
 # %% tags=["hide-input"]
 def compared(remover, correct=False):
-    """A `Comparison` of what is left with the truth, over T if it is to be corrected."""
+    """A `Comparison` of the residual with the truth, divided by T if it is to be corrected."""
     found, one = transfer[remover], own[remover]
     inside = (found.degrees >= 2) & (found.degrees <= l_top)
     angular, frequency = one.came_back.angular, one.came_back.frequency
@@ -155,25 +155,24 @@ first, *others = removers
 pairs = [first, *others[:1]]
 curves = []
 for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
-    before = {"label": f"{names[remover]}, left", "color": colour, "linestyle": ":"}
+    before = {"label": f"{names[remover]}, uncorrected", "color": colour, "linestyle": ":"}
     after = {"label": f"{names[remover]}, corrected", "color": colour, "linestyle": "-"}
     curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
 # %% [markdown]
-# Dotted is what was left, solid what becomes of it: the ratios should move to 1, and do where only HI is missing.
+# Dotted is the residual, solid the same corrected: the ratios should move to 1, and do where only HI is missing.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of what the first two methods leave on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
 study.both_figure(case.beam, curves, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
-columns = {"left": "raw", "over T cross": "corrected", "over T auto": "by_auto"}
+columns = {"uncorrected": "uncorrected", "over T cross": "corrected", "over T auto": "corrected_auto"}
 rows = {
-    f"{names[remover]}, {row.band}": {
-        column: (getattr(row, field), 0.02 * max(1, abs(getattr(row, field))))
-        for column, field in columns.items()
+    f"{styles.numbered(row.method, row.n_sources)}, {row.band}": {
+        column: (getattr(row, name), 0.02 * max(1, abs(getattr(row, name))))
+        for column, name in columns.items()
     }
-    for remover in removers
-    for row in corrections(case.survey.seed, remover, own[remover], transfer[remover])
+    for row in EXPERIMENT.table([first_sky]).itertuples()
 }
 show_table(rows)
 
@@ -267,48 +266,50 @@ quote(
 # One sky says little of an estimator. What follows was measured before, on many, and stored with the book:
 #
 # ```sh
-# himap record corrections --preset quick -p n_mocks=6 -p 'methods=[["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 8]]' --jobs 2
+# himap measure transfer --preset quick -p n_mocks=6 -p 'methods=[["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 8]]' --jobs 2
 # ```
 #
 # and the same once more with `-p galaxy=templates -p template_dir=FOLDER`.
 #
-# Each sky is corrected with the same mocks. Shown is the mean over skies in bands of $\ell$ and $k_\nu$. The *scatter* is the standard deviation over skies of what is corrected, the mocks *foretell* it, and the last column counts
-# the skies on which the truth is within one of what they foretell: of true error bars those are two in three.
+# Each sky is corrected with the same mocks. Shown is the mean over skies in bands of $\ell$ and $k_\nu$. The *scatter* is the standard deviation over skies of the corrected ratio, *expected* is what the mocks predict for it, and the last column
+# counts the skies on which the truth is within one standard deviation of that prediction: of true error bars those are two in three.
 
 # %% tags=["hide-input"]
 GALAXIES = ("synthetic", "templates")
 
 
 def stored(paths, size):
-    """Records with what made them, [(rows, `Provenance`)]: those of some files, or of the book."""
-    found = [
-        read_record(Correction, path)
-        for path in paths or [RESULTS / f"corrections_{size}_{name}.json" for name in GALAXIES]
-    ]
-    return [(rows, Provenance.of_stored(about)) for rows, about in found]
+    """The records in some files, or those of the book."""
+    paths = paths or [RESULTS / f"transfer_{size}_{name}.json" for name in GALAXIES]
+    return [Record.load(EXPERIMENT, path) for path in paths]
 
 
 def shown(records):
     """The figure of some records."""
     return plotting.stamp(
-        record_figure({f"{made.galaxy} Galaxy": rows for rows, made in records}),
-        "\n".join(made.footer() for _, made in records),
+        transfer_figure({f"{one.made.galaxy} Galaxy": one.rows for one in records}),
+        "\n".join(one.made.footer() for one in records),
     )
 
 
-def told(records):
+def summarised(records):
     """Their table."""
-    lines = [(made.galaxy, *line) for rows, made in records for line in summary(rows)]
-    return Table(["Galaxy", *HEADER], lines, align="lllr" + "r" * len(HEADER))
+    summaries = [EXPERIMENT.summary(one.rows) for one in records]
+    rows = [
+        (one.made.galaxy, *row)
+        for one, summary in zip(records, summaries, strict=True)
+        for row in summary.itertuples(index=False)
+    ]
+    return Table(["Galaxy", *summaries[0].columns], rows, align="lll" + "r" * (summaries[0].shape[1] - 2))
 
 
 records = stored(results, "quick")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, as methods leave it (open) and over the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and divided by the transfer function (filled; the bars are one standard deviation of a single sky). What is wrong by more than 20 % is not drawn. The grey lines are 1 % off."}}
 shown(records)
 
 # %% tags=["hide-input"]
-told(records)
+summarised(records)
 
 # %% [markdown]
 # (transfer-larger)=
@@ -317,10 +318,10 @@ told(records)
 # At `laptop`, of 128 in $N_\mathrm{side}$ and 250 channels, and with SmoothSpectra ({doc}`23_thresholds`) among the methods, on {glue:text}`transfer_larger_skies` skies with each Galaxy, with {glue:text}`transfer_larger_mocks` mocks:
 #
 # ```sh
-# himap record corrections --preset laptop -p n_mocks=3 -p 'methods=[["beam_subspace", 3], ["smooth_spectra", 4], ["pca", 6]]' --jobs 2
+# himap measure transfer --preset laptop -p n_mocks=3 -p 'methods=[["beam_subspace", 3], ["smooth_spectra", 4], ["pca", 6]]' --jobs 2
 # ```
 #
-# Look whether a filled point is where it was: a loss that mocks tell is told at any size, and foreground that is left is not.
+# Look whether a filled point is where it was: mocks measure signal loss at any size, and they do not measure the foreground residual.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
@@ -329,73 +330,71 @@ finer = stored(larger, "laptop")
 shown(finer)
 
 # %% tags=["hide-input"]
-told(finer)
+summarised(finer)
 
 # %% tags=["hide-input"]
 SMALL = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "C/C0, 100-200", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
 LARGE = ("C/C0, 2-4", "C/C0, 5-9")
 
 
-def furthest(found, key, bands, field="corrected"):
+def furthest(records, method, bands, column="corrected"):
     """How far the mean over skies is from 1 in the worst of some bands, the worst of some records, %."""
-    means = [
-        np.mean([getattr(row, field) for row in several])
-        for rows, _ in found
-        for (*method, band), several in grouped(rows).items()
-        if tuple(method) == key and band in bands
-    ]
-    worst = 100 * max((abs(mean - 1) for mean in means), default=np.nan)
-    return (worst, 0.3 * max(1, worst / 10), "%") if means else "not measured"
+    own = [of_method(one, method, bands).groupby("band")[column].mean() for one in records]
+    worst = 100 * (pd.concat(own) - 1).abs().max()
+    return "not measured" if np.isnan(worst) else (worst, 0.3 * max(1, worst / 10), "%")
 
 
-def within(found, key):
+def within(records, method):
     """The share of skies and bands in which the truth is within the error bar, of some records, %."""
-    inside = [
-        abs(row.corrected - 1) < row.sigma
-        for rows, _ in found
-        for row in rows
-        if (row.method, row.n_sources) == key and row.band in (*SMALL, *LARGE)
-    ]
-    return (100 * np.mean(inside), 5, "%") if inside else "not measured"
+    own = pd.concat([of_method(one, method, (*SMALL, *LARGE)) for one in records])
+    inside = (own["corrected"] - 1).abs() < own["error_bar"]
+    return (100 * inside.mean(), 5, "%") if len(own) else "not measured"
+
+
+def of_method(record, method, bands):
+    """The rows of a method in some bands."""
+    rows = record.rows
+    name, n_sources = method
+    return rows[(rows["method"] == name) & (rows["n_sources"] == n_sources) & rows["band"].isin(bands)]
 
 
 three, four, six, eight = ("beam_subspace", 3), ("beam_subspace", 4), ("pca", 6), ("pca", 8)
 smooth = ("smooth_spectra", 4)
 quote(
-    transfer_bs_left=furthest(records, three, SMALL, "raw"),
+    transfer_bs_left=furthest(records, three, SMALL, "uncorrected"),
     transfer_bs_small=furthest(records, three, SMALL),
     transfer_bs_large=furthest(records, three, LARGE),
     transfer_bs_within=within(records, three),
-    transfer_more_left=furthest(records, four, SMALL, "raw"),
+    transfer_more_left=furthest(records, four, SMALL, "uncorrected"),
     transfer_more_small=furthest(records, four, SMALL),
     transfer_more_large=furthest(records, four, LARGE),
     transfer_more_within=within(records, four),
-    transfer_few_left=furthest(records, six, SMALL, "raw"),
+    transfer_few_left=furthest(records, six, SMALL, "uncorrected"),
     transfer_few_small=furthest(records, six, SMALL),
     transfer_few_large=furthest(records, six, LARGE),
     transfer_few_within=within(records, six),
-    transfer_many_left=furthest(records, eight, SMALL, "raw"),
+    transfer_many_left=furthest(records, eight, SMALL, "uncorrected"),
     transfer_many_small=furthest(records, eight, SMALL),
     transfer_many_large=furthest(records, eight, LARGE),
     transfer_many_within=within(records, eight),
-    transfer_skies=min(len({row.seed for row in rows}) for rows, _ in records),
-    transfer_mocks=dict(records[0][1].overrides)["n_mocks"],
-    transfer_larger_bs_left=furthest(finer, three, SMALL, "raw"),
+    transfer_skies=min(len(one.seeds) for one in records),
+    transfer_mocks=dict(records[0].made.overrides)["n_mocks"],
+    transfer_larger_bs_left=furthest(finer, three, SMALL, "uncorrected"),
     transfer_larger_bs_small=furthest(finer, three, SMALL),
     transfer_larger_bs_large=furthest(finer, three, LARGE),
     transfer_larger_bs_within=within(finer, three),
-    transfer_larger_smooth_left=furthest(finer, smooth, SMALL, "raw"),
+    transfer_larger_smooth_left=furthest(finer, smooth, SMALL, "uncorrected"),
     transfer_larger_smooth_small=furthest(finer, smooth, SMALL),
     transfer_larger_smooth_large=furthest(finer, smooth, LARGE),
     transfer_larger_smooth_within=within(finer, smooth),
-    transfer_larger_few_left=furthest(finer, six, SMALL, "raw"),
+    transfer_larger_few_left=furthest(finer, six, SMALL, "uncorrected"),
     transfer_larger_few_small=furthest(finer, six, SMALL),
     transfer_larger_few_large=furthest(finer, six, LARGE),
     transfer_larger_few_within=within(finer, six),
-    transfer_larger_skies=min(len({row.seed for row in rows}) for rows, _ in finer),
-    transfer_larger_mocks=dict(finer[0][1].overrides)["n_mocks"],
-    transfer_more_auto=furthest(records, four, SMALL, "by_auto"),
-    transfer_many_auto=furthest(records, eight, SMALL, "by_auto"),
+    transfer_larger_skies=min(len(one.seeds) for one in finer),
+    transfer_larger_mocks=dict(finer[0].made.overrides)["n_mocks"],
+    transfer_more_auto=furthest(records, four, SMALL, "corrected_auto"),
+    transfer_many_auto=furthest(records, eight, SMALL, "corrected_auto"),
 )
 
 # %% [markdown]

@@ -3,8 +3,8 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/suggestions_quick_synthetic.json
-#     - book/results/suggestions_quick_templates.json
+#     - book/results/n_sources_quick_synthetic.json
+#     - book/results/n_sources_quick_templates.json
 #     section: ''
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -50,51 +50,49 @@ noises: list = [1.0, 10.0]  # factors on the noise of the instrument, 1 first
 methods: list = ["pca", "beam_subspace"]  # that have a number of sources
 n_sources_max: int = 8  # numbers from 1 to this one are tried
 n_mocks: int = 2  # mocks, each with a seed of its own
-results: list | None = None  # what `himap record suggestions` wrote; null: that of the book
+results: list | None = None  # what `himap measure n_sources` wrote; null: that of the book
 
 # %% tags=["hide-input"]
+import numpy as np
+import pandas as pd
 
 from himap.companion.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.instrument.beams import named
 from himap.measures.how_many import STABLE, eigenvalue_line
 from himap.paper.choice import SETTLED, views_of
-from himap.paper.corrections import cases_and_methods
-from himap.paper.methods import paper_beams
-from himap.paper.mocks import first_mocks
-from himap.paper.record_file import read_record
+from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
+from himap.paper.record import Record
 from himap.paper.study import Study
-from himap.paper.suggestions import CRITERIA, HEADER, Suggested, evaluate, summary
-from himap.products.provenance import Provenance
-from himap.removal import create
 
 # %%
-beam = paper_beams(ripple=ripple).get(beams[0]) or named(beams[0])
-(case,), _ = cases_and_methods(
+(first_sky,) = skies(
     preset=preset,
     survey=survey,
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    beam=str(beam),
-    methods=[],
+    ripple=ripple,
+    beams=beams[:1],
+    noises=[1.0],
+    methods=methods,
+    n_sources_max=n_sources_max,
+    n_mocks=n_mocks,
     n_realisations=1,
 )
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
-mocks = first_mocks(n_mocks, [case])
+((case, removers),) = first_sky.methods.items()
 
 # %% [markdown]
 # ## One sky
 #
-# What the criteria see, and below it what they do not: how far the worst band is from the truth.
+# The first three panels show what the criteria use, the last what they do not: how far the worst band is from the truth.
 
 # %% tags=["hide-input"]
-counts = range(1, n_sources_max + 1)
-rows = evaluate([case], methods, mocks, counts)
+table = EXPERIMENT.table([first_sky])
 looks = [
     (styles.BLUE, "-", "o"),
     (styles.VERMILION, "--", "s"),
@@ -113,7 +111,7 @@ panels = [
     {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
 ]
 for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
-    views = views_of(case, tuple(create(name, n_sources=n) for n in counts), mocks)
+    views = views_of(case, [one for one in removers if one.name == name], first_sky.mocks)
     label = styles.numbered(name, None)
     look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
     faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}
@@ -143,17 +141,17 @@ study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks
 
 # %% tags=["hide-input"]
 Table(
-    ["method", "criterion", "advised", "best", "error with it", "with the best"],
+    ["method", "criterion", "recommended", "best", "bias with it", "with the best"],
     [
         (
             styles.numbered(row.method, None),
             CRITERIA[row.criterion],
-            row.advised or "none",
+            row.recommended or "none",
             row.best,
-            "not tried" if row.cost is None else f"{row.cost:.2f}",
-            f"{row.least:.2f}",
+            "not tried" if np.isnan(row.bias) else f"{row.bias:.2f}",
+            f"{row.least_bias:.2f}",
         )
-        for row in rows
+        for row in table.itertuples()
     ],
     align="llrrrr",
 )
@@ -165,40 +163,40 @@ Table(
 # Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
 #
 # ```sh
-# himap record suggestions --preset quick -p n_realisations=3 --jobs 2
+# himap measure n_sources --preset quick -p n_realisations=3 --jobs 2
 # ```
 #
-# Each line counts observations by what the criterion said: the right number, one or several more, one or several less, or none. Then the median over observations of how far the worst band is from 1, with the number that was advised (where
-# it was among those tried) and with the best.
+# Each line counts observations by what the criterion recommended: the right number, one or several more, one or several less, or none. The *bias* is the median over observations of how far the worst band is from 1, with the recommended number
+# (where it was among those tried) and with the best.
 
 # %% tags=["hide-input"]
-paths = results or [RESULTS / f"suggestions_quick_{name}.json" for name in ("synthetic", "templates")]
-records = [read_record(Suggested, path) for path in paths]
-made = [Provenance.of_stored(about) for _, about in records]
+paths = results or [RESULTS / f"n_sources_quick_{name}.json" for name in ("synthetic", "templates")]
+records = [Record.load(EXPERIMENT, path) for path in paths]
 
 # %% tags=["hide-input"]
+summaries = [EXPERIMENT.summary(one.rows) for one in records]
 Table(
-    ["Galaxy", *HEADER],
-    [(one.galaxy, *line) for (found, _), one in zip(records, made, strict=True) for line in summary(found)],
+    ["Galaxy", *summaries[0].columns],
+    [
+        (one.made.galaxy, *row)
+        for one, summary in zip(records, summaries, strict=True)
+        for row in summary.itertuples(index=False)
+    ],
     align="lll" + "r" * 8,
 )
 
 
 # %% tags=["hide-input"]
-def right(criterion, method=None, noise=None):
+def right(criterion, noise=None):
     """The share of observations in which a criterion is right, of all records."""
-    own = [
-        row.advised == row.best
-        for found, _ in records
-        for row in found
-        if row.criterion == criterion
-        and method in (None, row.method)
-        and noise in (None, round(row.noise, 3))
-    ]
-    return f"{sum(own)} of {len(own)}"
+    own = rows[rows["criterion"] == criterion]
+    if noise is not None:
+        own = own[own["noise"].round(3) == noise]
+    return f"{(own['recommended'] == own['best']).sum()} of {len(own)}"
 
 
-levels = sorted({round(row.noise, 3) for found, _ in records for row in found})
+rows = pd.concat([one.rows for one in records])
+levels = sorted(rows["noise"].round(3).unique())
 quote(
     many_bic=right("bic"),
     many_bic_quiet=right("bic", noise=levels[0]),
@@ -208,7 +206,7 @@ quote(
     many_stability=right("stability"),
     many_mocks=right("mocks"),
     many_minka=right("minka"),
-    many_skies=len({row.seed for row in records[0][0]}),
+    many_skies=len(records[0].seeds),
 )
 
 # %% [markdown]

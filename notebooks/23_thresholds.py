@@ -56,7 +56,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
 from himap.measures.results import Comparison
 from himap.measures.transfer import bands
-from himap.paper.corrections import cases_and_methods
+from himap.paper.grid import cases_and_methods
 from himap.paper.harmless import corrected, parts
 from himap.paper.methods import table_1
 from himap.paper.study import Study

@@ -55,7 +55,7 @@ import numpy as np
 
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
-from himap.paper.corrections import cases_and_methods
+from himap.paper.grid import cases_and_methods
 from himap.paper.masked import WAYS, Region, by_depth, compared
 from himap.paper.study import Study
 

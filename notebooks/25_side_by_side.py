@@ -4,7 +4,7 @@
 #     figures: []
 #     reads:
 #     - book/results/beam_errors_quick_*.json
-#     - book/results/side_by_side_*.json
+#     - book/results/methods_*.json
 #     section: ''
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -45,9 +45,9 @@ methods: list = [
     ["gnilc", None],
 ]  # pairs of a name and a number of sources, or one for each beam
 corrected: list = ["pca", "beam_subspace", "smooth_spectra"]  # by mocks, in the record
-n_mocks: int = 3  # mocks, each with a seed of its own, of `himap record side-by-side`
+n_mocks: int = 3  # mocks, each with a seed of its own, of `himap measure methods`
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
-results: list | None = None  # what `himap record side-by-side` wrote; null: that of the book
+results: list | None = None  # what `himap measure methods` wrote; null: that of the book
 iterated: list | None = None  # the same of methods whose correction takes long
 larger: list | None = None  # the same at laptop
 
@@ -61,18 +61,16 @@ from himap.companion.stored import RESULTS
 from himap.figures import plotting
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.paper.beam_errors import BeamError, by_error, tolerated
+from himap.paper.experiment_figures import methods_figure, methods_table, signed
+from himap.paper.experiments import beam_errors
+from himap.paper.experiments.methods import EXPERIMENT, distances, middles, skies, widths
 from himap.paper.readings import FAILING
-from himap.paper.record_file import read_record
-from himap.paper.side_by_side import Curve, evaluate, skies_and_methods
-from himap.paper.side_by_side_figures import side_by_side_figure
-from himap.paper.side_by_side_table import distance, overview, signed
+from himap.paper.record import Record
 from himap.paper.study import Study
-from himap.products.provenance import Provenance
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)
-skies = skies_and_methods(
+(first_sky,) = skies(
     preset=preset,
     survey=survey,
     galaxy=galaxy,
@@ -94,17 +92,17 @@ study = Study(
 # The first sky, as every method leaves it. The axis of ratios is even near 1, so that a deviation of 5 % can be seen, and logarithmic far from it; the grey band is 10 %.
 
 # %%
-first = evaluate(skies, mocks=[])
+first = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
 # Look at the oscillating beam, where the methods part most: PCA with the number of the paper is above the truth, where foreground is left, and the
 # others below it, where HI is lost.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of what each method leaves of the first sky, over that of the truth, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
-study.stamped(side_by_side_figure({"": first}, "angular"))
+study.stamped(methods_figure({"": first}, "angular"))
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
-study.stamped(side_by_side_figure({"": first}, "frequency"))
+study.stamped(methods_figure({"": first}, "frequency"))
 
 # %% [markdown]
 # (side-record)=
@@ -113,7 +111,7 @@ study.stamped(side_by_side_figure({"": first}, "frequency"))
 # One sky is an anecdote: at the lowest $\ell$ there are few modes, and what resembles the foreground by chance goes with it. What follows was measured before, on {glue:text}`side_skies` skies with each Galaxy, and stored with the book:
 #
 # ```sh
-# himap record side-by-side --preset quick --jobs 2
+# himap measure methods --preset quick --jobs 2
 # ```
 #
 # and the same once more with `-p galaxy=templates -p template_dir=FOLDER`. A line is the mean over skies; within the shade are two skies in three. These are Figs. 1 and 2 of the paper once more, with what the paper does not have: their
@@ -123,18 +121,21 @@ study.stamped(side_by_side_figure({"": first}, "frequency"))
 GALAXIES = ("synthetic", "templates")
 
 
-def stored(which):
-    """The records of the book, one for each Galaxy."""
-    return [RESULTS / f"side_by_side_{which}_{name}.json" for name in GALAXIES]
+def stored(paths, which):
+    """The records in some files, or those of the book, one for each Galaxy."""
+    paths = paths or [RESULTS / f"methods_{which}_{name}.json" for name in GALAXIES]
+    return [Record.load(EXPERIMENT, path) for path in paths]
 
 
-found = [read_record(Curve, path) for path in results or stored("quick")]
-records, made = [rows for rows, _ in found], [Provenance.of_stored(about) for _, about in found]
+def tables_of(records):
+    return [one.rows for one in records]
 
 
-def stamped(figure, sources=made):
-    """The figure with where its records come from."""
-    return plotting.stamp(figure, "\n".join(one.footer() for one in sources))
+def figure_of(records, kind, **options):
+    """The figure of some records, with what made them."""
+    titled = {one.made.galaxy.partition(" ")[0]: one.rows for one in records}
+    footer = "\n".join(in_short(one.made).footer() for one in records)
+    return plotting.stamp(methods_figure(titled, kind, **options), footer)
 
 
 def in_short(made):
@@ -143,19 +144,16 @@ def in_short(made):
     return replace(made, overrides=own)
 
 
-def titled(stored, sources):
-    """{title: rows} of some records, with the names of their Galaxies."""
-    return {one.galaxy.partition(" ")[0]: rows for rows, one in zip(stored, sources, strict=True)}
-
+records = stored(results, "quick")
 
 # %% [markdown]
 # Narrow shades are methods that do the same on every sky. Compare the rows: what changes between them is the Galaxy.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of what each method leaves, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
-stamped(side_by_side_figure(titled(records, made), "angular"))
+figure_of(records, "angular")
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
-stamped(side_by_side_figure(titled(records, made), "frequency"))
+figure_of(records, "frequency")
 
 # %% [markdown]
 # What is below 1 is HI that went with the foreground: every method takes some at the lowest $k_\nu$, where HI is as smooth as the foreground. That loss is the same from sky to sky, so that mocks can tell it
@@ -163,10 +161,10 @@ stamped(side_by_side_figure(titled(records, made), "frequency"))
 # cannot take away.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum over the transfer function, over that of the truth. As in the figures before."}}
-stamped(side_by_side_figure(titled(records, made), "angular", corrected=True))
+figure_of(records, "angular", corrected=True)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum over the transfer function, over that of the truth. As in the figures before."}}
-stamped(side_by_side_figure(titled(records, made), "frequency", corrected=True))
+figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
 # ## In numbers
@@ -174,19 +172,18 @@ stamped(side_by_side_figure(titled(records, made), "frequency", corrected=True))
 # How far the mean over skies is from the truth in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, with the Galaxy where that is more: below 0 power is missing, above it foreground was left.
 
 # %% tags=["hide-input"]
-header, lines = overview(records)
+header, lines = methods_table(tables_of(records))
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% [markdown]
 # The two methods of the paper whose iteration takes long, with a transfer function through the oscillating beam:
 #
 # ```sh
-# himap record side-by-side --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
+# himap measure methods --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
 # ```
 
 # %% tags=["hide-input"]
-slow = [read_record(Curve, path)[0] for path in iterated or stored("iterated")]
-header, lines = overview(slow)
+header, lines = methods_table(tables_of(stored(iterated, "iterated")))
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% [markdown]
@@ -196,38 +193,42 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # The same at `laptop`, of 128 in $N_\mathrm{side}$ and 250 channels, through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy, with mocks as above:
 #
 # ```sh
-# himap record side-by-side --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
+# himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
 # Look at the highest $\ell$ and at the bump of the ripple: with more pixels and channels there is more of a foreground to find, and the number of components that is enough at `quick` may not be enough here. A mean that lies
 # outside of its shade is drawn there by a few skies on which the method failed.
 
 # %% tags=["hide-input"]
-finer = [read_record(Curve, path) for path in larger or stored("laptop")]
-finer, made_finer = [rows for rows, _ in finer], [in_short(Provenance.of_stored(about)) for _, about in finer]
-quote(side_larger_skies=min(len({row.seed for row in rows}) for rows in finer))
+finer = stored(larger, "laptop")
+quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at laptop through the oscillating beam, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (left) and the real one (right)."}}
-stamped(side_by_side_figure(titled(finer, made_finer), "angular"), made_finer)
+figure_of(finer, "angular")
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
-stamped(side_by_side_figure(titled(finer, made_finer), "frequency"), made_finer)
+figure_of(finer, "frequency")
 
 # %% [markdown]
 # In the worst band, as in the table above. SDecGMCA fails, with a mean error of $C_\ell$ of more than 10 % at $10 < \ell < 200$, as {doc}`16_readings` counts it, on {glue:text}`side_larger_failed` of the
 # {glue:text}`side_larger_total` skies of both Galaxies.
 
 # %% tags=["hide-input"]
-header, lines = overview(finer)
+header, lines = methods_table(tables_of(finer))
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% tags=["hide-input"]
-knowing = [read_record(BeamError, RESULTS / f"beam_errors_quick_{name}.json")[0] for name in GALAXIES]
+knowing = [
+    Record.load(beam_errors.EXPERIMENT, RESULTS / f"beam_errors_quick_{name}.json").rows for name in GALAXIES
+]
+limits = [beam_errors.tolerated(rows) for rows in knowing]
+excess = [beam_errors.worst_excess(rows) for rows in knowing]
+found, found_finer = distances(tables_of(records)), distances(tables_of(finer))
 
 
 def at(beam, method, n_sources, corrected=False):
     """How far a method is from the truth, as in the table, without its sign."""
-    value = distance(records, beam, method, n_sources, corrected=corrected)
+    value = found.get((beam, method, n_sources, corrected), np.nan)
     return signed(abs(value)).removeprefix("+")
 
 
@@ -237,28 +238,23 @@ def percent(share):
 
 
 def with_width_wrong(n_sources, error=0.01):
-    """Foreground that BeamSubspace leaves in the worst band if the width is wrong by so much."""
-    means = [by_error(rows)["beam_subspace", n_sources, "width", error] for rows in knowing]
-    return percent(max(excess for one in means for _, _, excess in one.values()))
+    """Foreground residual of BeamSubspace in the worst band if the width is wrong by so much."""
+    return percent(max(one["beam_subspace", n_sources, "width", error] for one in excess))
 
 
-def error_at(curve):
-    """Mean |C/C0 - 1| at 10 < l < 200 of a curve."""
-    within = (curve.at > 10) & (curve.at < 200)
-    return np.average(np.abs(np.array(curve.ratio) - 1)[within], weights=np.diff(curve.edges)[within])
+def n_failed(table):
+    """The number of skies on which the mean |C/C0 - 1| of SDecGMCA at 10 < l < 200 is that of a failure."""
+    rows = table[(table["method"] == "sdecgmca") & ~table["corrected"].astype(bool)]
+    rows = rows[(rows["kind"] == "angular") & (middles(rows) > 10) & (middles(rows) < 200)]
+    weight = widths(rows)
+    errors = ((rows["ratio"] - 1).abs() * weight).groupby(rows["seed"]).sum()
+    return int((errors / weight.groupby(rows["seed"]).sum() > FAILING).sum())
 
 
-limits = [tolerated(rows) for rows in knowing]
-failed = [
-    row
-    for rows in finer
-    for row in rows
-    if row.method == "sdecgmca" and not row.corrected and row.kind == "angular" and error_at(row) > FAILING
-]
-many = sorted({row.n_sources for row in knowing[0] if row.method == "beam_subspace"})[-1]
+many = max(n_sources for method, n_sources, *_ in excess[0] if method == "beam_subspace")
 quote(
-    side_skies=len({row.seed for row in records[0]}),
-    side_mocks=dict(found[0][1]["overrides"])["n_mocks"],
+    side_skies=len(records[0].seeds),
+    side_mocks=dict(records[0].made.overrides)["n_mocks"],
     side_same=at("degraded", "pca", 3),
     side_same_corrected=at("degraded", "pca", 3, True),
     side_known=at("oscillating", "beam_subspace", 3),
@@ -273,9 +269,9 @@ quote(
     side_harmless=at("oscillating", "smooth_spectra", 4),
     side_harmless_corrected=at("oscillating", "smooth_spectra", 4, True),
     side_gnilc=at("oscillating", "gnilc", 0),
-    side_larger_failed=len(failed),
-    side_larger_total=sum(len({row.seed for row in rows}) for rows in finer),
-    side_larger_unknown=signed(distance(finer, "oscillating", "pca", 6, corrected=True)),
+    side_larger_failed=sum(n_failed(one.rows) for one in finer),
+    side_larger_total=sum(len(one.seeds) for one in finer),
+    side_larger_unknown=signed(found_finer.get(("oscillating", "pca", 6, True), np.nan)),
     side_width=percent(min(one["beam_subspace", 3, "width"] for one in limits)),
     side_wrong_few=with_width_wrong(3),
     side_wrong_many=with_width_wrong(many),

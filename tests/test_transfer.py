@@ -12,8 +12,10 @@ from himap.measures.transfer import (
     CylindricalPower,
     Recovery,
     TransferFunction,
+    band_means,
     bands,
     cylindrical_power,
+    power_ratios,
     recovery,
 )
 
@@ -159,3 +161,23 @@ class TestBands:
 
     def test_bins_that_hold_none_of_a_band(self):
         assert "C/C0, 2-4" not in bands(np.array([7.0, 12, 17, 22]), self.K)
+
+    def test_means(self):
+        known = {"angular": np.arange(60.0).reshape(2, 30), "frequency": self.K}
+        found = band_means(known, np.arange(30), self.K)
+        assert found["C/C0, 10-19"].tolist() == [14.5, 44.5]
+        assert found["P/P0, k > 0.1"] == pytest.approx(self.K[7:].mean())
+        assert list(found) == list(bands(np.arange(30), self.K))
+
+
+class TestRatios:
+    def test_of_what_came_back_and_of_what_is_common(self):
+        found = made_up(0.8, noise=0.1)
+        back, common = power_ratios(found), power_ratios(found, "common")
+        for kind in ("angular", "frequency"):
+            assert np.isnan([back[kind][0], common[kind][0]]).all()
+            assert back[kind][1:] == pytest.approx(0.74) and common[kind][1:] == pytest.approx(0.8)
+
+    def test_no_power_to_divide_by(self):
+        with pytest.raises(InputError, match="must be positive"):
+            power_ratios(made_up(1.0, size=0))

@@ -15,6 +15,7 @@ from scipy import fft
 
 from himap.errors import InputError
 from himap.maps import sphere
+from himap.measures import diagnostics
 from himap.progress import progress
 
 __all__ = [
@@ -25,8 +26,10 @@ __all__ = [
     "CylindricalPower",
     "Recovery",
     "TransferFunction",
+    "band_means",
     "bands",
     "cylindrical_power",
+    "power_ratios",
     "recovery",
     "recovery_of_cubes",
 ]
@@ -202,6 +205,33 @@ def bands(angular, frequency):
             name = f"P/P0, k > {low:g}" if high == math.inf else f"P/P0, {low:g}-{high:g}"
             found[name] = "frequency", inside
     return found
+
+
+def band_means(spectra, degrees, k):
+    """Means over the `bands` that some l (n_l,) and k (n_k,), 1/MHz, reach, {band: (...)}.
+
+    `spectra` are values there, {"angular": (..., n_l), "frequency": (..., n_k)}.
+    """
+    return {
+        name: spectra[kind][..., inside].mean(axis=-1) for name, (kind, inside) in bands(degrees, k).items()
+    }
+
+
+def power_ratios(found, part="came_back"):
+    """C/C0 and P/P0 of a part of a `Recovery` to what was put in, {"angular": (n_l,), "frequency": (n_k,)}.
+
+    NaN at l = 0 and k = 0.
+
+    Raises
+    ------
+    InputError
+        Something else of what was put in has no power.
+    """
+    ratios = {}
+    for kind in ("angular", "frequency"):
+        power, true = (getattr(getattr(found, name), kind)[1:] for name in (part, "put_in"))
+        ratios[kind] = np.r_[np.nan, diagnostics.ratio(power, true)]
+    return ratios
 
 
 def _share(recoveries, definition, kind):

@@ -6,7 +6,7 @@ import numpy as np
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap.measures import how_many
-from himap.measures.transfer import JUDGED, TransferFunction, bands
+from himap.measures.transfer import JUDGED, TransferFunction, band_means
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
 from himap.products.store import product
@@ -110,6 +110,6 @@ def views_of(case, removers, mocks):
 
 def _in_bands(recovery, spectra):
     """Means of two spectra, "angular" and "frequency", in the judged bands, (n_bands,)."""
-    found = bands(recovery.put_in.degrees, recovery.put_in.k)
-    judged = [pair for band, pair in found.items() if band in JUDGED]
-    return np.array([getattr(spectra, kind)[inside].mean() for kind, inside in judged])
+    known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
+    found = band_means(known, recovery.put_in.degrees, recovery.put_in.k)
+    return np.array([mean for band, mean in found.items() if band in JUDGED])

@@ -10,7 +10,13 @@ from himap.paper import cleaned, pipeline
 from himap.products.memory import check_memory
 from himap.products.parallel import dask_address, make_all, n_jobs
 
-__all__ = ["make", "make_observations", "observing_steps", "passing_observations", "passing_separations"]
+__all__ = [
+    "make",
+    "make_observations",
+    "observing_steps",
+    "temporary_observations",
+    "temporary_separations",
+]
 
 
 def observing_steps(cases):
@@ -94,8 +100,8 @@ def make(assessments, *, facts=(), keep_separations=False, keep_observations=Tru
 
 
 @contextmanager
-def passing_observations(cases):
-    """Observations of some cases, made now where they are not there; what was made goes at the end."""
+def temporary_observations(cases):
+    """Observations of some cases, made where they are missing; what was made is deleted at the end."""
     made = make_observations(cases)
     try:
         yield
@@ -104,15 +110,15 @@ def passing_observations(cases):
 
 
 @contextmanager
-def passing_separations(calls):
-    """What methods find, made now where it is not there; what was made goes at the end.
+def temporary_separations(calls):
+    """Separations, made where they are missing; what was made is deleted at the end.
 
-    So that all that is measured meanwhile reads it, and does not find it anew each time.
+    All that is measured meanwhile reads them, and does not separate again.
 
     Parameters
     ----------
     calls
-        Pairs (case, remover), of cases that are observed (`passing_observations`).
+        Pairs (case, remover), of cases that are observed (`temporary_observations`).
     """
     missing = [(*call, True) for call in calls if not cleaned.separation.is_cached(*call)]
     made = _make_analyses(missing)

@@ -7,15 +7,14 @@ import pytest
 from scipy import stats
 
 from himap.errors import InputError
-from himap.instrument.beams import Degraded, Evolving
+from himap.instrument.beams import Evolving
 from himap.instrument.noise import noise_sigma
 from himap.measures import how_many
-from himap.paper import cleaned, pipeline, suggestions
+from himap.paper import cleaned, pipeline
 from himap.paper.choice import SETTLED, Views, eigenvalues, minka, views_of
-from himap.paper.corrections import cases_and_methods
+from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
+from himap.paper.grid import cases_and_methods
 from himap.paper.mocks import Mock, own_recovery
-from himap.paper.record_file import read_record, write_record
-from himap.paper.suggestions import Suggested, cases_over, confusion, evaluate, summary
 from himap.removal import PCA
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -100,65 +99,68 @@ class TestViews:
         assert aware[3] / aware[0] < 3 * same[3] / same[0] and blind[3] / blind[0] > 3 * aware[3] / aware[0]
 
 
-class TestEvaluate:
+class TestMeasure:
+    GRID = TINY | {"beams": ["degraded"], "noises": [1], "methods": ["pca"], "n_mocks": 1, "n_sources_max": 3}
+
     def test_rows(self):
-        (first,), _ = cases_and_methods(**TINY, n_realisations=1)
-        cases = cases_over(first, beams=[Degraded()], noises=[1, 10], n_realisations=2)
-        rows = evaluate(cases, ["pca", "beam_subspace"], [Mock(seed=1)], range(1, 4))
-        keys = [(row.seed, round(row.noise), row.method, row.criterion) for row in rows]
-        assert len(set(keys)) == len(keys) == 2 * 2 * (6 + 5)
-        assert {row.criterion for row in rows if row.method == "pca"} == set(suggestions.CRITERIA)
-        for row in rows:
-            assert row.best in (1, 2, 3) and (row.cost is None) == (row.advised not in (1, 2, 3))
-            assert row.cost is None or row.cost >= row.least
-        assert minka(cases[0]) in range(1, 17)
-        for made in (pipeline.observation, pipeline.peak_masked):
-            assert not made.is_cached(cases[-1])
+        grid = skies(**self.GRID | {"noises": [1, 10], "methods": ["pca", "beam_subspace"]}, n_realisations=2)
+        table = EXPERIMENT.table(grid)
+        assert len(table) == 2 * 2 * (6 + 5)
+        assert not table.duplicated(["seed", "noise", "method", "criterion"]).any()
+        assert table["noise"].round(6).unique().tolist() == [1, 10]
+        assert set(table.loc[table["method"] == "pca", "criterion"]) == set(CRITERIA)
+        assert table["best"].between(1, 3).all()
+        assert (table["bias"].notna() == table["recommended"].between(1, 3)).all()
+        assert (table["bias"].dropna() >= table["least_bias"][table["bias"].notna()]).all()
+        right = table[table["recommended"] == table["best"]]
+        assert right["bias"].tolist() == right["least_bias"].tolist() and len(right)
+        assert minka(next(iter(grid[0].methods))) in range(1, 17)
 
     def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-        (first,), _ = cases_and_methods(**TINY, n_realisations=1)
         found, separate = [], PCA.separate
         monkeypatch.setattr(
             PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
         )
-        evaluate([first], ["pca"], [Mock(seed=1)], range(1, 3))
+        (sky,) = skies(**self.GRID | {"n_sources_max": 2}, n_realisations=1)
+        EXPERIMENT.table([sky])
         numbers = [remover.n_sources for remover in found]
         assert sorted(numbers) == [1, 1, 2, 2]  # the sky, and the sky with the mock
-        assert not cleaned.separation.is_cached(first, PCA(n_sources=1))
+        ((case, _),) = sky.methods.items()
+        assert not cleaned.separation.is_cached(case, PCA(n_sources=1))
 
     def test_cases(self):
-        (first,), _ = cases_and_methods(**TINY, n_realisations=1)
-        cases = cases_over(first, beams=[Degraded(), Evolving()], noises=[1, 3], n_realisations=2)
-        assert [case.survey.seed for case in cases] == [2025] * 4 + [2026] * 4
-        assert [case.beam.name for case in cases[:4]] == ["degraded"] * 2 + ["evolving"] * 2
-        assert noise_sigma(cases[1].survey) == pytest.approx(3 * noise_sigma(cases[0].survey))
+        found = skies(**self.GRID | {"beams": ["degraded", "evolving"], "noises": [1, 3]}, n_realisations=2)
+        assert [[case.survey.seed for case in sky.methods] for sky in found] == [[2025] * 4, [2026] * 4]
+        first, second, *others = found[0].methods
+        assert [case.beam.name for case in (first, second, *others)] == ["degraded"] * 2 + ["evolving"] * 2
+        assert noise_sigma(second.survey) == pytest.approx(3 * noise_sigma(first.survey))
+        assert found[0].survey == first.survey
 
-    @pytest.mark.parametrize("noises", [[], [3], [1, 0], [1, "much"], [1, True]])
-    def test_noises_that_are_refused(self, noises):
-        (first,), _ = cases_and_methods(**TINY, n_realisations=1)
-        with pytest.raises(InputError, match="factors on the noise, 1 first"):
-            cases_over(first, beams=[Degraded()], noises=noises, n_realisations=1)
-
-
-ROW = Suggested(
-    seed=7, beam="degraded", noise=1.0, method="pca", criterion="bic", advised=4, best=3, cost=0.2, least=0.1
-)
-
-
-def test_confusion_and_summary():
-    rows = [ROW, replace(ROW, advised=3, cost=0.1), replace(ROW, advised=9, cost=None)]
-    rows += [
-        replace(ROW, advised=0, cost=None),
-        replace(ROW, advised=2, cost=0.4),
-        replace(ROW, advised=1, cost=0.5),
-    ]
-    assert confusion(rows) == {("pca", "bic"): {1: 1, 0: 1, 6: 1, None: 1, -1: 1, -2: 1}}
-    (line,) = summary(rows)
-    assert line == ("PCA", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100")
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            *(({"noises": noises}, "1 first") for noises in ([], [3], [1, 0], [1, "much"], [1, True])),
+            ({"beams": []}, "there must be beams"),
+            ({"methods": []}, "there must be methods"),
+            ({"methods": ["gnilc"]}, "no parameter 'n_sources'"),
+            ({"n_sources_max": 1}, "between 2 and 100"),
+            ({"n_sources_max": 17}, "at most the number of channels"),
+            ({"n_mocks": 0}, "between 1 and 1000"),
+        ],
+    )
+    def test_refused(self, given, message):
+        with pytest.raises(InputError, match=message):
+            skies(**self.GRID | given)
 
 
-def test_file(tmp_path):
-    rows = [ROW, replace(ROW, cost=None)]
-    write_record(rows, tmp_path / "a.json", {"preset": "ci"})
-    assert read_record(Suggested, tmp_path / "a.json") == (rows, {"preset": "ci"})
+def test_summary():
+    nan = float("nan")
+    first = {"seed": 7, "beam": "degraded", "noise": 1.0, "method": "pca", "criterion": "bic"}
+    first |= {"best": 3, "least_bias": 0.1}
+    pairs = [(4, 0.2), (3, 0.1), (9, nan), (0, nan), (2, 0.4), (1, 0.5)]
+    table = EXPERIMENT.frame([first | {"recommended": number, "bias": bias} for number, bias in pairs])
+    (row,) = EXPERIMENT.summary(table).to_numpy().tolist()
+    assert row == ["PCA", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100"]
+    (row,) = EXPERIMENT.summary(table[2:4]).to_numpy().tolist()
+    assert row[-2:] == ["", ""]

@@ -1,0 +1,243 @@
+"""What it costs a method to assume a wrong beam: against the truth, over several skies."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from himap.errors import InputError
+from himap.figures import styles
+from himap.instrument.beams import named
+from himap.instrument.beams.misjudged import Misjudged
+from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.rippled import Rippled
+from himap.measures.transfer import JUDGED, band_means, power_ratios, recovery
+from himap.paper import cleaned, pipeline
+from himap.paper.grid import Sky, cases_and_methods, make_products
+from himap.paper.mocks import own_recovery
+from himap.paper.record import Experiment
+from himap.products.store import product
+
+__all__ = [
+    "EXPERIMENT",
+    "KINDS",
+    "AssumedBeams",
+    "assumed_beam",
+    "mean_over_skies",
+    "measure",
+    "recovery_assuming",
+    "skies",
+    "tolerated",
+    "worst_excess",
+]
+
+KINDS = {
+    "width": "relative error of the FWHM",
+    "ripple": "relative amplitude of an unknown ripple of 20 MHz",
+    "amplitude": "relative error of the ripple's amplitude",
+    "phase": "error of the ripple's phase [rad]",
+    "period": "relative error of the ripple's period",
+    "beam": "another beam",
+}
+"""What can be wrong of the beam that a method assumes."""
+
+COLUMNS = {
+    "method": str,
+    "n_sources": int,  # 0 of a method that has none
+    "kind": str,
+    "error": (float, str),
+    "band": str,
+    "ratio": float,
+    "recovered": float,
+    "excess": float,
+}
+"""What is wrong (`KINDS`) and by how much, of "beam" the name of the assumed one; "none" and 0 of a method
+that does not use the beam. Then means over a band: of C/C0 or P/P0, of its part that is correlated with the
+truth, and of the rest, which is mostly foreground residual."""
+
+_METHOD = ["method", "n_sources", "kind", "error"]
+
+_ERRORS = {
+    "width": [1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2],
+    "ripple": [1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3],
+    "amplitude": [0.003, 0.01, 0.03, 0.1, 0.3, 1.0],
+    "phase": [0.003, 0.01, 0.03, 0.1, 0.3, 1.0],
+    "period": [1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2],
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssumedBeams(Sky):
+    """A `Sky`, and the beams that methods assume, {(kind, error): `Beam`}; the true one is ("width", 0)."""
+
+    beams: dict
+
+
+def assumed_beam(beam, kind, error):
+    """The `Beam` that a method assumes where `kind` of `beam` is wrong by `error`.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, an error that is no number, or a ripple where the beam has none.
+    """
+    if kind == "beam":
+        return named(error)
+    if kind not in KINDS or isinstance(error, bool) or not isinstance(error, int | float):
+        raise InputError(
+            f"an error of the beam is one of {', '.join(KINDS)} and a number, got {kind!r} and {error!r}."
+        )
+    if kind in ("width", "ripple"):
+        return Misjudged(beam=str(beam), **{kind: float(error)})
+    ripple = Rippled() if beam == Oscillating() else beam
+    if not isinstance(ripple, Rippled):
+        raise InputError(
+            f"the {kind} of a ripple can be wrong of the beams rippled and oscillating, got {beam}."
+        )
+    own = {name: getattr(ripple, name) for name in ("amplitude", "period", "phase")}
+    own[kind] = own[kind] + error if kind == "phase" else own[kind] * (1 + error)
+    return Rippled(**own)
+
+
+@product
+def recovery_assuming(case, remover, beam):
+    """The `Recovery` of the truth by a method that assumes the `Beam` `beam`; peaks are masked.
+
+    A method that needs the noise level assumes that of the instrument.
+    """
+    found = cleaned.cleaning(case, remover).with_beams(beam.of_survey(case.survey).total).separation
+    wrong = cleaned.error_of(case, found)
+    return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
+
+
+def skies(*, errors=_ERRORS, **settings):
+    """A list of `AssumedBeams`.
+
+    Parameters
+    ----------
+    errors
+        {kind: [error]}, as of `assumed_beam`; the true beam is there in any case.
+    settings
+        As of `cases_and_methods`; methods that do not know the beam are there for comparison.
+
+    Raises
+    ------
+    InputError
+        What `assumed_beam` or `cases_and_methods` refuses.
+    """
+    cases, removers = cases_and_methods(**settings)
+    beam = cases[0].beam
+    beams = {("width", 0.0): beam}
+    for kind, several in errors.items():
+        beams |= {(kind, error): assumed_beam(beam, kind, error) for error in several}
+    for one in beams.values():
+        one.of_survey(cases[0].survey)  # fails now
+    return [AssumedBeams(methods={case: removers}, beams=beams) for case in cases]
+
+
+def measure(sky):
+    """Ratios to the truth in each band, of each method and beam of an `AssumedBeams`."""
+    ((case, removers),) = sky.methods.items()
+    work = {}
+    for remover in removers:
+        if "beams" in remover.uses:
+            for key, beam in sky.beams.items():
+                work[remover, *key] = recovery_assuming, (case, remover, beam)
+        else:
+            work[remover, "none", 0.0] = own_recovery, (case, remover)
+    make_products(work.values())
+    rows = []
+    for (remover, kind, error), (measured, call) in work.items():
+        method = {"method": remover.name, "n_sources": getattr(remover, "n_sources", 0)}
+        rows += [method | {"kind": kind, "error": error} | row for row in _bands(measured(*call))]
+    return rows
+
+
+def _bands(found):
+    """The last columns of each band, from a `Recovery`."""
+    ratio, recovered = power_ratios(found), power_ratios(found, "common")
+    spectra = {
+        "ratio": ratio,
+        "recovered": recovered,
+        "excess": {kind: ratio[kind] - recovered[kind] for kind in ratio},
+    }
+    means = {name: band_means(one, found.put_in.degrees, found.put_in.k) for name, one in spectra.items()}
+    return [
+        {"band": band} | {name: float(mean[band]) for name, mean in means.items()} for band in means["ratio"]
+    ]
+
+
+def mean_over_skies(table):
+    """Means of ratio, recovered and excess for each method, error and judged band, a DataFrame."""
+    judged = table[table["band"].isin(JUDGED)]
+    means = judged.groupby([*_METHOD, "band"], sort=False)[["ratio", "recovered", "excess"]].mean()
+    return means.reset_index()
+
+
+def worst_excess(table):
+    """{(method, n_sources, kind, error): the largest mean over skies of the excess in any judged band}."""
+    return mean_over_skies(table).groupby(_METHOD, sort=False)["excess"].max().to_dict()
+
+
+def tolerated(table, limit=0.01):
+    """The error of each kind up to which the largest excess is at most `limit` more than with the exact beam.
+
+    Between the errors that were tried it is interpolated in the logarithms; beyond the largest it is that.
+
+    Returns
+    -------
+    dict
+        {(method, n_sources, kind): error}, NaN where the least error that was tried is too large.
+    """
+    excess, curves = worst_excess(table), {}
+    for (*method, kind, error), value in excess.items():
+        if kind not in ("none", "beam") and error:
+            more = value - excess[*method, "width", 0.0]
+            curves.setdefault((*method, kind), {})[error] = max(more, limit / 1e6)
+    return {key: _crossing(more, limit) for key, more in curves.items()}
+
+
+def _crossing(more, limit):
+    """The error at which a curve {error: value} first comes to `limit`."""
+    errors = np.array(sorted(more))
+    values = np.array([more[error] for error in errors])
+    above = np.flatnonzero(values > limit)
+    if not len(above):
+        return float(errors[-1])
+    if above[0] == 0:
+        return math.nan
+    pair = slice(above[0] - 1, above[0] + 1)
+    return float(np.exp(np.interp(np.log(limit), np.log(values[pair]), np.log(errors[pair]))))
+
+
+def _summary(table):
+    """The band that is furthest from 1 and that with most excess, for each method and error."""
+    rows = []
+    for (method, n_sources, kind, error), own in mean_over_skies(table).groupby(_METHOD, sort=False):
+        furthest = own.loc[(own["ratio"] - 1).abs().idxmax()]
+        most = own.loc[own["excess"].idxmax()]
+        cells = [styles.numbered(method, n_sources), kind, error if isinstance(error, str) else f"{error:g}"]
+        cells += [f"{furthest['ratio']:.4g}", furthest["band"], f"{furthest['recovered']:.3f}"]
+        rows.append([*cells, f"{most['excess']:.2%}", most["band"]])
+    header = ["method", "what is wrong", "by", "furthest from 1", "in", "HI recovered", "most excess", "in"]
+    return pd.DataFrame(rows, columns=header)
+
+
+EXPERIMENT = Experiment(
+    name="beam_errors",
+    chapter="21_beam_errors",
+    columns=COLUMNS,
+    key=tuple(_METHOD),
+    skies=skies,
+    measure=measure,
+    summary=_summary,
+    defaults={
+        "errors": _ERRORS,
+        "methods": [
+            *(["beam_subspace", n] for n in (3, 4, 5, 6)),
+            *(["sdecgmca", 5], ["pca", 6], ["pca", 8]),
+        ],
+    },
+    without=("results", "lobes"),
+)

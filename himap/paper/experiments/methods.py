@@ -1,0 +1,234 @@
+"""All methods side by side over many skies: ratios to the truth along l and k, as they are and corrected."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from himap.checks import whole_number
+from himap.errors import InputError
+from himap.figures import styles
+from himap.measures import diagnostics
+from himap.measures.transfer import JUDGED, bands, power_ratios
+from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
+from himap.paper.mocks import first_mocks
+from himap.paper.record import Experiment
+
+__all__ = [
+    "EXPERIMENT",
+    "METHOD",
+    "BeamsAndMethods",
+    "curves",
+    "distances",
+    "in_bands",
+    "measure",
+    "middles",
+    "skies",
+    "widths",
+]
+
+COLUMNS = {
+    "beam": str,
+    "method": str,
+    "n_sources": int,  # 0 of a method that has none
+    "corrected": bool,
+    "kind": str,
+    "low": int,
+    "high": int,
+    "step": float,
+    "ratio": float,
+}
+"""Whether the power is divided by the transfer function (of cross power); "angular", C/C0, or "frequency",
+P/P0; the first and last element of a bin, in steps of the axis, 1 for l and the distance of two k, 1/MHz; and
+the mean over the bin of the ratio to the truth."""
+
+METHOD = ["beam", "method", "n_sources", "corrected"]
+"""Columns that tell curves of one kind apart."""
+
+_WIDTH = 1.2  # of a bin: its end over its beginning, but for the narrowest
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeamsAndMethods(Sky):
+    """A `Sky` with the names of the methods whose spectra are also shown corrected."""
+
+    corrected: tuple
+
+
+def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
+    """A list of `BeamsAndMethods`.
+
+    Parameters
+    ----------
+    beams
+        Names of beams.
+    methods
+        Pairs (name, number of sources), the number a list where it differs from beam to beam; None for a
+        method without.
+    corrected
+        Names of the methods that are corrected too, by so many mocks.
+    settings
+        As of `cases_and_methods`.
+
+    Raises
+    ------
+    InputError
+        A number is missing, a method that is not there is to be corrected, or what `cases_and_methods`
+        refuses.
+    """
+    whole_number("n_mocks", n_mocks, 1, 1000)
+    if not isinstance(beams, list | tuple) or not beams or len(set(beams)) < len(beams):
+        raise InputError(f"beams must be a list of names, each once, got {beams!r}.")
+    grid = []
+    for place, beam in enumerate(beams):
+        own = []
+        for pair in methods:
+            one = _of_beam(pair, place, len(beams))
+            own += [one] if one not in own else []
+        cases, removers = cases_and_methods(beam=beam, methods=own, **settings)
+        grid.append([(case, removers) for case in cases])
+    there = {remover.name for (_, removers), *_ in grid for remover in removers}
+    if unknown := set(corrected) - there:
+        absent, present = (", ".join(sorted(names)) for names in (unknown, there))
+        raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
+    mocks = tuple(first_mocks(n_mocks, [case for case, _ in grid[0]]))
+    return [
+        BeamsAndMethods(methods=dict(sky), mocks=mocks, corrected=tuple(corrected))
+        for sky in zip(*grid, strict=True)
+    ]
+
+
+def _of_beam(pair, place, n_beams):
+    """A pair (name, number of sources) of the beam at `place`."""
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
+        return pair  # refused with the others
+    name, number = pair
+    if isinstance(number, list | tuple):
+        if len(number) != n_beams:
+            raise InputError(f"{name} has {len(number)} numbers of sources for {n_beams} beams: one each.")
+        number = number[place]
+    return name, number
+
+
+def measure(sky):
+    """Ratios to the truth in bins of l and k, of each beam and method of a `BeamsAndMethods`."""
+    rows = []
+    for case, remover, own, transfer in measured_recoveries(sky, sky.corrected):
+        first = {
+            "beam": case.beam.name,
+            "method": remover.name,
+            "n_sources": getattr(remover, "n_sources", 0),
+        }
+        for divisor in (None, transfer) if transfer else (None,):
+            corrected = {"corrected": divisor is not None}
+            rows += [first | corrected | row for row in curves(own, divisor)]
+    return rows
+
+
+def curves(own, transfer=None):
+    """The last columns of each bin, from the `Recovery` of the truth, over a `TransferFunction` if given."""
+    rows = []
+    ratios = power_ratios(own)
+    known_at = {"angular": own.put_in.degrees, "frequency": own.put_in.k}
+    for kind, x in known_at.items():
+        edges = _edges([inside for its, inside in bands(**known_at).values() if its == kind])
+        ratio = ratios[kind][edges[0] : edges[-1]]
+        if transfer is not None:
+            ratio = diagnostics.ratio(ratio, getattr(transfer, kind)[edges[0] : edges[-1]])
+        means = np.add.reduceat(ratio, edges[:-1] - edges[0]) / np.diff(edges)
+        rows += [
+            {
+                "kind": kind,
+                "low": int(low),
+                "high": int(end - 1),
+                "step": float(x[1] - x[0]),
+                "ratio": float(mean),
+            }
+            for low, end, mean in zip(edges[:-1], edges[1:], means, strict=True)
+        ]
+    return rows
+
+
+def _edges(parts):
+    """Edges of bins of even logarithmic width that do not cross the ends of neighbouring parts of an axis."""
+    edges = set()
+    for inside in parts:
+        (found,) = np.nonzero(inside)
+        low, high = found[0], found[-1] + 1
+        n_bins = math.ceil(math.log(high / low) / math.log(_WIDTH))
+        edges |= set(np.round(np.geomspace(low, high, n_bins + 1)).astype(int).tolist())
+    return np.array(sorted(edges))
+
+
+def middles(table):
+    """Middles of the bins, l or k in 1/MHz, a Series."""
+    return table["step"] * (table["low"] + table["high"]) / 2
+
+
+def widths(table):
+    """Widths of the bins in steps, a Series."""
+    return table["high"] - table["low"] + 1
+
+
+def in_bands(table):
+    """Means of the ratio over `himap.measures.transfer.bands`: a Series by `METHOD`, band and seed."""
+    ends = table["high"] * table["step"]
+    known_at = {kind: np.unique(ends[table["kind"] == kind]) for kind in ("angular", "frequency")}
+    names = {
+        (kind, end): band
+        for band, (kind, inside) in bands(**known_at).items()
+        for end in known_at[kind][inside]
+    }
+    weight = widths(table)
+    found = table.assign(
+        band=[names[pair] for pair in zip(table["kind"], ends, strict=True)],
+        weight=weight,
+        weighted=weight * table["ratio"],
+    )
+    sums = found.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
+    return sums["weighted"] / sums["weight"]
+
+
+def distances(tables, of=JUDGED):
+    """How far the mean over skies of the worst band is from 1, in the table where that is most; signed.
+
+    Parameters
+    ----------
+    tables
+        Of the experiment, one for each Galaxy.
+    of
+        Names of the bands among which the worst is.
+
+    Returns
+    -------
+    dict
+        {(beam, method, n_sources, corrected): distance}, below 0 where power is missing.
+    """
+    means = pd.concat([in_bands(table).groupby([*METHOD, "band"], sort=False).mean() for table in tables])
+    judged = means[means.index.get_level_values("band").isin(of)] - 1
+    return judged.groupby(METHOD, sort=False).agg(lambda one: max(one, key=abs)).to_dict()
+
+
+def _summary(table):
+    """The mean over skies of every band, and the scatter."""
+    rows = []
+    for (beam, method, n_sources, corrected, band), own in in_bands(table).groupby(
+        [*METHOD, "band"], sort=False
+    ):
+        label, spectra = styles.numbered(method, n_sources), "corrected" if corrected else "uncorrected"
+        rows.append([beam, label, spectra, band, f"{own.mean():.4f}", f"{own.std():.4f}"])
+    return pd.DataFrame(rows, columns=["beam", "method", "spectra", "band", "residual / truth", "scatter"])
+
+
+EXPERIMENT = Experiment(
+    name="methods",
+    chapter="25_side_by_side",
+    columns=COLUMNS,
+    key=(*METHOD, "kind"),
+    skies=skies,
+    measure=measure,
+    summary=_summary,
+    without=("results", "iterated", "larger"),
+    stated=("n_realisations", "n_mocks"),
+)

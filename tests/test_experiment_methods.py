@@ -1,0 +1,236 @@
+"""Methods side by side: curves of a made-up sky, the table of a small one, and its figures."""
+
+import numpy as np
+import pytest
+
+from himap.errors import InputError
+from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction, band_means, power_ratios
+from himap.paper.experiment_figures import labels_of, methods_figure, methods_table, signed
+from himap.paper.experiments import transfer
+from himap.paper.experiments.methods import (
+    EXPERIMENT,
+    METHOD,
+    curves,
+    distances,
+    in_bands,
+    middles,
+    skies,
+    widths,
+)
+from himap.removal import GNILC, PCA, SDecGMCA
+
+TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
+
+
+def made_up(share):
+    """Of 500 channels of 1 MHz, l up to 130, of which a share (n_l, n_k) of the power comes back."""
+
+    def power(value):
+        return CylindricalPower(
+            power=np.broadcast_to(value, (131, 251)).astype(float), n_channels=500, channel_width=1.0
+        )
+
+    return Recovery(put_in=power(1.0), came_back=power(share), common=power(np.sqrt(share)))
+
+
+def table_of(rows, **changed):
+    """A table of the last columns, of PCA 3 through the degraded beam on the sky 1 unless changed."""
+    first = {"seed": 1, "beam": "degraded", "method": "pca", "n_sources": 3, "corrected": False}
+    return EXPERIMENT.frame([first | row | changed for row in rows])
+
+
+class TestCurves:
+    SHARE = np.linspace(0.1, 2, 131)[:, None]
+
+    def test_means_over_bins(self):
+        table = table_of(curves(made_up(self.SHARE)))
+        angular, frequency = (table[table["kind"] == kind] for kind in ("angular", "frequency"))
+        assert set(angular["step"]) == {1.0}
+        assert frequency["step"].to_numpy() == pytest.approx(2 * np.pi / 500)
+        assert frequency["low"].iloc[0] == 1  # no k = 0
+        bins = list(zip(angular["low"], angular["high"], strict=True))
+        assert angular["ratio"].tolist() == pytest.approx(
+            [self.SHARE[low : high + 1].mean() for low, high in bins]
+        )
+        assert middles(angular).tolist() == [(low + high) / 2 for low, high in bins]
+        assert {2, 5, 10, 20, 40} <= set(angular["low"]) and bins[-1][1] == 99  # no bin is in two bands
+
+    def test_bins_follow_each_other_and_have_similar_logarithmic_widths(self):
+        table = table_of(curves(made_up(self.SHARE)))
+        for _, own in table.groupby("kind"):
+            assert (own["low"].to_numpy()[1:] == own["high"].to_numpy()[:-1] + 1).all()
+        wide = table[(table["kind"] == "angular") & (table["low"] >= 40)]
+        ratio = (wide["high"] + 1) / wide["low"]
+        assert widths(wide).sum() == 60 and ratio.min() > 1.1 and ratio.max() < 1.25
+
+    def test_bands_are_those_of_the_single_multipoles(self):
+        own = made_up(self.SHARE)
+        found = in_bands(table_of(curves(own))).droplevel([*METHOD, "seed"]).to_dict()
+        expected = band_means(power_ratios(own), own.put_in.degrees, own.put_in.k)
+        assert found == pytest.approx(expected)
+
+    def test_over_the_transfer_function(self):
+        share = np.linspace(0.1, 0.9, 251)[None]
+        mocks = TransferFunction(recoveries=(made_up(share),))  # what is common is the root of it
+        ratios = [row["ratio"] for row in curves(made_up(share**0.5), mocks)]
+        assert ratios == pytest.approx(np.ones(len(ratios)), rel=1e-6)
+
+
+class TestSkies:
+    USUAL = TINY | {"beams": ["degraded", "oscillating"], "methods": [["pca", 3]]}
+
+    def test_a_case_for_each_beam(self):
+        methods = [["sdecgmca", [3, 5]], ["pca", [3, 5]], ["pca", [3, 6]], ["gnilc", None]]
+        found = skies(**self.USUAL | {"methods": methods}, reading="letter", n_realisations=2)
+        assert [[case.survey.seed for case in sky.methods] for sky in found] == [[2025] * 2, [2026] * 2]
+        first, second = found[0].methods.items()
+        assert (first[0].beam.name, second[0].beam.name) == ("degraded", "oscillating")
+        sdecgmca, *others = first[1]
+        assert isinstance(sdecgmca, SDecGMCA) and (sdecgmca.n_sources, sdecgmca.thresholds) == (3, "mad")
+        assert others == [PCA(n_sources=3), GNILC()]  # a method that is there already is not there again
+        assert [getattr(one, "n_sources", None) for one in second[1]] == [5, 5, 6, None]
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"beams": []}, "each once"),
+            ({"beams": ["degraded", "degraded"]}, "each once"),
+            ({"beams": "degraded"}, "each once"),
+            ({"methods": [["pca", [3]]]}, "pca has 1 numbers of sources for 2 beams"),
+            ({"methods": [["pca"]]}, "[name, number of sources]"),
+            ({"methods": []}, "there must be methods"),
+            ({"corrected": ["gmca"]}, "to be corrected is gmca, but the methods are pca"),
+            ({"n_mocks": 0}, "n_mocks"),
+        ],
+    )
+    def test_refused(self, given, message):
+        with pytest.raises(InputError) as caught:
+            skies(**self.USUAL | given)
+        assert message in str(caught.value)
+
+
+class TestTable:
+    def test_of_a_small_sky(self):
+        grid = skies(
+            **TINY,
+            beams=["degraded", "oscillating"],
+            methods=[["pca", [2, 3]], ["gnilc", None]],
+            corrected=["pca"],
+            n_mocks=2,
+            n_realisations=1,
+        )
+        table = EXPERIMENT.table(grid)
+        assert list(table.groupby(METHOD, sort=False).groups) == [
+            ("degraded", "pca", 2, False),
+            ("degraded", "pca", 2, True),
+            ("degraded", "gnilc", 0, False),
+            ("oscillating", "pca", 3, False),
+            ("oscillating", "pca", 3, True),
+            ("oscillating", "gnilc", 0, False),
+        ]
+        # Its bands are those of the experiment on transfer functions.
+        other = transfer.EXPERIMENT.table(
+            transfer.skies(**TINY, methods=[["pca", 3]], n_mocks=2, n_realisations=1)
+        ).set_index("band")
+        for corrected, column in ((False, "uncorrected"), (True, "corrected")):
+            own = in_bands(table).loc["oscillating", "pca", 3, corrected].droplevel("seed")
+            assert own.to_dict() == pytest.approx(other[column].to_dict())
+
+
+ANGULAR = [
+    {"kind": "angular", "low": low, "high": high, "step": 1.0, "ratio": ratio}
+    for low, high, ratio in ((2, 4, 0.5), (5, 9, 1.0), (10, 14, 1.1), (15, 19, 1.3))
+]
+ALONG = [
+    {"kind": "frequency", "low": low, "high": high, "step": 0.02, "ratio": ratio}
+    for low, high, ratio in ((1, 1, 0.4), (2, 4, 1.0), (5, 7, 0.9))
+]
+OTHER = [row | {"ratio": ratio} for row, ratio in zip(ANGULAR, (0.7, 1.0, 1.1, 1.1), strict=True)]
+
+
+def two_skies(**changed):
+    rows = [row | {"seed": 1} for row in ANGULAR + ALONG] + [row | {"seed": 2} for row in OTHER + ALONG]
+    return EXPERIMENT.frame([table_of([row]).to_dict("records")[0] | row | changed for row in rows])
+
+
+class TestSummary:
+    def test_bands(self):
+        found = in_bands(two_skies()).droplevel(METHOD)
+        assert found["C/C0, 10-19"].to_dict() == pytest.approx({1: 1.2, 2: 1.1})
+        assert found["C/C0, 2-4"].to_dict() == pytest.approx({1: 0.5, 2: 0.7})
+        assert found["P/P0, 0-0.03", 1] == pytest.approx(0.4)
+        assert len(found) == 12
+
+    def test_rows(self):
+        first, *_ = EXPERIMENT.summary(two_skies()).to_numpy().tolist()
+        assert first == ["degraded", "PCA 3", "uncorrected", "C/C0, 2-4", "0.6000", "0.1414"]
+        other, *_ = EXPERIMENT.summary(table_of(ANGULAR, corrected=True, n_sources=0)).to_numpy().tolist()
+        assert other[1:3] == ["PCA", "corrected"] and other[-1] == "nan"
+
+    def test_worst_band_of_the_worst_table(self):
+        judged = ("C/C0, 10-19", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
+        key = ("degraded", "pca", 3, False)
+        good = two_skies(ratio=1.0)
+        assert distances([two_skies(), good], judged) == {key: pytest.approx(0.15)}
+        assert distances([good, two_skies()], ["C/C0, 2-4"]) == {key: pytest.approx(-0.4)}
+
+
+class TestFigure:
+    def test_labels(self):
+        found = [
+            row
+            for beam, method, n_sources in (
+                ("degraded", "pca", 3),
+                ("oscillating", "pca", 5),
+                ("oscillating", "pca", 6),
+                ("degraded", "gnilc", 0),
+                ("oscillating", "gnilc", 0),
+                ("oscillating", "gmca", 5),
+            )
+            for row in table_of(ANGULAR, beam=beam, method=method, n_sources=n_sources).to_dict("records")
+        ]
+        assert labels_of(EXPERIMENT.frame(found)) == {
+            ("degraded", "pca", 3): ("pca", "3/5"),
+            ("oscillating", "pca", 5): ("pca", "3/5"),
+            ("oscillating", "pca", 6): ("pca", "3/6"),
+            ("degraded", "gnilc", 0): ("gnilc", ""),
+            ("oscillating", "gnilc", 0): ("gnilc", ""),
+            ("oscillating", "gmca", 5): ("gmca", "5"),
+        }
+
+    def test_mean_and_range(self):
+        figure = methods_figure({"one": two_skies(), "another": table_of(ANGULAR)}, "angular", columns=2)
+        first, second = figure.axes
+        assert (first.get_title(), second.get_title()) == ("one", "another")
+        *_, line = first.get_lines()
+        assert line.get_xdata() == pytest.approx([3, 7, 12, 17])
+        assert line.get_ydata() == pytest.approx([0.6, 1.0, 1.1, 1.2])
+        (shade,) = first.collections
+        heights = shade.get_paths()[0].vertices[:, 1]
+        assert heights.min() == pytest.approx(0.5 + 0.16 * 0.2) and first.get_yscale() == "function"
+
+    def test_no_such_curves(self):
+        with pytest.raises(InputError, match="nothing was corrected"):
+            methods_figure({"one": two_skies()}, "frequency", corrected=True)
+
+    def test_only_some(self):
+        rows = [*table_of(ANGULAR).to_dict("records"), *table_of(ANGULAR, method="gmca").to_dict("records")]
+        figure = methods_figure({"": EXPERIMENT.frame(rows)}, "angular", methods=["gmca"])
+        (legend,) = figure.legends
+        assert [text.get_text() for text in legend.get_texts()] == ["GMCA 3"]
+
+    def test_table(self):
+        high = {"beam": "oscillating", "n_sources": 5, "ratio": 3.0}
+        rows = [*two_skies().to_dict("records"), *table_of(ANGULAR, **high).to_dict("records")]
+        rows += table_of(ANGULAR, **high, corrected=True).to_dict("records")
+        header, (row,) = methods_table([EXPERIMENT.frame(rows)], of=["C/C0, 10-19"])
+        through = ("degraded", "oscillating")
+        assert header == ["method", *through, *(f"{beam}, corrected" for beam in through)]
+        percents = [text and f"{text}\N{NO-BREAK SPACE}%" for text in ("+15", "+200", "", "+200")]
+        assert row == ("PCA 3/5", *(text or "–" for text in percents))
+
+    @pytest.mark.parametrize(
+        ("value", "text"), [(-0.0344, "−3.4 %"), (0.002, "+0.2 %"), (-0.12, "−12 %"), (np.nan, "–")]
+    )
+    def test_texts(self, value, text):
+        assert signed(value) == text.replace(" ", "\N{NO-BREAK SPACE}")
