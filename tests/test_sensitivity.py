@@ -60,7 +60,7 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
     none, width, ripple = found
     assert list(none.ratios.values()) == pytest.approx([1] * len(none.ratios), abs=1e-3)
     assert width.furthest[1] > 1.2 and ripple.furthest[1] > 1.2
-    assert ripple.told.period == 50
+    assert ripple.beam.period == 50
     rows = sensitivity_rows(found)
     assert rows[1][:2] == ("FWHM of all channels", "+10 %") and rows[2][:2] == ("ripple of 50 MHz", "+1 %")
     first, second = sensitivity_figure(found).axes

@@ -146,17 +146,6 @@ def check_pixels(cube, remover):
         )
 
 
-def _check_seen(cube, remover):
-    """Refuse to find spectra in fewer lines of sight than there are channels, which a few of them explain."""
-    n_channels, n_seen = cube.maps.shape
-    by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
-    if by_line and n_seen < n_channels:
-        raise InputError(
-            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
-            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
-        )
-
-
 def method_for(cube, method, *, beams=None, **parameters):
     """The `ForegroundRemover` called `method`, if it can clean `cube` with these `beams`.
 
@@ -171,8 +160,14 @@ def method_for(cube, method, *, beams=None, **parameters):
         raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     check_pixels(cube, remover)
-    remover.check(len(cube.freqs))
-    _check_seen(cube, remover)
+    n_channels, n_seen = cube.maps.shape
+    remover.check(n_channels)
+    by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
+    if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
+        raise InputError(
+            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
+            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
+        )
     remover.check_data(_data_of(cube, remover, beams, 0))
     return remover
 

@@ -165,6 +165,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     at_one = knows_beam and cube.whole_sky
     n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
     criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
+    widths = np.rad2deg(gaussian_widths(beams)) if knows_beam else None
     values = _eigenvalues(
         cube, cleaning.basis, beams if at_one else None, found.get(counts[criterion.argmin()])
     )
@@ -179,7 +180,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         method=method,
         knows_beam=knows_beam,
         at_one_resolution=at_one,
-        widths=_widths(beams) if knows_beam else None,
+        widths=(float(widths.min()), float(widths.max())) if knows_beam else None,
         weighted=cube.weights is not None,
     )
 
@@ -194,12 +195,6 @@ def _variances(cleaned):
         share = some / some.sum(dtype=np.float64)
         found.append(float(share @ (channel - share @ channel.astype(np.float64)) ** 2))
     return found
-
-
-def _widths(beams):
-    """Least and largest FWHM of b_l, (n_channels, n_l), degrees."""
-    widths = np.rad2deg(gaussian_widths(beams))
-    return float(widths.min()), float(widths.max())
 
 
 def _eigenvalues(cube, basis, beams, found):
