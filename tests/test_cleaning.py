@@ -33,6 +33,14 @@ def mock(maps, rng):
     return (0.1 * rng.standard_normal(maps.shape)).astype(np.float32)
 
 
+@pytest.fixture
+def spiked(maps):
+    """`Data` of 64 channels, enough for peaks to stand out, of which 30 lines of sight have one."""
+    many = np.repeat(maps, 8, axis=0)[:, :100]
+    many[20, :30] += 1e3
+    return Data.of(many, freqs=np.linspace(900, 1400, 64))
+
+
 class TestData:
     def test_draws_the_same_numbers_each_time(self, data):
         assert np.array_equal(data.rng.standard_normal(4), data.rng.standard_normal(4))
@@ -87,13 +95,17 @@ class TestData:
 
 
 class TestCleaning:
-    def test_with_a_mock_is_the_sum_cleaned(self, data, maps, mock):
-        """Without the peaks of both, and with the noise of both."""
-        changed = Cleaning.of(data, PCA(n_sources=2)).with_mock(mock)
-        masked = mask_peaks(maps + mock, FREQS).maps
-        expected = PCA(n_sources=2).clean(maps + mock, freqs=FREQS, separate_on=masked).residual
+    def test_with_a_mock_is_the_sum_cleaned_without_the_peaks_of_both(self, spiked):
+        mock = np.zeros_like(spiked.maps)
+        mock[40, 50:60] = 1e3
+        changed, both = Cleaning.of(spiked, PCA(n_sources=2)).with_mock(mock), spiked.maps + mock
+        masked = mask_peaks(both, spiked.freqs)
+        assert masked.flagged[20, :30].all() and masked.flagged[40, 50:60].all()
+        expected = PCA(n_sources=2).clean(both, freqs=spiked.freqs, separate_on=masked.maps).residual
         assert np.array_equal(changed.residual, expected)
-        assert changed.basis.noise == pytest.approx(0.1 * np.sqrt(2))
+
+    def test_the_noise_is_that_of_data_and_mock(self, data, mock):
+        assert Cleaning.of(data, PCA()).with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
 
     def test_without_masking_of_peaks_a_mock_keeps_its_own(self, data, mock):
         changed = Cleaning.of(data, PCA(), peaks=False).with_mock(mock)
@@ -115,9 +127,14 @@ class TestCleaning:
         expected = method.clean(maps, freqs=FREQS, beams=BEAMS, mask=KEPT).residual[:, KEPT]
         assert changed.residual == pytest.approx(expected, abs=1e-5)
 
-    def test_peaks_are_counted(self, data, maps):
-        maps[3, :30] += 1e3
-        spiked = Data.of(np.repeat(maps, 8, axis=0)[:, :100], freqs=np.linspace(900, 1400, 64))
+    def test_on_a_mask_peaks_stay_masked(self, spiked):
+        kept = np.arange(100) % 2 == 0
+        masked = mask_peaks(spiked.maps, spiked.freqs).maps
+        expected = PCA().clean(spiked.maps, freqs=spiked.freqs, separate_on=masked, mask=kept)
+        found = Cleaning.of(spiked, PCA()).on(kept)
+        assert np.array_equal(found.residual, expected.residual[:, kept])
+
+    def test_peaks_are_counted(self, spiked):
         masked = mask_peaks(spiked.maps, spiked.freqs)
-        assert Cleaning.of(spiked, PCA()).flagged == masked.flagged.mean()
+        assert Cleaning.of(spiked, PCA()).flagged == masked.flagged.mean() > 0
         assert np.array_equal(without_peaks(spiked).maps, masked.maps)
