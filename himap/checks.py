@@ -99,13 +99,17 @@ def checked_beams(label, beams, n_channels):
     return beams
 
 
-def checked_noise(label, noise):
+def checked_noise(label, noise, n_channels=None):
     """`noise` per pixel, mK, finite and above zero: a float, a tuple with one for each channel, or None."""
     if noise is None:
         return None
     values = real_array(label, noise)
     if values.ndim > 1 or not ((values > 0) & (values < np.inf)).all():
         raise InputError(f"{label} must be above zero, in mK per pixel, got {noise!r}.")
+    if values.ndim and n_channels not in (None, len(values)):
+        raise InputError(
+            f"{label} must be one value or {n_channels}, one for each channel, got {len(values)}."
+        )
     return tuple(values.tolist()) if values.ndim else float(values)
 
 

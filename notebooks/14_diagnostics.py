@@ -170,7 +170,7 @@ def share_taken(remover):
     """h_nu, (n_channels,)."""
     found = study.separation(selected, remover)
     mixing = found.mixing
-    if not remover.needs_beams:
+    if "beams" not in remover.uses:
         return np.sum(np.linalg.qr(mixing)[0] ** 2, axis=1)
     last = min(relative.shape[1], true.cl.shape[1]) - 1 if found.lmax is None else found.lmax
     blurred = np.arange(2, last + 1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from himap.maps import blocked, sphere
+from himap.removal.data import Data
 from himap.removal.parametric import Parametric
 from himap.removal.peaks import smooth_baselines
 from himap.removal.polynomial import Polynomial
@@ -61,7 +62,7 @@ def test_threads_change_nothing(step, rng, monkeypatch):
                 return (blocked.projection(np.vander(freqs / 1000, 3).T, maps),)
             case _:
                 method = Polynomial(order=3) if step == "polynomial" else Parametric()
-                return (method.separate(maps, freqs=freqs).sources,)
+                return (method.separate(Data.of(maps, freqs=freqs)).sources,)
 
     monkeypatch.setattr(sphere, "n_threads", lambda: 1)
     alone = found()

@@ -13,6 +13,7 @@ from himap.errors import InputError
 from himap.measures import how_many
 from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance
+from himap.removal.data import Data
 from himap.removal.pca import PCA
 from himap.removal.weighted_pca import seen_covariance
 
@@ -57,7 +58,7 @@ class TestTransfer:
         cube = cube.within(np.arange(N_PIX) < share * N_PIX)
         cleaned = clean_cube(cube, method, peaks=False, **parameters)
         mocks = [mock_of(cube, rng) for _ in range(2)]
-        found = measure_transfer(cleaned, mocks, peaks=False)
+        found = measure_transfer(cleaned, mocks)
         power = PatchPower(
             weights=cube.mask.astype(float),
             seen=cube.on_sphere(~cube.missing),
@@ -79,14 +80,14 @@ class TestTransfer:
         cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
-        one, two = (measure_transfer(cleaned, [each], peaks=False) for each in (mock, disturbed))
+        one, two = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))
         assert np.array_equal(one.frequency, two.frequency) and np.array_equal(one.angular, two.angular)
 
     def test_corrects_what_is_left_through_gaps(self, cube, rng):
         """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
         cleaned = clean_cube(cube, "pca", n_sources=6, peaks=False)
         mocks = (rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(3))
-        found = correct(spectra_of(cleaned), measure_transfer(cleaned, mocks, peaks=False))["frequency"]
+        found = correct(spectra_of(cleaned), measure_transfer(cleaned, mocks))["frequency"]
         true = cube.channel_width * np.mean(~cube.missing)
         assert (found.left / true).mean() < 0.8
         assert (found.corrected / true).mean() == pytest.approx(1, abs=0.02)
@@ -123,7 +124,7 @@ class TestSuggestion:
     def test_weighted_covariance_against_a_loop(self, cube, rng):
         """Of pixels with weights, of equal weights with any model, and of gaps that a model bridges."""
         maps, weights = cube.maps.astype(np.float64), rng.integers(1, 5, N_PIX).astype(float)
-        found = PCA(n_sources=2).separate(maps, freqs=cube.freqs, weights=weights)
+        found = PCA(n_sources=2).separate(Data.of(maps, freqs=cube.freqs, weights=weights))
         expected = np.cov(maps, aweights=weights, ddof=0)
         for one in (weights, np.tile(weights, (len(maps), 1))):
             assert seen_covariance(maps, one, found) == pytest.approx(expected, rel=1e-6)
@@ -132,7 +133,7 @@ class TestSuggestion:
         faint = np.where(rng.random(maps.shape) < 0.2, 0.0, 1.0)
         smooth = np.array([cube.freqs / 1000, np.ones(len(maps))]).T @ (1e3 * rng.standard_normal((2, N_PIX)))
         noise = rng.standard_normal(maps.shape)
-        found = PCA(n_sources=2).separate(smooth + noise, freqs=cube.freqs, weights=faint)
+        found = PCA(n_sources=2).separate(Data.of(smooth + noise, freqs=cube.freqs, weights=faint))
         gaps = seen_covariance(np.where(faint > 0, smooth + noise, 0), faint, found)
         values = np.linalg.eigvalsh(gaps)[::-1]
         assert values[:2] == pytest.approx(np.linalg.eigvalsh(np.cov(smooth))[:-3:-1], rel=0.01)

@@ -125,7 +125,7 @@ class TestMeasured:
             for one in (cube, replace(cube, maps=cube.maps + mock))
         )
         back = both.residual.astype(float) - cleaned.residual
-        found = replace(measure_transfer(cleaned, [mock], peaks=False), definition="auto")
+        found = replace(measure_transfer(cleaned, [mock]), definition="auto")
         on_sphere = cube.on_sphere(back - back.mean(axis=1, keepdims=True))
         put_in = cube.on_sphere(mock - mock.mean(axis=1, keepdims=True))
         spectra = [angular_power(maps).mean[2:25] for maps in (on_sphere, put_in)]
@@ -135,7 +135,7 @@ class TestMeasured:
         assert found.frequency[1] < 0.8 < found.frequency[-1]
 
     def test_corrected_spectra_are_nearer_to_the_truth(self, cube, cleaned, truth, rng):
-        found = measure_transfer(cleaned, (blue(rng) for _ in range(4)), peaks=False)
+        found = measure_transfer(cleaned, (blue(rng) for _ in range(4)))
         both = correct(spectra_of(cleaned), found)
         comparison = compared(cleaned, replace(cube, maps=truth))
         angular, frequency = both["angular"], both["frequency"]
@@ -154,7 +154,7 @@ class TestMeasured:
     def test_what_is_lost_with_a_spectrum_too_many_is_corrected_too(self, cube, truth, rng):
         """PCA takes one of this very HI; a mock makes it take another."""
         cleaned = clean_cube(cube, "pca", n_sources=4, peaks=False)
-        found = measure_transfer(cleaned, (blue(rng) for _ in range(6)), peaks=False)
+        found = measure_transfer(cleaned, (blue(rng) for _ in range(6)))
         true = compared(cleaned, replace(cube, maps=truth)).true_angular[:27]
         errors = {
             name: abs((correct(spectra_of(cleaned), one)["angular"].corrected[:27] / true).mean() - 1)
@@ -164,7 +164,7 @@ class TestMeasured:
         assert errors["cross"] < 0.03 < errors["auto"]
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
-        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng)], peaks=False))
+        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng)]))
         assert np.isnan(both["angular"].sigma(np.eye(len(both["angular"].x)))).all()
         assert all(row[2] == "needs two mocks" for row in corrected_rows(both))
 
@@ -177,7 +177,7 @@ class TestMeasured:
             measure_transfer(cleaned, [blue(rng)[1:]])
 
     def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
-        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng), blue(rng)], peaks=False))
+        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng), blue(rng)]))
         comparison = compared(cleaned, replace(cube, maps=truth))
         write_spectra(both, tmp_path / "a.csv", comparison)
         rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
@@ -217,15 +217,15 @@ class TestCommands:
 
     @pytest.mark.parametrize("keep", [True, False])
     def test_peaks_of_mocks_are_masked_as_those_of_the_cube(self, here, monkeypatch, keep):
-        from himap.cubes import transfer
+        from himap.removal import cleaning
 
-        seen, basis = [], transfer.Basis
+        masked, without_peaks = [], cleaning.without_peaks
         monkeypatch.setattr(
-            transfer, "Basis", lambda cube, peaks: seen.append(peaks) or basis(cube, peaks=peaks)
+            cleaning, "without_peaks", lambda data: masked.append(data) or without_peaks(data)
         )
         words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "-o", "t.html")
         assert himap("transfer", "cube.h5", *words, *["--keep-peaks"] * keep).exit_code == 0
-        assert seen == [not keep]
+        assert len(masked) == (0 if keep else 2)
 
     def test_nothing_is_measured_twice(self, here, monkeypatch):
         """Spectra of the cleaned cube, and those beside the truth, once each."""

@@ -100,24 +100,24 @@ class TestMapModes:
         assert error.cube() == pytest.approx(error.lines(slice(None)), rel=1e-5, abs=1e-5)
         assert error.cube().dtype == np.float32
 
-    def test_taken_from_a_cube(self, truth, error):
+    def test_subtract_from_a_cube(self, truth, error):
         means = np.arange(6.0)
         expected = truth - error.lines(slice(None)) - means[:, None]
-        assert error.taken_from(truth, means) == pytest.approx(expected, abs=1e-4)
+        assert error.subtract_from(truth, means) == pytest.approx(expected, abs=1e-4)
 
-    def test_condensed(self, error, rng):
+    def test_truncate(self, error, rng):
         """Orthonormal spectra, the brightest first, no channel means, and no more terms than there are."""
         twice = error + MapModes(spectra=error.spectra[:, :1], maps=1e-9 * rng.standard_normal((1, 3000)))
-        found = twice.condensed(1e-12)
+        found = twice.truncate(1e-12)
         lines = error.lines(slice(None))
         assert found.lines(slice(None)) == pytest.approx(lines - lines.mean(axis=1, keepdims=True), abs=1e-7)
         assert found.spectra.T @ found.spectra == pytest.approx(np.eye(3), abs=1e-12)
         assert (np.diff(found.maps.std(axis=1)) < 0).all()
 
-    def test_condensed_keeps_what_is_left_of_a_difference(self, rng):
+    def test_truncate_keeps_a_faint_difference(self, rng):
         """Of two foregrounds a hundred thousand times brighter than what they differ by."""
         bright = MapModes(spectra=rng.standard_normal((6, 2)), maps=1e5 * rng.standard_normal((2, 3000)))
         faint = MapModes(spectra=rng.standard_normal((6, 1)), maps=0.1 * rng.standard_normal((1, 3000)))
-        found = (bright + faint + -bright).condensed(1e-9)
+        found = (bright + faint + -bright).truncate(1e-9)
         lines = faint.lines(slice(None))
         assert found.lines(slice(None)) == pytest.approx(lines - lines.mean(axis=1, keepdims=True), abs=1e-8)

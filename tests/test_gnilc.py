@@ -7,6 +7,7 @@ import pytest
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.needlets import cosine_needlets
+from himap.removal.data import Data
 from himap.removal.gnilc import GNILC, foreground_filter, n_foreground
 from himap.removal.hi_prior import stationary
 
@@ -120,7 +121,7 @@ def test_what_is_lost_of_hi_is_what_looks_like_the_foreground(sky, mock):
 def test_two_axes_in_each_needlet(sky, mock, told):
     foreground, hi = sky
     method = GNILC(first_peak=8, prior=mock if told else None)
-    assert method.separate(foreground + hi, freqs=FREQS).mixing.shape[1] == 2 * 3
+    assert method.separate(Data.of(foreground + hi, freqs=FREQS)).mixing.shape[1] == 2 * 3
 
 
 def test_sky_without_foreground_is_left_alone(rng, mock):

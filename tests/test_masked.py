@@ -9,10 +9,10 @@ from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.removal import create, harmonic
-from himap.removal.analysis import analysed
+from himap.removal.analysis import analysed, continued
 from himap.removal.beam_projection import through_beams
-from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.masked import completed, inner_alm, inner_weights
+from himap.removal.beam_subspace import BeamSubspace, inner_alm, inner_weights
+from himap.removal.data import Data
 from himap.removal.pca import PCA
 
 FREQS = np.linspace(900, 1400, 8)
@@ -69,7 +69,7 @@ class TestExactness:
         kept[:, CUT] = low
         modes = analysed(kept, CUT)
         best = BEAMS / BEAMS.max(axis=0)
-        found = through_beams(completed(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
+        found = through_beams(continued(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
         apart = (found[:, CUT] - dense.reshape(low.shape))[:, inside]
         assert apart.std() < 5e-3 * low[:, inside].std()
 
@@ -114,9 +114,9 @@ def test_a_is_found_from_what_is_farther_inside(problem, rng, monkeypatch):
     maps, mixing, _ = problem
     strip = (np.abs(LATITUDE) > 15) & (np.abs(LATITUDE) < 19)
     maps = maps + 3 * rng.random((8, 1)) * strip
-    apart = largest_angle(METHOD.separate(maps, **GIVEN, mask=CUT).mixing, mixing)
+    apart = largest_angle(METHOD.separate(Data.of(maps, **GIVEN, mask=CUT)).mixing, mixing)
     monkeypatch.setattr("himap.removal.beam_subspace.inner_weights", np.ones_like)
-    everywhere = largest_angle(METHOD.separate(maps, **GIVEN, mask=CUT).mixing, mixing)
+    everywhere = largest_angle(METHOD.separate(Data.of(maps, **GIVEN, mask=CUT)).mixing, mixing)
     assert apart < 0.5 * everywhere
 
 
@@ -150,7 +150,9 @@ def test_a_beam_that_ends_too_early(problem):
 
 
 def test_whole_numbers_are_a_mask(problem):
-    one, two = (PCA().separate(problem[0], freqs=FREQS, mask=m).sources for m in (CUT, CUT.astype(int)))
+    one, two = (
+        PCA().separate(Data.of(problem[0], freqs=FREQS, mask=m)).sources for m in (CUT, CUT.astype(int))
+    )
     assert np.array_equal(one, two)
 
 

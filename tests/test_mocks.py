@@ -12,6 +12,7 @@ from himap.maps import sphere
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered, transfer_functions
 from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 from himap.survey import Survey
 
@@ -74,7 +75,7 @@ def test_what_comes_back_is_that_of_the_cubes(remover):
     observed, alms = pipeline.observation(CASE), mock_alms(CASE, USUAL)
     maps = sphere.synthesise_cube(alms, SURVEY.nside, n_channels=16, label="") + observed.maps
     options = {"freqs": observed.freqs, "beams": observed.beams}
-    both, alone = (remover.separate(one, **options).foreground for one in (maps, observed.maps))
+    both, alone = (remover.separate(Data.of(one, **options)).foreground for one in (maps, observed.maps))
     back = sphere.analyse(
         maps.astype(float) - observed.maps - both.lines(slice(None)) + alone.lines(slice(None))
     )
@@ -87,11 +88,11 @@ def test_what_comes_back_is_that_of_the_cubes(remover):
 
 @pytest.mark.parametrize("peaks_masked", [True, False])
 def test_a_method_is_told_the_noise_of_both_and_masks_their_peaks(peaks_masked, monkeypatch):
-    told, separate = {}, PCA.separate
+    given, separate = [], PCA.separate
 
-    def spy(self, maps, **options):
-        told.update(options, maps=maps)
-        return separate(self, maps, **options)
+    def spy(self, data):
+        given.append(data)
+        return separate(self, data)
 
     cleaned.separation(CASE, PCA(n_sources=3), peaks_masked)
     monkeypatch.setattr(PCA, "separate", spy)
@@ -99,8 +100,8 @@ def test_a_method_is_told_the_noise_of_both_and_masks_their_peaks(peaks_masked, 
     both = sphere.synthesise_cube(mock_alms(CASE, USUAL), SURVEY.nside, n_channels=16, label="")
     both += pipeline.observation(CASE).maps
     expected = mask_peaks(both, SURVEY.freqs).maps if peaks_masked else both
-    assert np.array_equal(told["maps"], expected)
-    assert told["noise"] == pytest.approx(np.sqrt(2) * noise_sigma(SURVEY))
+    assert np.array_equal(given[0].maps, expected)
+    assert given[0].noise == pytest.approx(np.sqrt(2) * noise_sigma(SURVEY))
 
 
 def test_a_method_that_ends_is_compared_up_to_there():

@@ -9,6 +9,7 @@ from himap import removal
 from himap.errors import InputError
 from himap.removal import parametric
 from himap.removal.base import SeparationWarning
+from himap.removal.data import Data
 from himap.removal.parametric import Parametric
 
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -119,10 +120,10 @@ def test_channels_without_weight_are_as_if_they_were_not_there(truth, rng):
     seen = np.arange(len(FREQS)) % 7 > 1
     weights = np.tile(seen[:, None].astype(float), 200)
     weights[:, 0] = 1  # one line of sight is whole, or the weights would be of pixels
-    ours = Parametric().separate(maps, freqs=FREQS, weights=weights)
-    fewer = Parametric().separate(maps[seen], freqs=FREQS[seen])
+    ours = Parametric().separate(Data.of(maps, freqs=FREQS, weights=weights))
+    fewer = Parametric().separate(Data.of(maps[seen], freqs=FREQS[seen]))
     assert ours.sources[2, 1:] == pytest.approx(fewer.sources[2, 1:], abs=1e-7)
-    whole = Parametric().separate(maps, freqs=FREQS)
+    whole = Parametric().separate(Data.of(maps, freqs=FREQS))
     assert ours.sources[:, 0] == pytest.approx(whole.sources[:, 0], rel=1e-7)
 
 

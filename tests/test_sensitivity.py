@@ -41,7 +41,7 @@ def test_power_of_cubes_that_are_cleaned_with_that_beam(path):
     cleaned, wrong = (
         cleaned_with(cube, beam) for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
     )
-    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[], peaks=False)
+    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     assert (found.kind, found.error) == ("width", 0.3)
     before, after = (
         cylindrical_power(masked_alms(one.residual), cube.channel_width) for one in (cleaned, wrong)
@@ -56,11 +56,11 @@ def test_power_of_cubes_that_are_cleaned_with_that_beam(path):
 def test_no_error_moves_nothing_and_more_moves_more(path):
     cube = read_cube(path)
     cleaned = cleaned_with(cube, Evolving())
-    found = beam_sensitivity(cleaned, Evolving(), widths=[1e-9, 0.1], ripples=[1e-2], period=50, peaks=False)
+    found = beam_sensitivity(cleaned, Evolving(), widths=[1e-9, 0.1], ripples=[1e-2], period=50)
     none, width, ripple = found
     assert list(none.ratios.values()) == pytest.approx([1] * len(none.ratios), abs=1e-3)
     assert width.furthest[1] > 1.2 and ripple.furthest[1] > 1.2
-    assert ripple.told.period == 50
+    assert ripple.beam.period == 50
     rows = sensitivity_rows(found)
     assert rows[1][:2] == ("FWHM of all channels", "+10 %") and rows[2][:2] == ("ripple of 50 MHz", "+1 %")
     first, second = sensitivity_figure(found).axes
@@ -78,7 +78,7 @@ def test_a_part_of_the_sky(path, method, options):
         clean_cube(cube, method, n_sources=2, beams=beams_of(cube, beam), peaks=False, **options)
         for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
     )
-    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[], peaks=False)
+    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     before, after = (
         cylindrical_power(masked_alms(cube.on_sphere(one.residual), mask=cube.mask), cube.channel_width)
         for one in (cleaned, wrong)
@@ -105,7 +105,7 @@ def test_refused(path, method, options, message):
     beam = "meerkat" if "dish" in options else "evolving"
     cleaned = clean_cube(cube, method, n_sources=2, beams=beams_of(cube, beam), peaks=False)
     with pytest.raises(InputError, match=message):
-        beam_sensitivity(cleaned, beam, peaks=False, **options)
+        beam_sensitivity(cleaned, beam, **options)
 
 
 class TestCommand:

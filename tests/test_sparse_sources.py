@@ -5,8 +5,7 @@ import pytest
 
 from himap.maps import sphere
 from himap.removal import harmonic
-from himap.removal.sparse_sources import SparseSources
-from himap.removal.thresholds import share_threshold
+from himap.removal.sparse_sources import SparseSources, share_threshold
 
 LMAX = 32
 

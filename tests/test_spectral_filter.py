@@ -37,7 +37,7 @@ def test_taken_one_multipole_at_a_time(sky, rng):
     for degree, block in enumerate(harmonic.blocks(expected)):
         block[:] = linear.spectra[degree] @ linear.estimators[degree] @ block
     expected = np.array([sphere.synthesise(alm, NSIDE) for alm in harmonic.from_modes(expected)])
-    found = linear.taken(sky.maps, modes).cube()
+    found = linear.foreground(sky.maps, modes).cube()
     assert np.std(found - expected) < 1e-3 * np.std(expected)
 
 
@@ -47,13 +47,13 @@ def test_beyond_the_last_multipole_it_goes_on_as_there(rng):
     linear = some_filter(rng, 6, 12)
     linear.spectra[:], linear.estimators[:] = linear.spectra[0], linear.estimators[0]
     expected = linear.spectra[0] @ linear.estimators[0] @ maps
-    assert linear.taken(maps, analysed(maps)).cube() == pytest.approx(expected, abs=1e-5)
+    assert linear.foreground(maps, analysed(maps)).cube() == pytest.approx(expected, abs=1e-5)
 
 
 def test_a_filter_of_a_sum_is_the_sum_of_filters(sky, rng):
     linear = some_filter(rng, len(sky.maps), LMAX)
     cubes = [part.astype(np.float32) for part in (sky.maps, sky.truth, sky.maps - sky.truth)]
-    whole, truth, rest = (linear.taken(cube, analysed(cube)).cube() for cube in cubes)
+    whole, truth, rest = (linear.foreground(cube, analysed(cube)).cube() for cube in cubes)
     assert np.std(whole - truth - rest) < 1e-3 * np.std(whole)
 
 

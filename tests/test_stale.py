@@ -1,8 +1,7 @@
 """On the real tree: an edit makes stale what uses the edited code, and nothing else.
 
 Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
-stale is in the tables below: chapters by their number, "ledger" for what `himap claims` stores,
-"readings", "corrections", "beam_errors", "side_by_side" and "suggestions" for what these commands do.
+stale is in the tables below: chapters by their number, and the experiments by name.
 Stored figures are stale with their chapter (test_stored.py). Edits are texts in memory.
 """
 
@@ -14,14 +13,8 @@ import pytest
 
 import himap
 from himap.companion.notebooks import notebooks
-from himap.companion.staleness import (
-    beam_errors_code,
-    corrections_code,
-    ledger_code,
-    readings_code,
-    side_by_side_code,
-    suggestions_code,
-)
+from himap.paper.experiments import EXPERIMENTS
+from himap.paper.record import measuring_code
 from himap.products.accepted import moved
 from himap.products.fingerprint import CodeTree
 
@@ -29,8 +22,8 @@ HIMAP = Path(himap.__file__).resolve().parent
 
 CHAPTERS = {f"{n:02}" for n in range(27)}
 SKIES = CHAPTERS - {"00", "16", "18", "19"}  # those show what is stored
-JUDGING = {"ledger", "readings"}
-RECORDS = {"corrections", "beam_errors", "side_by_side", "suggestions"}
+JUDGING = {"claims", "readings"}
+RECORDS = {"transfer", "beam_errors", "methods", "n_sources"}
 STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
 CLAIMED = JUDGED | {"16"}  # shows what the claims say
@@ -61,7 +54,7 @@ OTHERS = {
     ("paper/claims/three_beams.py", None): CLAIMED,
     ("paper/claims/base.py", "bump"): {"11"} | CLAIMED,
     ("removal/sdecgmca/problem.py", "Problem.fit"): {"16"} | BEAM_AWARE,
-    ("removal/blurred_mixture.py", "BlurredMixture.corrected"): BEAM_AWARE,
+    ("removal/blurred_mixture.py", "BlurredMixture.corrected"): {"16"} | BEAM_AWARE,
     ("removal/weighted_pca.py", "weighted_components"): {"03", "04", "05", "06"} | ALL_SIX | ANY_METHOD,
     ("removal/base.py", "ForegroundRemover.clean"): CLEANED | {"16"},
     ("removal/__init__.py", "create"): ANY_METHOD,
@@ -72,7 +65,7 @@ OTHERS = {
     ("survey.py", "Survey.rng"): CHAPTERS | STORED,  # its presets are in the line under every figure
     ("measures/transfer.py", "recovery"): {"20", "21", "22", "25"} | RECORDS,
     ("measures/expected.py", "expected_recovery"): {"23"},
-    ("paper/mocks.py", "recovered"): {"20", "22", "25", "corrections", "side_by_side", "suggestions"},
+    ("paper/mocks.py", "recovered"): {"20", "22", "25", "transfer", "methods", "n_sources"},
     ("paper/evidence.py", "masked_voxels"): JUDGED,
     ("paper/masked.py", "compared"): {"24"},
     ("products/store.py", None): set(),
@@ -91,21 +84,14 @@ LOOKS = {
 
 @pytest.fixture(scope="module")
 def fingerprints():
-    """Function to {chapter or "ledger": fingerprint} of the library, with other texts in some files."""
+    """Function to {chapter or "claims": fingerprint} of the library, with other texts in some files."""
     chapters = notebooks()
 
     @cache
     def compute(texts=()):
         tree = CodeTree(texts={HIMAP / file: text for file, text in texts})
         codes = {one.name.partition("_")[0]: one.fingerprint(tree) for one in chapters}
-        return codes | {
-            "beam_errors": beam_errors_code(tree),
-            "corrections": corrections_code(tree),
-            "ledger": ledger_code(tree),
-            "readings": readings_code(tree),
-            "side_by_side": side_by_side_code(tree),
-            "suggestions": suggestions_code(tree),
-        }
+        return codes | {name: measuring_code(name, tree) for name in EXPERIMENTS}
 
     return compute
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
-from himap.cubes import beams_of, clean_cube, cleaning, read_cube, report, sphere_views, suggestion
+from himap.cubes import beams_of, clean_cube, read_cube, report, sphere_views, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.study import Study
+from himap.removal import analysis, cleaning
 
 
 @pytest.fixture
@@ -53,14 +54,14 @@ class TestSuggestion:
         np.save(tmp_path / "a.npy", maps)
         cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
         calls = []
-        for name in ("mask_peaks", "analysed"):
-            work = getattr(cleaning, name)
+        for module, name in ((cleaning, "mask_peaks"), (analysis, "analysed")):
+            work = getattr(module, name)
 
             def counted(*args, name=name, work=work, **options):
                 calls.append(name)
                 return work(*args, **options)
 
-            monkeypatch.setattr(cleaning, name, counted)
+            monkeypatch.setattr(module, name, counted)
         suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 4), beams=beams_of(cube, "evolving"))
         assert sorted(calls) == ["analysed", "mask_peaks"]
 

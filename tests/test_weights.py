@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from himap.errors import InputError
 from himap.removal import available, create, weighted_pca
 from himap.removal.base import REGISTRY
+from himap.removal.data import Data
 from himap.removal.pca import PCA
 from himap.removal.peaks import least_channels, mask_peaks
 from himap.removal.polynomial import Polynomial
@@ -15,7 +16,7 @@ from himap.removal.polynomial import Polynomial
 N_PIX = 300
 FREQS = np.linspace(900, 1100, 16)
 SPECTRA = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
-TAKING = [name for name in available() if REGISTRY[name].takes_weights]
+TAKING = [name for name in available() if "weights" in REGISTRY[name].uses]
 OPTIONS = {"polynomial": {"order": 3}}
 
 
@@ -72,7 +73,7 @@ class TestPixelWeights:
     def test_axes_are_those_of_numpys_weighted_covariance(self, sky, hits):
         covariance = np.cov(sky, aweights=hits)
         axes = np.linalg.eigh(covariance)[1][:, ::-1][:, :2]
-        found = PCA(n_sources=2).separate(sky, freqs=FREQS, weights=hits).mixing
+        found = PCA(n_sources=2).separate(Data.of(sky, freqs=FREQS, weights=hits)).mixing
         assert np.abs(axes.T @ found) == pytest.approx(np.eye(2), abs=1e-4)
 
     def test_polynomials_do_not_feel_them(self, sky, hits):
@@ -80,9 +81,9 @@ class TestPixelWeights:
         assert np.array_equal(one.residual, two.residual)
 
     def test_blocks_of_pixels_change_nothing(self, sky, hits, monkeypatch):
-        one = PCA().separate(sky, freqs=FREQS, weights=hits).sources
+        one = PCA().separate(Data.of(sky, freqs=FREQS, weights=hits)).sources
         monkeypatch.setattr("himap.maps.blocked._BLOCK", 7)
-        assert PCA().separate(sky, freqs=FREQS, weights=hits).sources == pytest.approx(one, abs=1e-4)
+        assert PCA().separate(Data.of(sky, freqs=FREQS, weights=hits)).sources == pytest.approx(one, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", TAKING)
@@ -183,7 +184,7 @@ class TestVoxelWeights:
         maps = np.outer(rng.random(n_channels) + 1, 10 * rng.standard_normal(n_pix)) + 5
         maps += rng.standard_normal(maps.shape)
         weights = rng.gamma(2, size=maps.shape) * (rng.random(maps.shape) > 0.2)
-        found = PCA(n_sources=1).separate(maps, freqs=FREQS[:6], weights=weights)
+        found = PCA(n_sources=1).separate(Data.of(maps, freqs=FREQS[:6], weights=weights))
 
         def cost(x):
             offset, mixing, sources = np.split(x, [n_channels, 2 * n_channels])
@@ -192,7 +193,7 @@ class TestVoxelWeights:
             slope = np.concatenate([pull.sum(axis=1), pull @ sources, mixing @ pull])
             return np.sum(weights * left**2), slope
 
-        plain = PCA(n_sources=1).separate(maps, freqs=FREQS[:6])
+        plain = PCA(n_sources=1).separate(Data.of(maps, freqs=FREQS[:6]))
         own = squares(maps, weights, found)
         for start in (found, plain):
             x = np.concatenate([start.means, start.mixing[:, 0], start.sources[0]])
@@ -218,14 +219,16 @@ class TestVoxelWeights:
         assert model_of(two) == pytest.approx(one.foreground.lines(slice(None)), abs=1e-6)
 
     def test_blocks_of_pixels_change_nothing(self, sky, flags, monkeypatch):
-        one = PCA().separate(sky, freqs=FREQS, weights=~flags).sources
+        one = PCA().separate(Data.of(sky, freqs=FREQS, weights=~flags)).sources
         monkeypatch.setattr(weighted_pca, "_BLOCK", 7)
-        assert PCA().separate(sky, freqs=FREQS, weights=~flags).sources == pytest.approx(one, abs=1e-3)
+        assert PCA().separate(Data.of(sky, freqs=FREQS, weights=~flags)).sources == pytest.approx(
+            one, abs=1e-3
+        )
 
     def test_turns_that_do_not_settle_are_said(self, sky, flags, monkeypatch):
         monkeypatch.setattr(weighted_pca, "_MOST_TURNS", 2)
         with pytest.warns(match="pca: stopped after 2 iterations without converging"):
-            PCA().separate(sky, freqs=FREQS, weights=~flags)
+            PCA().separate(Data.of(sky, freqs=FREQS, weights=~flags))
 
 
 class TestPolynomials:
@@ -260,7 +263,7 @@ class TestPolynomials:
         line = NumpyPolynomial(rng.standard_normal(5))(np.linspace(-1, 1, 16))
         maps, weights = 1e9 * np.tile(line[:, None], (1, 40)), np.where(flags, 0, 1.0)[:, :40]
         weights[-3:, 1:] = 0
-        found = Polynomial(order=4).separate(maps, freqs=FREQS, weights=weights)
+        found = Polynomial(order=4).separate(Data.of(maps, freqs=FREQS, weights=weights))
         seen = weights > 0
         assert np.abs(found.foreground.lines(slice(None)) - maps)[seen].max() < 2e-6
 

@@ -131,11 +131,11 @@ def cube_and_beams(path, remover, beam, dish, mask, reading, *, weighed=None, pe
 
     if dish is not None and beam is None:
         raise InputError("--dish belongs to a beam; give --beam too.")
-    if beam is None and remover.needs_beams:
+    if beam is None and "beams" in remover.uses:
         raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
     weighed = {name: file for name, file in (weighed or {}).items() if file is not None}
     if weighed:
-        remover.check_weights(None)
+        remover.check_weights()
     cube = read_cube(path, **reading, **weighed)
     check_pixels(cube, remover)
     if mask is not None:

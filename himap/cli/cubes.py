@@ -124,7 +124,7 @@ def _cleaned(
     cube, beams = cube_and_beams(
         path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
     )
-    method_for(cube, remover)  # before the truth is read
+    method_for(cube, remover, beams=beams)  # before the truth is read
     if hasattr(remover, "n_sources") and "n_sources" not in method_parameters(pairs):
         tell(
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
@@ -144,7 +144,7 @@ def _cleaned(
         comparison = None if true is None else compared(cleaned, true)
         spectra = None if true is not None and put_in is None else spectra_of(cleaned)
         if put_in is not None:
-            found = measure_transfer(cleaned, put_in, beams=beams, peaks=peaks)
+            found = measure_transfer(cleaned, put_in)
             corrected = correct(spectra, found)
             more = corrected_report.corrected_part(corrected, len(found.recoveries), comparison)
             header = corrected_report.HEADER[: 3 if true is None else None]

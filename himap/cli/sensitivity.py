@@ -36,7 +36,7 @@ def sensitivity(
     himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
     """
     from himap.cubes import sensitivity as measured
-    from himap.cubes.cleaning import Basis, clean_cube
+    from himap.cubes.cleaning import clean_cube
     from himap.cubes.writing import check_page
     from himap.removal import create
     from himap.removal.base import SeparationWarning
@@ -45,17 +45,16 @@ def sensitivity(
     inputs = inputs_of([path, beam, reading["freqs"], mask], pairs)
     page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
     remover = create(method, **method_parameters(pairs))
-    if not remover.needs_beams:
+    if "beams" not in remover.uses:
         raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
     chosen = {"widths": widths, "ripples": ripples} if widths or ripples else {}
     if beam is not None:
         measured.misjudged_beams(beam, **chosen, period=period)  # before the work
     cube, beams = cube_and_beams(path, remover, beam, dish, mask, reading)
-    basis = Basis(cube, peaks=not keep_peaks)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # of cleaning it says the report
-        cleaned = clean_cube(cube, remover, beams=beams, basis=basis)
-        found = measured.beam_sensitivity(cleaned, beam, **chosen, period=period, dish=dish, basis=basis)
+        cleaned = clean_cube(cube, remover, beams=beams, peaks=not keep_peaks)
+        found = measured.beam_sensitivity(cleaned, beam, **chosen, period=period, dish=dish)
     click.echo(Table(measured.HEADER, measured.sensitivity_rows(found), align="lrrl"))
     if page is not None:
         with whole_file(page) as temporary:

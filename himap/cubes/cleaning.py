@@ -1,21 +1,18 @@
 """Foregrounds removed from a cube of one's own, by any method, and what is written of it."""
 
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from himap.cubes.cube import Cube
 from himap.errors import InputError
-from himap.maps.blocked import centred
 from himap.removal import available, create
-from himap.removal.analysis import analysed
 from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
-from himap.removal.masked import lines_of
-from himap.removal.peaks import least_channels, mask_peaks
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data
+from himap.removal.peaks import least_channels
 
-__all__ = ["Basis", "CleanedCube", "check_pixels", "clean_cube", "method_for", "with_enough_channels"]
+__all__ = ["CleanedCube", "check_pixels", "clean_cube", "cleaning_of", "method_for", "with_enough_channels"]
 
 _LEAST_FOR_PEAKS = 8
 
@@ -29,18 +26,35 @@ class CleanedCube(Cleaned):
     cube
         What was cleaned; `maps`, `residual` and `foreground` are of its seen pixels. Where a voxel is missing
         the residual is 0, and maps and foreground have what was found of it.
-    method
-        The `ForegroundRemover`.
+    cleaning
+        The `Cleaning`, to be done again with something changed.
     flagged
         Share of the voxels that peak masking replaced before the foreground was looked for.
     """
 
     cube: Cube
-    method: ForegroundRemover
+    cleaning: Cleaning
     flagged: float
 
+    @classmethod
+    def of(cls, cube, cleaning):
+        """What a `Cleaning` of a `Cube` makes of it."""
+        return cls(
+            maps=cleaning.maps,
+            residual=cleaning.residual,
+            separation=cleaning.separation,
+            cube=cube,
+            cleaning=cleaning,
+            flagged=cleaning.flagged,
+        )
+
     @property
-    def told(self):
+    def method(self):
+        """The `ForegroundRemover`."""
+        return self.cleaning.method
+
+    @property
+    def residual_with_nan(self):
         """The residual, (n_channels, n_seen), NaN where a voxel is missing."""
         missing = self.cube.missing
         return self.residual if missing is None else np.where(missing, np.float32(np.nan), self.residual)
@@ -64,81 +78,32 @@ class CleanedCube(Cleaned):
         return remarks
 
 
-class Basis:
-    """The maps of a `Cube` that a foreground is looked for in, made once for all methods that look.
+def cleaning_of(cube, method, *, beams=None, peaks=True, seed=2025):
+    """The `Cleaning` of a `Cube` by a `ForegroundRemover`; parameters and errors as of `clean_cube`.
 
-    Parameters
-    ----------
-    cube
-        The `Cube`.
-    peaks
-        Whether peaks are masked (paper, Sect. 4.1).
-
-    Attributes
-    ----------
-    maps
-        (n_channels, n_seen), mK, in the precision of those of the cube.
-    flagged
-        Share of the voxels that peak masking replaced.
-
-    Raises
-    ------
-    InputError
-        Too few channels for the masking of peaks.
+    Nothing is separated before it is asked for; peaks are masked now.
     """
-
-    def __init__(self, cube, *, peaks=True):
-        if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
-            raise InputError(
-                f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
-                f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
-            )
-        masked = mask_peaks(cube.maps, cube.freqs, weights=cube.weights) if peaks else None
-        self.maps = _precise(masked, cube.maps) if peaks else cube.maps
-        self.flagged = float(masked.flagged.mean()) if peaks else 0.0
-        self._cube = cube
-
-    @cached_property
-    def modes(self):
-        """The `CubeModes` of the maps less their channel means; of a part of the sky, continued outside."""
-        kept = None if self._cube.whole_sky else self._cube.mask
-        return analysed(self._cube.on_sphere(centred(self.maps)), kept)
-
-    def given_to(self, method, maps):
-        """What `method` is given of maps (n_channels, n_seen) of the cube: (maps, its further arguments).
-
-        A method that looks at the whole sky gets them on the sphere, with the mask; one that takes images
-        gets the seen pixels of one, and where they are.
-        """
-        options = {"modes": self.modes} if method.needs_modes else {}
-        if self._cube.weights is not None:
-            options["weights"] = self._cube.weights
-        if method.takes_image and self._cube.image is not None:
-            return maps, options | {"image": self._cube.image}
-        if method.needs_whole_sky and not self._cube.whole_sky:
-            return self._cube.on_sphere(maps), options | {"mask": self._cube.mask}
-        return maps, options
-
-    def separation(self, method, *, beams=None, seed=2025):
-        """The `Separation` of the seen pixels by a method; parameters as of `clean_cube`."""
-        maps, options = self.given_to(method, self.maps)
-        with _solvable(method):
-            found = method.separate(
-                maps,
-                freqs=self._cube.freqs,
-                beams=beams if method.needs_beams else None,
-                rng=np.random.default_rng(seed),
-                **options,
-            )
-        return lines_of(found, self._cube.mask) if "mask" in options else found
+    if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
+        raise InputError(
+            f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
+            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
+        )
+    return Cleaning.of(_data_of(cube, method, beams, seed), method, peaks=peaks)
 
 
-def _precise(masked, maps):
-    """The maps of a `PeakMasked`, in float64 where those that it was made of are."""
-    return np.where(masked.flagged, masked.maps, maps) if maps.dtype == np.float64 else masked.maps
+def _data_of(cube, method, beams, seed):
+    part = None if cube.whole_sky else cube.mask
+    return Data(
+        maps=cube.maps,
+        freqs=cube.freqs,
+        grid=part if cube.image is None else cube.image,
+        weights=cube.weights,
+        beams=beams if "beams" in method.uses else None,
+        seed=np.random.default_rng(seed),
+    )
 
 
-def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, **parameters):
+def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters):
     """Remove the foregrounds of a cube.
 
     Parameters
@@ -151,8 +116,6 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
         b_l, (n_channels, lmax + 1), for methods that use them (`beams_of`).
     peaks
         Whether the foreground is looked for in maps whose peaks are masked (paper, Sect. 4.1).
-    basis
-        The `Basis` of the cube where it is at hand, for several methods on one cube.
     seed
         Of the random numbers of methods that draw some.
     parameters
@@ -168,43 +131,14 @@ def clean_cube(cube, method, *, beams=None, peaks=True, basis=None, seed=2025, *
         An unknown method or parameter, or what the method itself refuses, such as too small a part of the
         sky.
     """
-    remover = method_for(cube, method, **parameters)
-    basis = Basis(cube, peaks=peaks) if basis is None else basis
-    maps, options = basis.given_to(remover, cube.maps)
-    with _solvable(remover):
-        result = remover.clean(
-            maps,
-            freqs=cube.freqs,
-            beams=beams if remover.needs_beams else None,
-            rng=np.random.default_rng(seed),
-            separate_on=basis.given_to(remover, basis.maps)[0],
-            **options,
-        )
-    seen = {"maps": cube.maps, "residual": result.residual, "separation": result.separation}
-    if cube.missing is not None:
-        seen["maps"] = result.maps
-    if "mask" in options:
-        seen["residual"] = result.residual[:, cube.mask]
-        seen["separation"] = lines_of(result.separation, cube.mask)
-    return CleanedCube(**seen, cube=cube, method=remover, flagged=basis.flagged)
-
-
-@contextmanager
-def _solvable(method):
-    """Equations that the digits of the maps do not suffice for, as an error of the input."""
-    try:
-        yield
-    except np.linalg.LinAlgError as error:
-        raise InputError(
-            f"{method.name} cannot solve its equations for these maps ({error}): the brightest part is too "
-            "much brighter than the faintest. Take another method, or maps in float64."
-        ) from None
+    remover = method_for(cube, method, beams=beams, **parameters)
+    return CleanedCube.of(cube, cleaning_of(cube, remover, beams=beams, peaks=peaks, seed=seed))
 
 
 def check_pixels(cube, remover):
     """Refuse a method that needs the sphere for a cube of images in the plane."""
-    if remover.needs_sphere() and not cube.layout.pixels.whole_sky:
-        able = [name for name in available() if not REGISTRY[name].needs_sphere()]
+    if "sphere" in remover.uses and not cube.layout.pixels.whole_sky:
+        able = [name for name in available() if "sphere" not in REGISTRY[name].uses]
         raise InputError(
             f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
             f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "
@@ -212,19 +146,8 @@ def check_pixels(cube, remover):
         )
 
 
-def _check_seen(cube, remover):
-    """Refuse to find spectra in fewer lines of sight than there are channels, which a few of them explain."""
-    n_channels, n_seen = cube.maps.shape
-    by_line = hasattr(remover, "n_sources") and not remover.needs_whole_sky  # others look at the mask itself
-    if by_line and n_seen < n_channels:
-        raise InputError(
-            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
-            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
-        )
-
-
-def method_for(cube, method, **parameters):
-    """The `ForegroundRemover` called `method`, if it can clean `cube`.
+def method_for(cube, method, *, beams=None, **parameters):
+    """The `ForegroundRemover` called `method`, if it can clean `cube` with these `beams`.
 
     Raises
     ------
@@ -237,11 +160,15 @@ def method_for(cube, method, **parameters):
         raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     check_pixels(cube, remover)
-    remover.check(len(cube.freqs))
-    _check_seen(cube, remover)
-    remover.checked_noise(None, len(cube.freqs))
-    if cube.weights is not None:
-        remover.check_weights(cube.weights)
+    n_channels, n_seen = cube.maps.shape
+    remover.check(n_channels)
+    by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
+    if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
+        raise InputError(
+            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
+            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
+        )
+    remover.check_data(_data_of(cube, remover, beams, 0))
     return remover
 
 

@@ -13,8 +13,7 @@ from himap.cubes.told import told_nested, told_pixels, told_unit
 from himap.cubes.weights import missing_told, names_beside, seen_weights
 from himap.errors import InputError
 from himap.maps.healpix_files import MILLIKELVIN
-from himap.removal.masked import checked_kept
-from himap.removal.weights import checked_weights
+from himap.removal.data import checked_mask, checked_weights
 
 __all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
 
@@ -137,7 +136,7 @@ class Cube:
         InputError
             A mask of another resolution, or that keeps nothing of what is seen.
         """
-        kept = checked_kept(mask, len(self.mask)) & self.mask
+        kept = checked_mask(mask, len(self.mask)) & self.mask
         if not kept.any():
             raise InputError("the mask keeps no pixel that the cube sees; True (or 1) means kept.")
         return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")

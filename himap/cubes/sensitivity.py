@@ -1,4 +1,4 @@
-"""How far what is left of a cube hangs on its beam, without the truth."""
+"""How far the residual of a cube depends on the beam that is assumed, without the truth."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from himap.cubes import page
 from himap.cubes.beams import beams_of
-from himap.cubes.cleaning import Basis, method_for
 from himap.cubes.corrected_report import plain_band
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -16,10 +15,9 @@ from himap.instrument.beams.base import Beam
 from himap.instrument.beams.misjudged import Misjudged
 from himap.maps import sphere
 from himap.maps.modes import MapModes
-from himap.measures import diagnostics
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
-from himap.measures.transfer import bands, recovery
+from himap.measures.transfer import band_means, power_ratios, recovery
 from himap.progress import progress
 
 __all__ = [
@@ -38,35 +36,35 @@ HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
 """Columns of `sensitivity_rows`."""
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
-"""What is tried unless told otherwise: errors of the FWHM, of all channels and oscillating, relative."""
+"""What is tried unless given: errors of the FWHM, of all channels and oscillating, relative."""
 
 _FAR = np.log(2)  # a ratio that is shown on a logarithmic axis
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """What becomes of the power that is left, were the beam another.
+    """How the power of the residual changes if another beam is assumed.
 
     Attributes
     ----------
-    told
+    beam
         The `Misjudged` beam.
     ratios
-        {band: power with that beam over power with the one that is believed}, such as "C/C0, 10-19".
+        {band: power with that beam over power with the one that was assumed}, such as "C/C0, 10-19".
     """
 
-    told: Misjudged
+    beam: Misjudged
     ratios: dict[str, float]
 
     @property
     def kind(self):
         """What is wrong: "width" or "ripple"."""
-        return "width" if self.told.width else "ripple"
+        return "width" if self.beam.width else "ripple"
 
     @property
     def error(self):
         """By how much, relative to the FWHM."""
-        return self.told.width or self.told.ripple
+        return self.beam.width or self.beam.ripple
 
     @property
     def furthest(self):
@@ -82,27 +80,22 @@ def beam_sensitivity(
     ripples=RIPPLES,
     period=20.0,
     dish=None,
-    peaks=True,
-    basis=None,
-    seed=2025,
 ):
-    """What becomes of a cleaned cube if its beam is not the one that is believed, a list of `Sensitivity`.
+    """How the residual of a cleaned cube changes if another beam is assumed, a list of `Sensitivity`.
 
-    The truth is not needed: where the power that is left hangs on an error of the beam that cannot be
-    excluded, foreground is left or HI lost.
+    The truth is not needed: where the power of the residual depends on an error of the beam that cannot be
+    excluded, there is foreground in it or HI is lost.
 
     Parameters
     ----------
     cleaned
         The `CleanedCube`, of a method that uses the beam.
     beam, dish
-        What is believed, as in `beams_of`.
+        As the cube was cleaned with, as in `beams_of`.
     widths
         Relative errors of the FWHM of all channels.
     ripples, period
         Relative amplitudes of an error that oscillates with frequency, and its period in MHz.
-    peaks, basis, seed
-        As the cube was cleaned (`clean_cube`).
 
     Raises
     ------
@@ -110,47 +103,39 @@ def beam_sensitivity(
         A method that does not use the beam, no error at all, or one outside its range.
     """
     cube, method = cleaned.cube, cleaned.method
-    if not method.needs_beams:
+    if "beams" not in method.uses:
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
-    told = misjudged_beams(beam, widths, ripples, period)
-    known = [(one, beams_of(cube, one, dish=dish)) for one in told]  # fails now
-    method_for(cube, method)
-    basis = Basis(cube, peaks=peaks) if basis is None else basis
-    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=None if cube.whole_sky else cube.mask)
+    assumed = misjudged_beams(beam, widths, ripples, period)
+    known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
+    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=cube.sky_mask)
     if cleaned.separation.lmax is not None:
         alms = sphere.alms_upto(alms, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
     found = []
     for one, beams in progress(known, "beams"):
-        other = basis.separation(method, beams=beams, seed=seed)
-        more = (cleaned.separation.foreground + -other.foreground).condensed(faint)
+        other = cleaned.cleaning.with_beams(beams).separation
+        more = (cleaned.separation.foreground + -other.foreground).truncate(faint)
         if not len(more.maps):  # nothing moves
             more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
         more = replace(more, maps=cube.on_sphere(more.maps))
-        found.append(Sensitivity(told=one, ratios=_ratios(recovery(alms, more, cube.channel_width))))
+        found.append(Sensitivity(beam=one, ratios=_ratios(recovery(alms, more, cube.channel_width))))
     return found
 
 
 def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
     """A list of `Misjudged`; parameters and errors as of `beam_sensitivity`."""
     beam = beam if isinstance(beam, Beam) else named(beam)
-    told = [Misjudged(beam=str(beam), width=width) for width in widths]
-    told += [Misjudged(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
-    if not told or not all(one.width or one.ripple for one in told):
+    assumed = [Misjudged(beam=str(beam), width=width) for width in widths]
+    assumed += [Misjudged(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
+    if not assumed or not all(one.width or one.ripple for one in assumed):
         raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
-    return told
+    return assumed
 
 
 def _ratios(found):
-    known_at = {"angular": found.put_in.degrees, "frequency": found.put_in.k}
-    return {
-        band: float(
-            diagnostics.ratio(
-                getattr(found.came_back, kind)[inside], getattr(found.put_in, kind)[inside]
-            ).mean()
-        )
-        for band, (kind, inside) in bands(**known_at).items()
-    }
+    """{band: mean ratio} of what came back to what was put in, of a `Recovery`."""
+    means = band_means(power_ratios(found), found.put_in.degrees, found.put_in.k)
+    return {band: float(mean) for band, mean in means.items()}
 
 
 def sensitivity_rows(found):
@@ -158,7 +143,7 @@ def sensitivity_rows(found):
     rows = []
     for one in found:
         band, ratio = one.furthest
-        wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.told.period:g} MHz"
+        wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.beam.period:g} MHz"
         rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", plain_band(band)))
     return rows
 

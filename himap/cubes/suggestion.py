@@ -22,14 +22,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.cubes import page
-from himap.cubes.cleaning import Basis, clean_cube, method_for
+from himap.cubes.cleaning import CleanedCube, cleaning_of, method_for
 from himap.cubes.report import views_of
 from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.instrument.beams.base import gaussian_widths
 from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
 from himap.progress import progress
-from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance
 
@@ -149,11 +149,12 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
     # Refused now, not after the others.
-    knows_beam = method_for(cube, method, n_sources=int(counts[-1]), **parameters).needs_beams
-    basis = Basis(cube, peaks=peaks)
+    remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
+    cleaning = cleaning_of(cube, remover, beams=beams, peaks=peaks)
+    knows_beam = "beams" in remover.uses
     found, variances, spectra, spectra_of, views = {}, [], [], None, views_of(cube)
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
-        cleaned = clean_cube(cube, method, beams=beams, basis=basis, n_sources=int(count), **parameters)
+        cleaned = CleanedCube.of(cube, cleaning.with_sources(int(count)))
         spectra_of = spectra_of or views.spectra_beside(cleaned)
         if cube.weights is not None:
             found[count] = cleaned.separation
@@ -164,7 +165,10 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     at_one = knows_beam and cube.whole_sky
     n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
     criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
-    values = _eigenvalues(cube, basis, beams if at_one else None, found.get(counts[criterion.argmin()]))
+    widths = np.rad2deg(gaussian_widths(beams)) if knows_beam else None
+    values = _eigenvalues(
+        cube, cleaning.basis, beams if at_one else None, found.get(counts[criterion.argmin()])
+    )
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
@@ -176,7 +180,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         method=method,
         knows_beam=knows_beam,
         at_one_resolution=at_one,
-        widths=_widths(beams) if knows_beam else None,
+        widths=(float(widths.min()), float(widths.max())) if knows_beam else None,
         weighted=cube.weights is not None,
     )
 
@@ -193,12 +197,6 @@ def _variances(cleaned):
     return found
 
 
-def _widths(beams):
-    """Least and largest FWHM of b_l, (n_channels, n_l), degrees."""
-    widths = np.rad2deg(gaussian_widths(beams))
-    return float(widths.min()), float(widths.max())
-
-
 def _eigenvalues(cube, basis, beams, found):
     """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given.
 
@@ -209,9 +207,7 @@ def _eigenvalues(cube, basis, beams, found):
         return np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, found))[::-1]
     if beams is None:
         return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
-    lmax = min(2 * cube.nside, beams.shape[1] - 1)
-    mixture = BlurredMixture(basis.modes.upto(lmax), beams[:, : lmax + 1])
-    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
+    return one_resolution_eigenvalues(basis.modes, beams, min(2 * cube.nside, beams.shape[1] - 1))
 
 
 def advice(suggestion):

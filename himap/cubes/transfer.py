@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from himap.checks import checked_cube
-from himap.cubes.cleaning import Basis, method_for
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import TransferFunction, recovery, recovery_of_cubes
-from himap.removal.weights import weighted_means
+from himap.removal.data import means_of
 
 __all__ = ["Corrected", "correct", "measure_transfer"]
 
@@ -49,8 +48,8 @@ class Corrected:
         return np.sqrt(np.mean((self.errors @ np.transpose(bins)) ** 2, axis=0))
 
 
-def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
-    """The `TransferFunction` of a method on a cube, from mocks that are cleaned with it.
+def measure_transfer(cleaned, mocks):
+    """The `TransferFunction` of a method on a cube, from mocks that are cleaned with it as it was.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing both the
     mock and what comes back of it count as 0, as does what is left of the cube: gaps take the same of all
@@ -63,19 +62,15 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
     mocks
         Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
         they are a generator. What they have where a voxel is missing counts nothing.
-    beams, peaks, seed
-        As the cube was cleaned (`clean_cube`).
 
     Raises
     ------
     InputError
         No mock, or one of another shape than the cube.
     """
-    cube, method = cleaned.cube, cleaned.method
+    cube, without = cleaned.cube, cleaned.separation
     cube.check_sphere()
-    method_for(cube, method)
-    missing = cube.missing
-    back_of = _back_of_seen if missing is None else _back_through_gaps
+    back_of = _back_of_seen if cube.missing is None else _back_through_gaps
     recoveries = []
     for mock in mocks:
         mock = checked_cube("a mock", mock)
@@ -84,18 +79,16 @@ def measure_transfer(cleaned, mocks, *, beams=None, peaks=True, seed=2025):
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
-        if missing is not None:
-            mock = np.where(missing, np.zeros((), mock.dtype), mock)
-        both = Basis(replace(cube, maps=cube.maps + mock), peaks=peaks)
-        found = both.separation(method, beams=beams, seed=seed)
-        recoveries.append(back_of(cube, mock, cleaned.separation, found))
+        if cube.missing is not None:
+            mock = np.where(cube.missing, np.zeros((), mock.dtype), mock)
+        recoveries.append(back_of(cube, mock, without, cleaned.cleaning.with_mock(mock).separation))
     return TransferFunction(recoveries=tuple(recoveries))
 
 
 def _back_of_seen(cube, mock, without, found):
     """The `Recovery` of a mock, from the `Separation` without and with it; no voxel is missing."""
     variance = float(mock.var(axis=1, dtype=np.float64).sum())
-    wrong = (without.foreground + -found.foreground).condensed(FAINT * variance)
+    wrong = (without.foreground + -found.foreground).truncate(FAINT * variance)
     alms = masked_alms(cube.on_sphere(mock), mask=cube.sky_mask)
     if found.lmax is not None:
         alms = sphere.alms_upto(alms, found.lmax)
@@ -105,8 +98,8 @@ def _back_of_seen(cube, mock, without, found):
 
 def _back_through_gaps(cube, mock, without, found):
     """The same where voxels are missing, of both cubes with 0 there."""
-    back = (found.foreground + -without.foreground).taken_from(mock, found.means - without.means)
-    cubes = (mock - weighted_means(mock, cube.weights)[:, None]).astype(mock.dtype), back
+    back = (found.foreground + -without.foreground).subtract_from(mock, found.means - without.means)
+    cubes = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype), back
     alms, missing = [], cube.missing
     for maps in cubes:
         maps[missing] = 0

@@ -135,7 +135,7 @@ def _named(path, ending):
 
 def _as_given(cleaned):
     """(name, cube as in the file) of what is written, one at a time."""
-    for name, maps in (("residual", cleaned.told), ("foreground", cleaned.foreground)):
+    for name, maps in (("residual", cleaned.residual_with_nan), ("foreground", cleaned.foreground)):
         yield name, cleaned.cube.layout.as_given(maps, cleaned.cube.mask)
 
 

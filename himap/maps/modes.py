@@ -48,7 +48,7 @@ class MapModes:
         """(n_channels, n_pix) float32."""
         return mixture(self.spectra, self.maps)
 
-    def taken_from(self, cube, means=None):
+    def subtract_from(self, cube, means=None):
         """`cube` (n_channels, n_pix) less this and less one number per channel, float32."""
         left = np.empty(cube.shape, dtype=np.float32)
         means = 0 if means is None else means[:, None]
@@ -56,7 +56,7 @@ class MapModes:
             left[:, block] = cube[:, block] - self.lines(block) - means
         return left
 
-    def condensed(self, faint):
+    def truncate(self, faint):
         """The same less its channel means, in as few orthonormal spectra as it needs.
 
         Parameters

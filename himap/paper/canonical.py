@@ -29,7 +29,8 @@ from himap.instrument.beams.meerkat_lobes import MeerKATLobes
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.beams.rippled import Rippled
-from himap.paper import beam_errors, choice, cleaned, evidence, harmless, masked, mocks, pipeline
+from himap.paper import choice, cleaned, evidence, harmless, masked, mocks, pipeline
+from himap.paper.experiments import beam_errors
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gaussian_process import GaussianProcess
@@ -89,7 +90,7 @@ _PRODUCTS = {
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
     harmless.parts: [(CASE, PLAIN), (CASE, SmoothSpectra())],
     harmless.foreseen: [(CASE, SmoothSpectra())],
-    beam_errors.misjudged_recovery: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
+    beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
 }
 _CHOSEN_METHODS = (
     PLAIN,

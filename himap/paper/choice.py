@@ -10,7 +10,7 @@ from himap.measures.transfer import JUDGED, TransferFunction, band_means
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
 from himap.products.store import product
-from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 
 __all__ = ["SETTLED", "Views", "eigenvalues", "minka", "views_of"]
@@ -27,10 +27,8 @@ def eigenvalues(case, aware=False):
     """
     if not aware:
         return np.linalg.eigvalsh(channel_covariance(pipeline.basis(case, True)))[::-1]
-    lmax = 2 * case.survey.nside
-    beams = case.beam.of_survey(case.survey).total[:, : lmax + 1]
-    mixture = BlurredMixture(pipeline.analysis(case).upto(lmax), beams)
-    return np.linalg.eigvalsh(mixture.at_worst_beam())[::-1] / (4 * np.pi)
+    beams = case.beam.of_survey(case.survey).total
+    return one_resolution_eigenvalues(pipeline.analysis(case), beams, 2 * case.survey.nside)
 
 
 @product
@@ -102,7 +100,7 @@ def views_of(case, removers, mocks):
         counts=counts,
         bic=bic,
         aic=aic,
-        eigenvalues=eigenvalues(case, removers[0].needs_beams),
+        eigenvalues=eigenvalues(case, "beams" in removers[0].uses),
         change=how_many.changes([(one.came_back.angular[2:], one.came_back.frequency[1:]) for one in own]),
         corrected_change=how_many.changes([row[:, None] for row in corrected]),
         error=np.abs(np.divide(left, true) - 1).max(axis=1),

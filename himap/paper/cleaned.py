@@ -4,6 +4,8 @@ Cubes are made only where they are asked for (`residual`): what a method takes i
 and what is measured follows from these.
 """
 
+from dataclasses import replace
+
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
@@ -13,8 +15,29 @@ from himap.measures.results import Assessment, PowerSpectra
 from himap.paper import pipeline
 from himap.products.store import product
 from himap.removal.beam_projection import on_sky
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data
 
-__all__ = ["assessment", "error", "residual", "separation"]
+__all__ = ["assessment", "cleaning", "data_of", "error", "error_of", "residual", "separation"]
+
+
+def cleaning(case, remover, mask_peaks=True):
+    """The `Cleaning` of a case by `remover`, from the products that there are; what it finds is not kept.
+
+    With `mask_peaks` the foreground is found in the peak-masked maps.
+    """
+    data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
+    basis = replace(data, maps=pipeline.basis(case, True)) if mask_peaks else data
+    basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
+    return Cleaning(data=data, method=remover, basis=basis)
+
+
+def data_of(case, maps, seed=None):
+    """Maps of a case, (n_channels, n_pix), as the `Data` of its instrument."""
+    observed = pipeline.observation(case)
+    return Data(
+        maps=maps, freqs=observed.freqs, beams=observed.beams, noise=noise_sigma(case.survey), seed=seed
+    )
 
 
 @product
@@ -25,24 +48,13 @@ def separation(case, remover, mask_peaks=True):
     The method comes as an object, not by name, so that its result depends on the code of that method alone.
     """
     remover.check(case.survey.n_channels)
-    observed = pipeline.observation(case)
-    return remover.separate(
-        pipeline.basis(case, mask_peaks),
-        freqs=observed.freqs,
-        beams=observed.beams,
-        noise=noise_sigma(case.survey),
-        rng=case.survey.rng(f"removal {remover.name}"),
-        modes=pipeline.analysis(case, mask_peaks) if remover.needs_modes else None,
-    )
+    return cleaning(case, remover, mask_peaks).separation
 
 
 def residual(case, remover, mask_peaks=True, channels=slice(None)):
     """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
-    found = separation.once(case, remover, mask_peaks)
-    modes = None if found.lmax is None else pipeline.analysis(case, mask_peaks)
-    return found.left_of(
-        pipeline.observation(case).maps, pipeline.basis(case, mask_peaks), modes, channels=channels
-    )
+    found, known = separation.once(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
+    return found.residual(known.data.maps, known.basis, channels)
 
 
 def error(case, remover, mask_peaks=True):
@@ -51,14 +63,15 @@ def error(case, remover, mask_peaks=True):
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
     the method ends at some l, it is that of what is left up to there against the truth up to there.
     """
-    return _error(case, separation.once(case, remover, mask_peaks), mask_peaks)
+    return error_of(case, separation.once(case, remover, mask_peaks), mask_peaks)
 
 
-def _error(case, found, mask_peaks):
+def error_of(case, found, mask_peaks=True):
+    """The same of any `Separation` of a case."""
     endless = found.lmax is None
     there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
     whole = on_sky(there, case.survey.nside, found.lmax) + -found.foreground
-    return whole.condensed(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
+    return whole.truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
 
 
 @product
@@ -70,7 +83,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     Sect. 5.1).
     """
     found = separation.once(case, remover, mask_peaks)
-    wrong, lmax, width = _error(case, found, mask_peaks), found.lmax, case.survey.channel_width
+    wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
     alms = pipeline.truth_alms(case, lmax)
     if lmax is None:
         true = pipeline.truth(case)

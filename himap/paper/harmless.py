@@ -89,7 +89,7 @@ def _filtered(case, remover, found, mask_peaks):
     """As `error_parts`: the filter takes of a sum what it takes of its terms."""
     truth = pipeline.truth(case)
     known = centred(truth - (pipeline.observation(case).maps - pipeline.basis(case, mask_peaks)))
-    lost = found.filter.taken(known, analysed(known)).cube()
+    lost = found.filter.foreground(known, analysed(known)).cube()
     return cleaned.error(case, remover, mask_peaks).cube() + lost, lost, centred(truth)
 
 

@@ -39,7 +39,7 @@ def error_parts(case, remover):
     known = centred(observed.truth - (observed.maps - pipeline.peak_masked(case).maps))
     if found.lmax is not None:
         known = sphere.cut_cube(known, found.lmax)
-    if remover.needs_beams:
+    if "beams" in remover.uses:
         relative = observed.beams / observed.beams.max(axis=0)
         hi_lost = through_beams(known, found.mixing, relative, analysed(known)).cube()
     else:

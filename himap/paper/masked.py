@@ -10,16 +10,14 @@ import numpy as np
 
 from himap.checks import checked_fields, parameter
 from himap.errors import InputError
-from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.maps.blocked import centred
 from himap.measures import diagnostics
 from himap.measures.difference import Moments, difference, line_errors
 from himap.measures.power_spectra import angular_power_pair, frequency_power
 from himap.measures.results import Comparison, PowerSpectra
 from himap.paper import cleaned, pipeline
 from himap.products.store import product
-from himap.removal.analysis import analysed
+from himap.removal.data import scattered
 from himap.sky.dimming import Dimming
 
 __all__ = ["WAYS", "Region", "by_depth", "compared", "residual", "separation"]
@@ -60,26 +58,20 @@ class Region:
 @product(name="masked_analysis")
 def analysis(case, region, mask_peaks=True):
     """The `CubeModes` of a region of the maps that the foreground is found in, less their means there."""
-    kept = region.mask(case.survey.nside)
     maps = pipeline.basis(case, mask_peaks)
-    less_means = centred(maps, maps[:, kept].mean(axis=1, dtype=np.float64))
-    less_means[:, ~kept] = 0
-    return analysed(less_means, kept)
+    return cleaned.data_of(case, maps).on(region.mask(case.survey.nside)).modes
+
+
+def _cleaning(case, remover, region, mask_peaks):
+    return cleaned.cleaning(case, remover, mask_peaks).on(region.mask(case.survey.nside))
 
 
 @product(name="masked_separation")
 def separation(case, remover, region, mask_peaks=True):
-    """The `Separation` that `remover` makes of a region of a case, as `cleaned.separation` of all of it."""
-    observed, whole = pipeline.observation(case), remover.needs_whole_sky
-    return remover.separate(
-        pipeline.basis(case, mask_peaks),
-        freqs=observed.freqs,
-        beams=observed.beams,
-        noise=noise_sigma(case.survey),
-        rng=case.survey.rng(f"removal {remover.name}"),
-        modes=analysis(case, region, mask_peaks) if whole else None,
-        mask=region.mask(case.survey.nside),
-    )
+    """The `Separation` of the pixels of a region of a case, as `cleaned.separation` of all of it."""
+    cleaning = _cleaning(case, remover, region, mask_peaks)
+    cleaning.basis.known["modes"] = lambda: analysis(case, region, mask_peaks)
+    return cleaning.separation
 
 
 def residual(case, remover, region, way):
@@ -99,10 +91,8 @@ def residual(case, remover, region, way):
     if way != "inside":
         return cleaned.residual(case, remover)
     kept = region.mask(case.survey.nside)
-    observed = pipeline.observation(case).maps
-    left = separation(case, remover, region).left_of(observed, observed)
-    left[:, ~kept] = 0
-    return left
+    cleaning = _cleaning(case, remover, region, True)
+    return scattered(separation(case, remover, region).residual(cleaning.data.maps, cleaning.basis), kept)
 
 
 @product(name="masked_comparison")

@@ -10,16 +10,13 @@ import numpy as np
 
 from himap.checks import checked_fields, parameter
 from himap.errors import InputError
-from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.maps.blocked import centred
 from himap.measures.difference import FAINT
 from himap.measures.transfer import TransferFunction, recovery
 from himap.paper import cleaned, pipeline, plan
 from himap.products.parallel import make_all
 from himap.products.store import product
-from himap.removal import harmonic, peaks
-from himap.removal.analysis import analysed
+from himap.removal import harmonic
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 
@@ -111,27 +108,19 @@ def mock_alms(case, mock, lmax=None):
 def recovered(case, removers, mock, mask_peaks=True):
     """What comes back of a mock in an observation, a list with the `Recovery` of each method.
 
-    All that a method finds is found anew, in the observation with the mock and, with `mask_peaks`, without
-    the peaks of the two together; a method that is told the noise is told that of both. Where the method
-    ends at some l, so does the comparison.
+    All that a method finds is found anew (`Cleaning.with_mock`). Where the method ends at some l, so does the
+    comparison.
     """
-    observed, alms = pipeline.observation(case), mock_alms(case, mock)
-    maps = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
-    maps += observed.maps
-    basis = peaks.mask_peaks(maps, observed.freqs).maps if mask_peaks else maps
-    modes = analysed(centred(basis)) if any(remover.needs_modes for remover in removers) else None
+    alms = mock_alms(case, mock)
+    mocked = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(
+        sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
+    )
     recoveries = []
     for remover in removers:
         without = cleaned.separation.once(case, remover, mask_peaks)
-        found = remover.separate(
-            basis,
-            freqs=observed.freqs,
-            beams=observed.beams,
-            noise=np.sqrt(2) * noise_sigma(case.survey),
-            rng=case.survey.rng(f"removal {remover.name}"),
-            modes=modes if remover.needs_modes else None,
-        )
-        wrong = (without.foreground + -found.foreground).condensed(_faint(case))
+        rng = case.survey.rng(f"removal {remover.name}")
+        found = mocked.with_method(remover, rng=rng).separation
+        wrong = (without.foreground + -found.foreground).truncate(_faint(case))
         own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
         recoveries.append(recovery(own, wrong, case.survey.channel_width))
     return recoveries

@@ -133,8 +133,12 @@ def _make_analyses(calls):
     """Make the analyses that these calls need; returns what was made, [(product, arguments)]."""
     made = []
     cleanings = [call[:3] for call in calls if len(call) > 1]
-    for product, asked in {pipeline.analysis: "needs_modes", pipeline.foreground_analysed: "ends"}.items():
-        wanted = {(case, peaks): None for case, remover, peaks in cleanings if getattr(remover, asked)}
+    asked = {
+        pipeline.analysis: lambda remover: "sphere" in remover.uses,
+        pipeline.foreground_analysed: lambda remover: remover.ends,
+    }
+    for product, asks in asked.items():
+        wanted = {(case, peaks): None for case, remover, peaks in cleanings if asks(remover)}
         missing = [call for call in wanted if not product.is_cached(*call)]
         make_all(product, missing, "analysis")
         made += [(product, call) for call in missing]

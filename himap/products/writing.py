@@ -11,7 +11,7 @@ looks up variables by name (``locals()`` and the like), those count too.
 import ast
 from typing import NamedTuple
 
-__all__ = ["DEFINITIONS", "IMPORTS", "Hole", "Writer", "assigns", "bound_name", "called", "is_text"]
+__all__ = ["DEFINITIONS", "IMPORTS", "WORDS", "Hole", "Writer", "assigns", "bound_name", "called", "is_text"]
 
 IMPORTS = (ast.Import, ast.ImportFrom)
 DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
@@ -20,6 +20,16 @@ _COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 _SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
 _LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
 _CLASS = "<class>"
+
+_ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "sentence", "reading", None}
+WORDS = {
+    "parameter": (1, {"help"}),
+    "claim": (2, _ENTRY),
+    "method_claim": (2, _ENTRY),
+    "not_applicable": (0, _ENTRY),
+    "Finding": (0, {"sentence"}),
+}
+"""{function: (how many positional arguments count, keywords that are words)}; None is what ``**`` adds."""
 
 
 class Hole(NamedTuple):
@@ -142,8 +152,9 @@ class Writer:
 
     def _Call(self, node):
         args, keywords = node.args, node.keywords
-        if called(node) == "parameter":
-            args, keywords = args[:1], [key for key in keywords if key.arg != "help"]
+        if called(node) in WORDS:
+            n_args, words = WORDS[called(node)]
+            args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
         elif self._is_ignored(node.func):
             if called(node) == "progress" and args:
                 return self.text(args[0])

@@ -12,8 +12,9 @@ from himap.maps.filling import continued_alm
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
+from himap.removal.data import scattered
 
-__all__ = ["CubeModes", "analysed"]
+__all__ = ["CubeModes", "analysed", "continued"]
 
 _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and noise alone
 _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more
@@ -72,44 +73,47 @@ def analysed(maps, kept=None):
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _analysed(maps) if kept is None else _analysed_within(maps, kept)
+        return _analysed(maps, kept)
 
 
-def _analysed(maps):
-    lmax = 3 * sphere.nside_of(maps) - 1
-    spectra, tolerances = _bright_axes(channel_covariance(maps))
-    pixels = projection(spectra.T, maps)
-    bright = np.empty((len(pixels), (lmax + 1) ** 2))
-    for bright_map, tolerance, out in zip(progress(pixels, "bright maps"), tolerances, bright, strict=True):
-        out[:] = harmonic.to_modes(sphere.analyse_closely(bright_map, lmax, tolerance))
-    rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
-    for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
-        faint = (channel - spectrum @ pixels).astype(np.float32)
-        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=_refinements(maps)))
-    return CubeModes(spectra=spectra, bright=bright, rest=rest)
-
-
-def _analysed_within(maps, kept):
-    n_pix, lmax = len(kept), 3 * sphere.nside_of(kept) - 1
-    seen = maps[:, kept]
+def _analysed(maps, kept):
+    nside = sphere.nside_of(maps)
+    lmax, n_iter = 3 * nside - 1, 0 if nside >= _FINE else sphere.N_ITER_FLAT
+    seen = maps if kept is None else maps[:, kept]
     spectra, tolerances = _bright_axes(channel_covariance(seen))
     lines = projection(spectra.T, seen)
     bright = np.empty((len(lines), (lmax + 1) ** 2))
     for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
-        pixels = np.zeros(n_pix)
-        pixels[kept] = line
-        out[:] = harmonic.to_modes(continued_alm(pixels, kept, tolerance))
+        if kept is None:
+            alm = sphere.analyse_closely(line, lmax, tolerance)
+        else:
+            alm = continued_alm(scattered(line[None], kept)[0], kept, tolerance)
+        out[:] = harmonic.to_modes(alm)
     rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
     for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):
-        faint = np.zeros(n_pix, dtype=np.float32)
-        faint[kept] = channel - spectrum @ lines
-        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=_refinements(kept)))
+        faint = (channel - spectrum @ lines).astype(np.float32)
+        faint = faint if kept is None else scattered(faint[None], kept)[0]
+        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=n_iter))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
 
 
-def _refinements(pixels):
-    """Of the analysis of what is faint."""
-    return 0 if sphere.nside_of(pixels) >= _FINE else sphere.N_ITER_FLAT
+def continued(lines, kept, modes):
+    """Maps (n_channels, n_pix) of the whole sphere: lines of sight where kept, what is bright elsewhere.
+
+    Parameters
+    ----------
+    lines
+        (n_channels, n_kept), mK.
+    kept
+        (n_pix,) bool.
+    modes
+        Their `CubeModes` (`analysed` with `kept`).
+    """
+    maps, nside = scattered(lines, kept), sphere.nside_of(kept)
+    bright = np.array([sphere.synthesise(harmonic.from_modes(one), nside)[~kept] for one in modes.bright])
+    for spectrum, out in zip(modes.spectra, maps, strict=True):
+        out[~kept] = spectrum @ bright
+    return maps
 
 
 def _bright_axes(covariance):

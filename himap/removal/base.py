@@ -1,4 +1,4 @@
-"""What every method of foreground removal has in common: checks, centring, subtraction, the register.
+"""What every method of foreground removal has in common: checks, subtraction, the register.
 
 A method is a frozen dataclass of its parameters with one hook, `_separate`. To add one, write one file with
 one class in `himap/removal/`; it registers by its name, and the contract test runs on it by itself.
@@ -7,21 +7,22 @@ one class in `himap/removal/`; it registers by its name, and the contract test r
 import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from himap.checks import checked_beams, checked_fields, checked_freqs, checked_noise, parameter
+from himap.checks import checked_fields, parameter
 from himap.errors import InputError
-from himap.maps.blocked import centred, lean
-from himap.removal.seen import Seen, means_of
-from himap.removal.separation import Cleaned, Separation, modes_of
-from himap.removal.weights import check_lines
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data, check_channels, scattered
+from himap.removal.separation import Cleaned, Separation
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
 
 REGISTRY = {}
+
+_WHOLE = {"sphere", "neighbours"}  # uses for which the pixels of a part of the sphere are not enough
 
 
 class SeparationWarning(UserWarning):
@@ -36,51 +37,25 @@ class ForegroundRemover(ABC):
     ----------
     name
         What it is called in `removal.create`, in file names and in figures.
-    centred
-        Whether `_separate` gets maps less their channel means. A method that is not linear in the maps, such
-        as a fit of power laws, sets it to False and gives the whole foreground.
-    needs_beams
-        Whether the method uses the beams; the others get None for them.
-    needs_noise
-        Whether the method uses the noise of the instrument.
-    needs_whole_sky
-        Whether the pixels must be a whole HEALPix sphere; the others take any lines of sight.
-    takes_image
-        Whether a method that needs the whole sky takes an image in the plane too, or a part of it: then
-        `_separate` gets the lines of sight that are kept, and their places as `image`, (n_y, n_x) bool.
+    uses
+        What the method needs or takes beyond maps and frequencies:
+
+        - "beams", "noise": those of the instrument, which must be given where it needs them;
+        - "sphere": multipoles, so the pixels are a whole HEALPix sphere, or a part that is continued to it;
+        - "neighbours": pixels around each pixel, of a HEALPix sphere as before, or of an image in the plane;
+        - "weights": of pixels and voxels, where they differ; other methods refuse them.
     ends_by_count
         Whether the method as published also ends after so many iterations, settled or not; then to have come
         to that end is recorded (`Separation.converged`), and no warning.
-    needs_modes
-        Whether `_separate` gets the harmonic modes of the maps too, `modes`, a `CubeModes`.
-    takes_mask
-        Whether `_separate`, where there is a mask, gets it as `kept`. A method that needs the whole sky then
-        gets maps that go on outside of the mask, and should learn nothing from there; one that does not take
-        the mask learns from all of them. The others get the lines of sight that are kept.
-    takes_weights
-        Whether `_separate`, where weights differ, gets them as `weights`, (n_pix,) or (n_channels, n_pix), of
-        the lines of sight that are kept; where these are 0, maps are finite. The others refuse them.
     """
 
     name: ClassVar[str]
-    centred: ClassVar[bool] = True
-    needs_beams: ClassVar[bool] = False
-    needs_noise: ClassVar[bool] = False
-    needs_whole_sky: ClassVar[bool] = False
-    takes_image: ClassVar[bool] = False
-    needs_modes: ClassVar[bool] = False
-    takes_mask: ClassVar[bool] = False
-    takes_weights: ClassVar[bool] = False
+    uses: ClassVar[frozenset] = frozenset()
     ends_by_count: ClassVar[bool] = False
-
-    @classmethod
-    def needs_sphere(cls):
-        """Whether the method refuses images in the plane."""
-        return cls.needs_whole_sky and not cls.takes_image
 
     @property
     def ends(self):
-        """Whether what is left ends at some multipole (`Separation.lmax`)."""
+        """Whether the residual ends at some multipole (`Separation.lmax`)."""
         return False
 
     def __init_subclass__(cls, **kwargs):
@@ -90,199 +65,78 @@ class ForegroundRemover(ABC):
     def __post_init__(self):
         checked_fields(self)
 
-    def clean(
-        self,
-        maps,
-        *,
-        freqs,
-        beams=None,
-        noise=None,
-        rng=None,
-        separate_on=None,
-        modes=None,
-        mask=None,
-        weights=None,
-        image=None,
-    ):
+    def clean(self, maps, *, separate_on=None, modes=None, **given):
         """Find the foreground and subtract it.
 
         Parameters
         ----------
         maps
             (n_channels, n_pix), mK; left as they are.
-        freqs, beams, noise, rng
-            As in `separate`.
         separate_on
             Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
             themselves unless given. The foreground is always subtracted from `maps`.
         modes
-            As in `separate`, of those maps.
-        mask
-            As in `separate`; the residual is 0 where nothing is kept.
-        weights
-            As in `separate`; the residual is 0 where a voxel is missing, and the foreground what was found of
-            it there.
-        image
-            As in `separate`.
+            The `CubeModes` of those less their channel means, where they are at hand: to make them is half
+            of the work of methods that use the sphere.
+        given
+            `freqs`, and as needed `beams`, `noise`, `rng`, `mask`, `weights` and `image` (`Data.of`).
 
         Returns
         -------
         Cleaned
+            Of all pixels given, with 0 where none is kept; the residual is 0 where a voxel is missing, and
+            the foreground there is what was found of it.
 
         Raises
         ------
         InputError
-            Maps of different shapes; and as `separate`.
+            Maps of different shapes; what is not valid by itself (`Data.of`), or not for this method: more
+            sources than channels, missing beams or noise, weights that it does not take, pixels that are not
+            a sphere where it needs one.
         """
-        seen = self._seen(maps, mask, weights, image)
-        maps = seen.within("maps", maps)
-        if separate_on is not None and np.shape(separate_on) != maps.shape:
-            got = np.shape(separate_on)
-            raise InputError(f"separate_on must have the shape of maps, {maps.shape}, got {got}.")
-        basis = maps if separate_on is None else seen.within("separate_on", separate_on)
-        separation, modes = self._found(basis, freqs, beams, noise, rng, modes, seen)
-        residual = separation.left_of(maps, basis, modes)
-        seen.finish(maps, residual, separation)
-        return Cleaned(maps=maps, residual=residual, separation=separation)
+        if given.get("weights") is not None:
+            self.check_weights()
+        data = basis = Data.of(maps, **given)
+        if separate_on is not None:
+            if np.shape(separate_on) != np.shape(maps):
+                got = np.shape(separate_on)
+                raise InputError(f"separate_on must have the shape of maps, {np.shape(maps)}, got {got}.")
+            basis = Data.of(separate_on, label="separate_on", **given)
+        if modes is not None:
+            basis.known["modes"] = modes
+        cleaning = Cleaning(data=data, method=self, basis=basis)
+        vars(cleaning)["separation"] = separation = self._found(basis)
+        cleaned = Cleaned(maps=cleaning.maps, residual=cleaning.residual, separation=separation)
+        kept = data.grid if data.image is None else data.image[given["image"]]
+        return cleaned if kept is None else cleaned.moved(lambda lines: scattered(lines, kept))
 
-    def separate(
-        self,
-        maps,
-        *,
-        freqs,
-        beams=None,
-        noise=None,
-        rng=None,
-        modes=None,
-        mask=None,
-        weights=None,
-        image=None,
-    ):
-        """Find the foreground.
+    def separate(self, data):
+        """Find the foreground of `Data`, a `Separation` of their pixels; errors as of `clean`."""
+        return self._found(data)
 
-        Parameters
-        ----------
-        maps
-            (n_channels, n_pix), mK; left as they are.
-        freqs
-            Channel centres, MHz, ascending, (n_channels,).
-        beams
-            b_l, (n_channels, lmax + 1), for methods that use them: positive and finite.
-        noise
-            Noise of the instrument per pixel, mK, a number or (n_channels,), for methods that use it.
-        rng
-            numpy Generator, for methods that draw numbers.
-        modes
-            The `CubeModes` of the maps less their channel means (`himap.removal.analysis.analysed`), where
-            they are at hand, for methods that need them: to make them is half of the work. With a mask those
-            of what is kept, less the means over it.
-        mask
-            (n_pix,) bool, True where kept; what is elsewhere may be anything and counts nothing, neither for
-            the channel means. None keeps all.
-        weights
-            Hits or inverse variances, of which only ratios matter, for methods that take them: of pixels,
-            (n_pix,), or of voxels, (n_channels, n_pix). A pixel without any is not kept. A voxel without any
-            in a pixel with some is missing: what is there may be anything and counts nothing.
-        image
-            For pixels of an image in the plane: which of them the maps have, row by row, (n_y, n_x) bool.
-            Methods that take any lines of sight do without.
-
-        Returns
-        -------
-        Separation
-
-        Raises
-        ------
-        InputError
-            Maps that are not finite or of one channel; frequencies or beams that do not fit them; more
-            sources than channels; a bad mask, or one that the method cannot work with; bad weights, or any
-            if the method does not take them; an image of other pixels, or where the method needs the sphere.
-        """
-        seen = self._seen(maps, mask, weights, image)
-        return self._found(seen.within("maps", maps), freqs, beams, noise, rng, modes, seen)[0]
-
-    def _seen(self, maps, mask, weights, image):
-        if weights is not None:
-            self.check_weights(None)
-        if image is not None and self.needs_sphere():
-            raise InputError(f"{self.name} looks at the sphere, by multipoles; image= must be left out.")
-        return Seen.of(maps, mask, weights, image)
-
-    def _found(self, maps, freqs, beams, noise, rng, modes, seen):
-        """The `Separation` of checked maps, and their `CubeModes` where the method needs them."""
-        freqs = checked_freqs(freqs, len(maps))
-        beams = self._own_beams(beams, len(maps))
-        noise = self.checked_noise(noise, len(maps))
-        self.check(len(maps))
-        shape, kept, weights = maps.shape, seen.kept, seen.lines()
-        in_plane = self.takes_image and seen.image is not None
-        whole = kept is not None and self.needs_whole_sky and not in_plane
-        if kept is not None:
-            if not in_plane:
-                self.check_kept(kept, beams)
-            maps = maps[:, kept]
-        if weights is not None:
-            self.check_weights(weights)
-        find = partial(self._separate, freqs=freqs, beams=beams, rng=rng)
-        if self.needs_noise:
-            find = partial(find, noise=noise)
-        if self.needs_modes and not whole:
-            modes = modes_of(maps) if modes is None else modes
-        means = means_of(maps, weights) if self.centred else np.zeros(len(maps))
-        maps = centred(maps, means) if self.centred else lean(maps)
-        if whole:
-            maps, modes = seen.completed(maps, modes)
-        if self.needs_modes:
-            find = partial(find, modes=modes)
-        if in_plane:
-            find = partial(find, image=seen.image_of_lines())
-        if kept is not None and self.takes_mask:
-            find = partial(find, kept=kept)
-        if weights is not None:
-            find = partial(find, weights=weights)
-        separation = find(maps)
-        separation = replace(
-            separation, means=means if separation.means is None else means + separation.means
-        )
-        if kept is not None and not whole:
-            separation = seen.among_all(separation)
-        self._check_result(separation, shape)
-        return separation, modes
-
-    def _own_beams(self, beams, n_channels):
-        if not self.needs_beams:
-            return None
-        if beams is None:
+    def _found(self, data):
+        self.check(len(data.maps))
+        self.check_data(data)
+        whole = data.on_sphere() if self.uses & _WHOLE and data.image is None else data
+        try:
+            # Sums in another order end elsewhere after many turns: one thread, so that machines with the same
+            # libraries agree whatever their number of cores. Transforms keep theirs, which do not matter.
+            with threadpool_limits(1, user_api="blas"):
+                found = self._separate(whole)
+        except np.linalg.LinAlgError as error:
             raise InputError(
-                f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
-                "himap.instrument.beams makes those of the paper."
-            )
-        return checked_beams("beams", beams, n_channels)
-
-    def checked_noise(self, noise, n_channels):
-        """The noise per pixel of the instrument as a float, a tuple (n_channels,) or None, mK.
-
-        Raises
-        ------
-        InputError
-            It is not above zero, or of another number of channels, or missing where the method needs it.
-        """
-        noise = checked_noise("noise", noise)
-        if isinstance(noise, tuple) and len(noise) != n_channels:
-            raise InputError(
-                f"noise must be one value or {n_channels}, one for each channel, got {len(noise)}."
-            )
-        return noise
-
-    def _check_result(self, separation, shape):
-        """Hold a method to what it promises, and pass on what it says of its result."""
-        separation.check(type(self).__name__, shape)
-        if not (separation.converged or self.ends_by_count):
+                f"{self.name} cannot solve its equations for these maps ({error}): the brightest part is too "
+                "much brighter than the faintest. Take another method, or maps in float64."
+            ) from None
+        found = found if found.means is not None else replace(found, means=whole.means)
+        found.check(type(self).__name__, whole.maps.shape)
+        if not (found.converged or self.ends_by_count):
             warnings.warn(
-                f"{self.name}: stopped after {separation.n_iterations} iterations without converging.",
+                f"{self.name}: stopped after {found.n_iterations} iterations without converging.",
                 SeparationWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
+        return found if whole is data else found.moved(lambda lines: lines[:, data.grid])
 
     def check(self, n_channels):
         """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.
@@ -298,51 +152,55 @@ class ForegroundRemover(ABC):
                 f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
             )
 
-    def check_kept(self, kept, beams):
-        """Refuse, before any work, a mask (n_pix,) bool that the method cannot work with.
-
-        Parameters
-        ----------
-        kept
-            True where kept.
-        beams
-            b_l, (n_channels, lmax + 1), or None for a method that does not use them.
+    def check_data(self, data):
+        """Refuse, before any work, `Data` that the method cannot work with.
 
         Raises
         ------
         InputError
-            The pixels are no HEALPix sphere, where the method needs the whole sky.
+            What it needs is missing, or it does not take what there is.
         """
-        if self.needs_whole_sky:
+        if "beams" in self.uses and data.beams is None:
+            raise InputError(
+                f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
+                "himap.instrument.beams makes those of the paper."
+            )
+        if "sphere" in self.uses and data.image is not None:
+            raise InputError(f"{self.name} looks at the sphere, by multipoles; image= must be left out.")
+        if self.uses & _WHOLE and data.image is None:
             from himap.maps import sphere
 
-            sphere.nside_of(kept)
+            sphere.nside_of(data.maps if data.grid is None else data.grid)
+        if data.weights is not None:
+            self.check_weights(data.weights)
 
     def least_channels(self, n_channels):
         """How many of its channels a line of sight may not miss, for methods that take weights."""
         return 1
 
-    def check_weights(self, weights):
+    def check_weights(self, weights=None):
         """Refuse, before any work, weights of lines of sight that the method cannot work with.
 
         Parameters
         ----------
         weights
-            (n_pix,) or (n_channels, n_pix), of what is kept; None for whether there may be any.
+            (n_pix,) or (n_channels, n_pix); None for whether there may be any.
 
         Raises
         ------
         InputError
             The method takes no weights, or too few channels are seen on some line of sight.
         """
-        if not self.takes_weights:
+        if "weights" not in self.uses:
             raise InputError(f"{self.name} takes no weights and no flags; parametric, pca and polynomial do.")
         if np.ndim(weights) == 2:
-            check_lines(weights, self.least_channels(len(weights)), self.name)
+            check_channels(weights, self.least_channels(len(weights)), self.name)
 
     @abstractmethod
-    def _separate(self, maps, *, freqs, beams, rng):
-        """The `Separation` of `maps`, centred if the class says so; must not change them.
+    def _separate(self, data):
+        """The `Separation` of `Data`, whose maps must not be changed.
 
-        They are float32, or float64 where that would round HI away (`himap.maps.blocked.precision`).
+        Maps come as `data.centred`, less the means that the base class subtracts too, or as `data.total`:
+        then the result has `means` of 0. Of a part of the sphere a method that uses the sphere or neighbours
+        gets maps that go on outside of `data.inside`, and should learn nothing from there.
         """

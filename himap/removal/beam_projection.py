@@ -3,22 +3,20 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import projection
 from himap.maps.modes import HarmonicModes, MapModes
 from himap.progress import progress
 from himap.removal import harmonic
+from himap.removal.covariance import common_axes
+from himap.removal.spectral_filter import filtered
 
 __all__ = ["on_sky", "seen_through", "through_beams"]
-
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 def through_beams(maps, space, beams, modes):
     """What the spectra `space`, seen through `beams`, hold of `maps`, a `MapModes`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
-    regularisation. All W_l lie in a space of a few dozen spectra V, so V^T X is all that is projected and
-    transformed back. What the harmonic transform cannot hold, beyond the last l, is projected as the last l.
+    regularisation (`filtered`).
 
     Parameters
     ----------
@@ -31,22 +29,10 @@ def through_beams(maps, space, beams, modes):
     modes
         The `CubeModes` of the maps.
     """
-    nside = sphere.nside_of(maps)
-    lmax = min(3 * nside, beams.shape[1]) - 1
-    bases = _bases(space, beams[:, : lmax + 1])
-    spectra = _common(bases)
-    within = np.einsum("cv,lcn->lvn", spectra, bases)
-    projected = modes.along(spectra.T, lmax)
-    # P_l of what the transform holds and the last P of the rest: P_l m less P_last m, and P_last of it all.
-    last_basis = within[-1]
-    beyond = last_basis @ (last_basis.T @ projected)
-    for basis, block in zip(within, harmonic.blocks(projected), strict=True):
-        block[:] = basis @ (basis.T @ block)
-    projected -= beyond
-    foreground = last_basis @ (last_basis.T @ projection(spectra.T, maps))
-    for pixels, mode in zip(progress(foreground, "foreground"), projected, strict=True):
-        pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-    return MapModes(spectra=spectra, maps=foreground)
+    n_degrees = min(3 * sphere.nside_of(maps), beams.shape[1])
+    space, _ = np.linalg.qr(space)
+    bases = np.linalg.qr(beams.T[:n_degrees, :, None] * space)[0]
+    return filtered(bases, np.swapaxes(bases, 1, 2), maps, modes)
 
 
 def seen_through(sources, mixing, beams):
@@ -64,7 +50,7 @@ def seen_through(sources, mixing, beams):
     matrices = beams.T[:, :, None] * mixing
     blocks = harmonic.blocks(sources)
     sizes = (np.linalg.qr(block.T, mode="r").T for block in blocks)
-    spectra = _common([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
+    spectra = common_axes([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
     seen = np.empty((spectra.shape[1], sources.shape[1]))
     for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
         np.matmul(matrix, source, out=out)
@@ -77,15 +63,3 @@ def on_sky(modes, nside, lmax=None):
     for alm, pixels in zip(progress(modes.alms, "foreground"), maps, strict=True):
         pixels[:] = sphere.synthesise(alm if lmax is None else sphere.alms_upto(alm, lmax), nside)
     return MapModes(spectra=modes.spectra, maps=maps)
-
-
-def _bases(space, beams):
-    """Orthonormal columns that span diag(beams_l) space, (n_l, n_channels, n_sources)."""
-    space, _ = np.linalg.qr(space)
-    return np.linalg.qr(beams.T[:, :, None] * space)[0]
-
-
-def _common(columns):
-    """Orthonormal spectra that hold all of some columns (n_channels, n), (n_channels, n_spectra)."""
-    spectra, values, _ = np.linalg.svd(np.hstack(list(columns)), full_matrices=False)
-    return spectra[:, values > _RANK * values[0]]

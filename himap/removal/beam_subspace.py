@@ -1,10 +1,9 @@
 """The space of the blurred spectra, found without thresholds in the way: himap's own method."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_noise
 from himap.errors import InputError
@@ -13,12 +12,11 @@ from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams
-from himap.removal.blurred_mixture import BlurredMixture
-from himap.removal.conventions import ordered
-from himap.removal.masked import inner_alm, inner_weights
+from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
+from himap.removal.separation import ordered
 from himap.removal.sparse_sources import SparseSources
 
-__all__ = ["BeamSubspace"]
+__all__ = ["BeamSubspace", "inner_alm", "inner_weights"]
 
 _SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
@@ -55,10 +53,7 @@ class BeamSubspace(ForegroundRemover):
     """
 
     name: ClassVar[str] = "beam_subspace"
-    needs_beams: ClassVar[bool] = True
-    needs_whole_sky: ClassVar[bool] = True
-    needs_modes: ClassVar[bool] = True
-    takes_mask: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"beams", "sphere"})
     n_sources: int = parameter(3, "number of spectra", minimum=1)
     share: float = parameter(
         0.3, "share of the significant coefficients that A is found from", minimum=0, maximum=1, above=True
@@ -77,17 +72,24 @@ class BeamSubspace(ForegroundRemover):
 
     def check(self, n_channels):
         super().check(n_channels)
-        self.checked_noise(self.noise, n_channels)
+        checked_noise("noise", self.noise, n_channels)
 
-    def check_kept(self, kept, beams):
-        super().check_kept(kept, beams)
+    def check_data(self, data):
+        super().check_data(data)
+        if data.grid is not None:
+            self._check_inside(data.grid, data.beams)
+
+    def _check_inside(self, kept, beams):
+        """Refuse a mask (n_pix,) bool that keeps too little farther inside than the beam reaches."""
         lmax, last = min(self.lmax, 2 * sphere.nside_of(kept)), beams.shape[1] - 1
         if last < lmax:
             raise InputError(
                 f"with a mask the beams must reach l = {lmax}, as {self.name} does, got b_l to {last}: what "
                 "lies beyond would be mixed across the edge. Give longer b_l, or a smaller lmax."
             )
-        inside = inner_weights(sphere.synthesise(self._inner_alm(kept, beams, lmax), sphere.nside_of(kept)))
+        inside = inner_weights(
+            sphere.synthesise(inner_alm(kept, beams.min(axis=0), lmax), sphere.nside_of(kept))
+        )
         n_modes, needed = np.mean(inside) * (lmax + 1) ** 2, len(beams)
         if n_modes < needed:
             raise InputError(
@@ -96,28 +98,21 @@ class BeamSubspace(ForegroundRemover):
                 "of the sky, or use a method that takes each line of sight as it comes, such as pca."
             )
 
-    @staticmethod
-    def _inner_alm(kept, beams, lmax):
-        return inner_alm(kept, beams.min(axis=0), lmax)
-
-    def _separate(self, maps, *, freqs, beams, rng, modes, kept=None):
-        with threadpool_limits(1, user_api="blas"):  # so that the bits do not depend on the number of cores
-            return self._separated(maps, beams, modes, kept)
-
-    def _separated(self, maps, beams, modes, kept):
+    def _separate(self, data):
+        maps, beams, modes, kept = data.centred, data.beams, data.modes, data.inside
         nside = sphere.nside_of(maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        mixture = mixture.with_noise(self._noise_power(mixture, mixing, maps.shape[1], kept))
+        mixture = replace(mixture, noise=self._noise_power(mixture, mixing, maps.shape[1], kept))
         weights = None
         if kept is not None:
-            weights = inner_weights(sphere.synthesise_grid(self._inner_alm(kept, beams, lmax)))
+            weights = inner_weights(sphere.synthesise_grid(inner_alm(kept, beams.min(axis=0), lmax)))
         mixing, converged, n_iterations = self._settled(mixture, mixing, weights)
-        mixing, sources = ordered(mixing, mixture.sources(mixing))
+        mixing, sources = ordered(mixing, mixture.sources(mixture.least_squares(mixing)))
         return Separation(
-            taken=through_beams(maps, mixing, beams / best, modes),
+            low_rank=through_beams(maps, mixing, beams / best, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=converged,
@@ -127,9 +122,9 @@ class BeamSubspace(ForegroundRemover):
     def _noise_power(self, mixture, mixing, n_pix, kept):
         """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
         if self.noise is None:
-            left = mixture.residual_noise(mixing, mixture.sources(mixing))
+            left = mixture.residual_noise(mixing, mixture.sources(mixture.least_squares(mixing)))
             return left if kept is None else left / np.mean(kept)
-        return np.broadcast_to(np.square(self.noise) * 4 * np.pi / n_pix, len(mixture.modes))
+        return noise_per_mode(self.noise, len(mixture.modes), n_pix)
 
     def _settled(self, mixture, mixing, weights):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
@@ -143,14 +138,14 @@ class BeamSubspace(ForegroundRemover):
         exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_ITERATIONS), self.name):
-            inverses = harmonic.safe_inverse(mixture.matrices(mixing))
-            sources = harmonic.project(inverses, mixture.modes)
+            inverses = mixture.least_squares(mixing)
+            sources = mixture.sources(inverses)
             residual = mixture.residual(mixing, sources)
             previous, misfit = misfit, np.vdot(residual, residual)
             settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
                 return _uncorrelated(mixing, sources), True, count
-            kept = sparse(sources, mixture.noise_of(inverses), self.share)
+            kept = sparse(sources, mixture.source_noise(inverses), self.share)
             mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_ITERATIONS
 
@@ -158,3 +153,15 @@ class BeamSubspace(ForegroundRemover):
 def _uncorrelated(mixing, sources):
     """The columns of A, orthonormal, turned so that their sources are uncorrelated."""
     return mixing @ np.linalg.eigh(sources @ sources.T)[1]
+
+
+def inner_alm(kept, beam, lmax):
+    """Coefficients to `lmax` of a mask (n_pix,) seen twice through a beam b_l."""
+    return sphere.multiply_beam(
+        sphere.analyse(kept.astype(np.float64), lmax), (beam[: lmax + 1] / beam[0]) ** 2
+    )
+
+
+def inner_weights(field):
+    """Of the field of `inner_alm`: 0 outside of the mask and at its edge, 1 beyond reach of the beam."""
+    return np.clip(2 * field - 1, 0, 1)

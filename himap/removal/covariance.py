@@ -2,27 +2,31 @@
 
 import numpy as np
 from scipy import linalg
+from threadpoolctl import threadpool_limits
 
 from himap.maps.blocked import blocks
 from himap.progress import progress
 
-__all__ = ["bright_axes", "channel_covariance", "principal_axes"]
+__all__ = ["bright_axes", "channel_covariance", "common_axes", "principal_axes"]
 
 _BRIGHT = 1e3  # variance over that of HI and noise
+_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 def channel_covariance(maps):
     """X X^T / n_pix of maps less their channel means, (n_channels, n_channels) float64.
 
     Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
-    drown HI in rounding, so products are taken in float64, block by block.
+    drown HI in rounding, so products are taken in float64, block by block, on one thread: the number of
+    threads changes their last bits.
     """
     n_channels, n_pix = maps.shape
     mean = maps.mean(axis=1, dtype=np.float64)[:, None]
     total = np.zeros((n_channels, n_channels))
-    for block in progress(blocks(n_pix), "channel covariance"):
-        lines = maps[:, block] - mean
-        total += lines @ lines.T
+    with threadpool_limits(1, user_api="blas"):
+        for block in progress(blocks(n_pix), "channel covariance"):
+            lines = maps[:, block] - mean
+            total += lines @ lines.T
     return total / n_pix
 
 
@@ -42,3 +46,9 @@ def bright_axes(covariance, *, least=1):
     """
     values = np.linalg.eigvalsh(covariance)
     return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))
+
+
+def common_axes(columns):
+    """Orthonormal spectra that span some arrays of columns (n_channels, n), (n_channels, n_spectra)."""
+    axes, values, _ = np.linalg.svd(np.hstack(list(columns)), full_matrices=False)
+    return axes[:, values > _RANK * values[0]]

@@ -1,31 +1,19 @@
 """Starlet detail scales as GMCA looks at them: on the sphere and in the plane, forward and transposed."""
 
-from typing import Protocol
-
 import numpy as np
 
 from himap.maps import sphere
 from himap.maps.plane_starlets import PlaneStarlets
 from himap.maps.starlets import starlet_bands
 
-__all__ = ["Details", "SphereDetails", "details_of"]
-
-
-class Details(Protocol):
-    """A linear Phi that takes a map to its detail scales, the same for every map."""
-
-    def details(self, maps):
-        """Phi: detail scales of maps (n_maps, n_pix), fine to coarse, (n_scales, n_maps, n_pix) float64."""
-
-    def details_adjoint(self, scales):
-        """Phi^T: the transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""
+__all__ = ["SphereDetails", "details_of"]
 
 
 def details_of(maps, n_scales, image=None):
-    """The `Details` of the pixels of maps (n_maps, n_pix).
+    """What takes maps (n_maps, n_pix) to their detail scales, a `SphereDetails` or a `PlaneStarlets`.
 
-    Those of an image where `image`, (n_y, n_x) bool, tells which of its pixels they are, otherwise those of a
-    HEALPix sphere.
+    Of an image where `image`, (n_y, n_x) bool, tells which of its pixels they are, otherwise of a
+    HEALPix sphere. Both are linear, and the same for every map.
 
     Raises
     ------
@@ -38,9 +26,9 @@ def details_of(maps, n_scales, image=None):
 
 
 class SphereDetails:
-    """`Details` of HEALPix maps.
+    """Starlet detail scales of HEALPix maps.
 
-    Those of `himap.maps.starlets.starlets`, but with plain quadrature, which is less exact (by 1 % of white
+    As `himap.maps.starlets.starlets`, but with plain quadrature, which is less exact (by 1 % of white
     noise on HEALPix) and easy to transpose; being linear it leaves a mixture X = A S as it is.
     """
 
@@ -52,6 +40,7 @@ class SphereDetails:
         self._n_alm = len(self._bands[0][0])
 
     def details(self, maps):
+        """Phi: detail scales of maps (n_maps, n_pix), fine to coarse, (n_scales, n_maps, n_pix) float64."""
         scales = np.empty((self._n_scales, *maps.shape))
         scales[0] = maps
         alms = sphere.analyse(maps, sphere.lmax_of_size(self._n_alm), n_iter=0)
@@ -63,6 +52,7 @@ class SphereDetails:
         return scales
 
     def details_adjoint(self, scales):
+        """Phi^T: the transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""
         alms = np.zeros((scales.shape[1], self._n_alm), dtype=complex)
         for scale, (keep, band) in enumerate(self._bands, start=1):
             difference = scales[scale] - scales[0] if scale < len(scales) else -scales[0]

@@ -8,8 +8,8 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
 from himap.removal.pca import principal_components
+from himap.removal.separation import ordered
 
 __all__ = ["FastICA"]
 
@@ -38,22 +38,25 @@ class FastICA(ForegroundRemover):
     max_iterations: int = parameter(500, "largest number of iterations", minimum=1)
     tolerance: float = parameter(1e-6, "rotation between iterations at which to stop", minimum=0, above=True)
 
-    def _separate(self, maps, *, freqs, beams, rng):
-        if rng is None:
+    def check_data(self, data):
+        super().check_data(data)
+        if data.seed is None:
             raise InputError("fastica starts from a random rotation: pass rng=np.random.default_rng(seed).")
-        axes = principal_components(maps, self.n_sources)
+
+    def _separate(self, data):
+        axes = principal_components(data, self.n_sources)
         scale = np.sqrt(np.mean(axes.sources**2, axis=1))
-        rank = np.count_nonzero(scale > _rounding(scale[0], len(maps)))
+        rank = np.count_nonzero(scale > _rounding(scale[0], len(data.freqs)))
         mixing, sources = np.zeros_like(axes.mixing), np.zeros_like(axes.sources)
         n_iterations = 0
         if rank:
             white = axes.sources[:rank] / scale[:rank, None]
-            rotation, n_iterations = self._rotation(white, rng.standard_normal((rank, rank)))
+            rotation, n_iterations = self._rotation(white, data.rng.standard_normal((rank, rank)))
             mixing[:, :rank], sources[:rank] = ordered(
                 axes.mixing[:, :rank] * scale[:rank] @ rotation.T, rotation @ white
             )
         return Separation(
-            taken=axes.foreground,
+            low_rank=axes.foreground,
             mixing=mixing,
             sources=sources,
             converged=n_iterations < self.max_iterations,

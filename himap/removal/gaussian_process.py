@@ -5,13 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 from scipy import linalg, optimize
-from threadpoolctl import threadpool_limits
 
 from himap.errors import InputError
 from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
-from himap.removal.covariance import channel_covariance
+from himap.removal.separation import ordered
 
 __all__ = ["GaussianProcess", "smoother", "squared_exponential"]
 
@@ -63,19 +61,15 @@ class GaussianProcess(ForegroundRemover):
                 f"needs as many channels, got {n_channels}."
             )
 
-    def _separate(self, maps, *, freqs, beams, rng):
-        # The number of threads changes the last bits of products, and with them where the search ends.
-        with threadpool_limits(1, user_api="blas"):
-            covariance = channel_covariance(maps)
-            variance = np.trace(covariance) / len(covariance)
-            if variance == 0:
-                raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
-            kernels = _Kernels(freqs)
-            scaled = covariance / variance
-            runs = [self._maximised(kernels, scaled, mix) for mix in _STARTS]
-            best = min(runs, key=lambda run: run.fun)
-            spectra, rows = smoother(*kernels.parts(best.x))
-        mixing, sources = ordered(spectra, projection(rows, maps))
+    def _separate(self, data):
+        variance = np.trace(data.covariance) / len(data.covariance)
+        if variance == 0:
+            raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
+        kernels = _Kernels(data.freqs)
+        runs = [self._maximised(kernels, data.covariance / variance, mix) for mix in _STARTS]
+        best = min(runs, key=lambda run: run.fun)
+        spectra, rows = smoother(*kernels.parts(best.x))
+        mixing, sources = ordered(spectra, projection(rows, data.centred))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit

@@ -8,11 +8,11 @@ import numpy as np
 from himap.maps.blocked import SplitCube, projection
 from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.details import details_of
 from himap.removal.harmonic import safe_inverse
-from himap.removal.thresholds import NORMAL, share_threshold
+from himap.removal.separation import ordered
+from himap.removal.sparse_sources import NORMAL, share_threshold
 
 __all__ = ["GMCA", "Step", "thresholds"]
 
@@ -47,8 +47,7 @@ class GMCA(ForegroundRemover):
     """
 
     name: ClassVar[str] = "gmca"
-    needs_whole_sky: ClassVar[bool] = True
-    takes_image: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"neighbours"})
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
     n_scales: int = parameter(4, "number of starlet detail scales", minimum=1, maximum=12)
     penalty: str = parameter("l1", "l1 (soft thresholds) or l0 (hard thresholds)", choices=("l0", "l1"))
@@ -59,10 +58,10 @@ class GMCA(ForegroundRemover):
         1e-3, "change of the foreground to stop at, in units of what is left", minimum=0, above=True
     )
 
-    def _separate(self, maps, *, freqs, beams, rng, image=None):
-        for step in progress(self.iterate(maps, image), "gmca", total=self.max_iterations):
+    def _separate(self, data):
+        for step in progress(self.iterate(data.centred, data.image), "gmca", total=self.max_iterations):
             last = step
-        mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), maps))
+        mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), data.centred))
         return Separation(
             mixing=mixing,
             sources=sources,
@@ -73,7 +72,7 @@ class GMCA(ForegroundRemover):
     def iterate(self, maps, image=None):
         """The iterations one by one: a `Step` after each, on maps less their channel means.
 
-        `image` is as in `clean`, for pixels of an image in the plane.
+        `image` is as in `Data`, for pixels of an image in the plane.
         """
         starlets = details_of(maps, self.n_scales, image)
         covariance = channel_covariance(maps)

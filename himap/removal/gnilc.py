@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 from scipy import linalg
-from threadpoolctl import threadpool_limits
 
 from himap.errors import InputError
 from himap.maps import sphere
@@ -17,9 +16,9 @@ from himap.maps.needlets import cosine_needlets
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
 from himap.removal.hi_prior import band_covariance, expected_covariance, mock_covariances, read_mock
 from himap.removal.local_filters import local_difference
+from himap.removal.separation import ordered
 
 __all__ = ["GNILC", "foreground_filter", "n_foreground"]
 
@@ -59,8 +58,7 @@ class GNILC(ForegroundRemover):
     """
 
     name: ClassVar[str] = "gnilc"
-    needs_whole_sky: ClassVar[bool] = True
-    needs_modes: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"sphere"})
     first_peak: int = parameter(
         20, "l of the peak of the first needlet; that of each next one is twice as large", minimum=2
     )
@@ -78,17 +76,16 @@ class GNILC(ForegroundRemover):
         """A hash of the mock."""
         return "" if self.prior is None else sha256(Path(self.prior).read_bytes()).hexdigest()
 
-    def _separate(self, maps, *, freqs, beams, rng, modes):
+    def _separate(self, data):
+        maps, freqs, modes = data.centred, data.freqs, data.modes
         nside = sphere.nside_of(maps)
         lmax = 3 * nside - 1
         peaks = self._peaks(lmax)
         windows = cosine_needlets(peaks, lmax)
-        # The number of threads changes the last bits of products, and with them what is counted.
-        with threadpool_limits(1, user_api="blas"):
-            covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
-            priors = self._priors(maps, freqs, covariances, peaks, windows)
-            filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
-            local = self._local(modes, windows, priors, filters, nside)
+        covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
+        priors = self._priors(maps, freqs, covariances, peaks, windows)
+        filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
+        local = self._local(modes, windows, priors, filters, nside)
         found = [
             _through(window**2, modes.along(rows, lmax), nside)
             for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True)

@@ -45,8 +45,7 @@ class Parametric(ForegroundRemover):
     """
 
     name: ClassVar[str] = "parametric"
-    takes_weights: ClassVar[bool] = True
-    centred: ClassVar[bool] = False  # power laws need the total brightness
+    uses: ClassVar[frozenset] = frozenset({"weights"})
     beta_min: float = parameter(-4.0, "steepest spectral index of the second term", minimum=-6)
     beta_max: float = parameter(-2.2, "flattest spectral index of the second term", maximum=-2.14)
     nu0: float = parameter(1150.0, "frequency of the amplitudes, MHz", minimum=0, above=True)
@@ -70,10 +69,10 @@ class Parametric(ForegroundRemover):
     def least_channels(self, n_channels):
         return _N_PARAMETERS
 
-    def _separate(self, maps, *, freqs, beams, rng, weights=None):
-        weights = weights if np.ndim(weights) == 2 else None
+    def _separate(self, data):
+        maps, weights = data.total, data.weights if np.ndim(data.weights) == 2 else None
         _check_total(maps, weights)
-        model = _TwoPowerLaws(freqs / self.nu0, self.beta_min, self.beta_max)
+        model = _TwoPowerLaws(data.freqs / self.nu0, self.beta_min, self.beta_max)
         fits = np.empty((model.spectra.shape[1], maps.shape[1]))
         sources = np.empty((3, maps.shape[1]))
         flagged = np.empty(maps.shape[1], dtype=bool)
@@ -94,7 +93,8 @@ class Parametric(ForegroundRemover):
 
         n_steps, n_lost = zip(*in_threads(fit, maps.shape[1], "parametric", _BLOCK), strict=True)
         return Separation(
-            taken=MapModes(spectra=model.spectra, maps=fits),
+            low_rank=MapModes(spectra=model.spectra, maps=fits),
+            means=np.zeros(len(maps)),  # power laws need the total brightness
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,
             converged=sum(n_lost) == 0,

@@ -1,11 +1,11 @@
 """Principal component analysis (paper, Sect. 3.1.1)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.covariance import channel_covariance, principal_axes
+from himap.removal.covariance import principal_axes
 from himap.removal.weighted_pca import weighted_components
 
 __all__ = ["PCA", "principal_components"]
@@ -23,19 +23,20 @@ class PCA(ForegroundRemover):
     """
 
     name: ClassVar[str] = "pca"
-    takes_weights: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"weights"})
     n_sources: int = parameter(3, "number of components to remove", minimum=1)
 
     def least_channels(self, n_channels):
         return min(self.n_sources + 1, n_channels)
 
-    def _separate(self, maps, *, freqs, beams, rng, weights=None):
-        if weights is not None:
-            return weighted_components(maps, weights, self.n_sources)
-        return principal_components(maps, self.n_sources)
+    def _separate(self, data):
+        if data.weights is None:
+            return principal_components(data, self.n_sources)
+        found = weighted_components(data.centred, data.weights, self.n_sources)
+        return replace(found, means=data.means + found.means)
 
 
-def principal_components(maps, n_sources):
-    """The `Separation` of PCA: `n_sources` principal components of maps (n_channels, n_pix), centred, mK."""
-    mixing = principal_axes(channel_covariance(maps), n_sources)
-    return Separation(mixing=mixing, sources=projection(mixing.T, maps))
+def principal_components(data, n_sources):
+    """The `Separation` of PCA: `n_sources` principal components of `Data` without weights."""
+    mixing = principal_axes(data.covariance, n_sources)
+    return Separation(mixing=mixing, sources=projection(mixing.T, data.centred))

@@ -13,8 +13,8 @@ import numpy as np
 from himap.checks import checked_cube, checked_freqs, whole_number
 from himap.errors import InputError
 from himap.maps.blocked import in_threads
+from himap.removal.data import check_channels
 from himap.removal.weighted_fits import weighted_clipping
-from himap.removal.weights import check_lines
 
 __all__ = [
     "Baselines",
@@ -126,7 +126,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     check_clipping(len(maps), order, n_sigma)
     weights = None if np.ndim(weights) < 2 else weights
     if weights is not None:
-        check_lines(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
+        check_channels(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
     basis = _polynomials(freqs, order)
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)

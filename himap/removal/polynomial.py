@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import check_clipping, least_channels, smooth_baselines
 
@@ -21,8 +23,7 @@ class Polynomial(ForegroundRemover):
     """
 
     name: ClassVar[str] = "polynomial"
-    takes_weights: ClassVar[bool] = True
-    centred: ClassVar[bool] = False  # the paper fits the total temperature, and clips what stands out from it
+    uses: ClassVar[frozenset] = frozenset({"weights"})
     order: int = parameter(6, "order of the polynomial", minimum=1)
     n_sigma: float = parameter(5.0, "channels further from the first fit are left out", minimum=0, above=True)
 
@@ -34,6 +35,9 @@ class Polynomial(ForegroundRemover):
     def least_channels(self, n_channels):
         return least_channels(n_channels, self.order, self.n_sigma)
 
-    def _separate(self, maps, *, freqs, beams, rng, weights=None):
-        baselines = smooth_baselines(maps, freqs, order=self.order, n_sigma=self.n_sigma, weights=weights)
-        return Separation(mixing=baselines.basis, sources=baselines.second)
+    def _separate(self, data):
+        # The paper fits the total temperature, and clips what stands out from it.
+        baselines = smooth_baselines(
+            data.total, data.freqs, order=self.order, n_sigma=self.n_sigma, weights=data.weights
+        )
+        return Separation(mixing=baselines.basis, sources=baselines.second, means=np.zeros(len(data.freqs)))

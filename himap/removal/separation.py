@@ -1,18 +1,17 @@
-"""What a method of foreground removal found, and what is left without it."""
+"""What a method of foreground removal finds, and the residual without it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.maps.blocked import centred
 from himap.maps.modes import MapModes
 
-__all__ = ["Cleaned", "Separation", "modes_of"]
+__all__ = ["Cleaned", "Separation", "ordered"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """What a method found.
+    """The foreground that a method finds.
 
     Attributes
     ----------
@@ -20,11 +19,11 @@ class Separation:
         A, (n_channels, n_sources), float64.
     sources
         S, (n_sources, n_pix), mK, float64.
-    taken
+    low_rank
         The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
     means
-        What was taken from every channel before, (n_channels,): `_separate` leaves it to the base class, or
-        says what else is to be taken.
+        What is subtracted from every channel besides, (n_channels,), mK: the means of the data unless
+        `_separate` gives others.
     converged
         False if the method stopped at its limit.
     n_iterations
@@ -38,7 +37,7 @@ class Separation:
 
     mixing: np.ndarray
     sources: np.ndarray
-    taken: MapModes | None = None
+    low_rank: MapModes | None = None
     means: np.ndarray | None = None
     converged: bool = True
     n_iterations: int = 0
@@ -48,7 +47,7 @@ class Separation:
     @property
     def foreground(self):
         """The foreground up to `lmax`, less `means`, a `MapModes`."""
-        return MapModes(spectra=self.mixing, maps=self.sources) if self.taken is None else self.taken
+        return MapModes(spectra=self.mixing, maps=self.sources) if self.low_rank is None else self.low_rank
 
     def check(self, method, shape):
         """Hold the class `method` to what it promises of maps of this shape; TypeError if it fails."""
@@ -64,27 +63,37 @@ class Separation:
                     f"float64, got {got}."
                 )
 
-    def left_of(self, maps, basis, modes=None, *, channels=slice(None)):
-        """What is left of `maps` once the foreground of `basis` is taken, (n_channels, n_pix) float32.
+    def residual(self, maps, basis, channels=slice(None)):
+        """`maps` without the foreground, (n_channels, n_pix) float32, mK.
 
         Parameters
         ----------
-        maps, basis
-            (n_channels, n_pix), mK; `basis` are those that this was found in.
-        modes
-            The `CubeModes` of `basis` where they are at hand, if this ends at `lmax`: beyond, all that
-            `basis` holds is taken.
+        maps
+            (n_channels, n_pix), mK.
+        basis
+            The `Data` that this was found in: beyond `lmax` all that it holds is subtracted.
         channels
             A slice: which channels are asked for.
         """
         foreground = self.foreground.of_channels(channels)
         if self.lmax is None:
-            return foreground.taken_from(maps[channels], self.means[channels])
-        modes = modes_of(basis) if modes is None else modes
-        left = foreground.taken_from(modes.low_cube(self.lmax, channels))
-        for observed, found, out in zip(maps[channels], basis[channels], left, strict=True):
+            return foreground.subtract_from(maps[channels], self.means[channels])
+        low = basis.modes.low_cube(self.lmax, channels)
+        low = low if basis.grid is None else low[:, basis.grid]
+        residual = foreground.subtract_from(low)
+        for observed, found, out in zip(maps[channels], basis.maps[channels], residual, strict=True):
             out += observed - found
-        return left
+        return residual
+
+    def moved(self, move):
+        """The same of other pixels: ``move(lines)`` takes lines of sight (n, n_pix) to theirs."""
+        low_rank, flagged = self.low_rank, self.flagged
+        return replace(
+            self,
+            sources=move(self.sources),
+            low_rank=None if low_rank is None else replace(low_rank, maps=move(low_rank.maps)),
+            flagged=None if flagged is None else move(flagged[None])[0],
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +103,9 @@ class Cleaned:
     Attributes
     ----------
     maps
-        What came, (n_channels, n_pix), mK.
+        As observed, (n_channels, n_pix), mK; where a voxel is missing the foreground that was found.
     residual
-        HI plus noise as the method sees it, (n_channels, n_pix) float32, mK.
+        HI plus noise as the method has them, (n_channels, n_pix) float32, mK.
     separation
         The `Separation` behind it.
     """
@@ -110,10 +119,20 @@ class Cleaned:
         """What was subtracted, the mean of every channel included, float32, made when asked for."""
         return (self.maps - self.residual).astype(np.float32, copy=False)
 
+    def moved(self, move):
+        """The same of other pixels, as `Separation.moved`."""
+        return Cleaned(
+            maps=move(self.maps), residual=move(self.residual), separation=self.separation.moved(move)
+        )
 
-def modes_of(maps):
-    """The `CubeModes` of maps (n_channels, n_pix) less their channel means."""
-    # Imported here: most methods do without transforms, and to import these takes a second.
-    from himap.removal.analysis import analysed
 
-    return analysed(centred(maps))
+def ordered(mixing, sources):
+    """A and S with columns of unit length, by variance of the sources, largest entry positive.
+
+    The product A S stays as it is; scale, order and sign of sources are a matter of convention.
+    """
+    length = np.linalg.norm(mixing, axis=0)
+    largest = mixing[np.abs(mixing).argmax(axis=0), np.arange(len(length))]
+    factor = np.copysign(length, largest)
+    order = np.argsort(-(length**2) * np.mean(sources**2, axis=1), kind="stable")
+    return (mixing / factor)[:, order], (sources * factor[:, None])[order]

@@ -10,8 +10,8 @@ from himap.maps import sphere
 from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.conventions import ordered
 from himap.removal.faint_covariance import faint_covariance
+from himap.removal.separation import ordered
 from himap.removal.spectral_filter import SpectralFilter, block_of
 
 __all__ = ["FilteredSeparation", "SmoothSpectra", "multipole_bands", "smooth_basis", "standing_out"]
@@ -54,9 +54,7 @@ class SmoothSpectra(ForegroundRemover):
     """
 
     name: ClassVar[str] = "smooth_spectra"
-    needs_beams: ClassVar[bool] = True
-    needs_whole_sky: ClassVar[bool] = True
-    needs_modes: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"beams", "sphere"})
     n_sources: int = parameter(4, "largest number of spectra at any multipole", minimum=1)
     n_smooth: int = parameter(8, "number of smooth functions that the spectra are made of", minimum=2)
 
@@ -72,7 +70,8 @@ class SmoothSpectra(ForegroundRemover):
                 f"n_smooth must be below the number of channels, {n_channels}, got {self.n_smooth}."
             )
 
-    def _separate(self, maps, *, freqs, beams, rng, modes):
+    def _separate(self, data):
+        maps, freqs, beams, modes = data.centred, data.freqs, data.beams, data.modes
         nside = sphere.nside_of(maps)
         lmax = min(3 * nside, beams.shape[1]) - 1
         windows = (beams / beams.max(axis=0))[:, : lmax + 1]
@@ -91,7 +90,7 @@ class SmoothSpectra(ForegroundRemover):
             first=np.array([band.first for band in bands]),
         )
         return FilteredSeparation(
-            taken=filter_.taken(maps, modes),
+            low_rank=filter_.foreground(maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=all(one.converged for one in found),

@@ -5,9 +5,11 @@ import numpy as np
 from himap.maps import sphere
 from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
 from himap.removal.harmonic import from_modes, to_modes
-from himap.removal.thresholds import NORMAL, share_threshold
 
-__all__ = ["SparseSources"]
+__all__ = ["NORMAL", "SparseSources", "share_threshold"]
+
+NORMAL = 1.4826
+"""Standard deviation of normal numbers over the median of their absolute values."""
 
 
 class SparseSources:
@@ -70,3 +72,10 @@ class SparseSources:
         if not self.analytic:
             level = NORMAL * np.median(sizes if self.weights is None else sizes[self.weights > 0])
         return share_threshold(sizes, self.n_sigma * level, share)
+
+
+def share_threshold(sizes, floor, share):
+    """Threshold that keeps the largest `share` (0 to 1) of the absolute values `sizes` above `floor`."""
+    above = sizes[sizes > floor]
+    n_dropped = len(above) - int(np.ceil(share * len(above)))
+    return np.partition(above, n_dropped - 1)[n_dropped - 1] if n_dropped else floor

@@ -9,10 +9,9 @@ from himap.maps.blocked import projection
 from himap.maps.modes import MapModes
 from himap.progress import progress
 from himap.removal import harmonic
+from himap.removal.covariance import common_axes
 
-__all__ = ["SpectralFilter", "block_of"]
-
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
+__all__ = ["SpectralFilter", "block_of", "filtered"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +40,8 @@ class SpectralFilter:
         """Last l of its own; what a transform cannot hold is filtered like this one."""
         return len(self.spectra) - 1
 
-    def taken(self, maps, modes):
-        """What it takes of maps, a `MapModes`.
+    def foreground(self, maps, modes):
+        """The foreground of maps, a `MapModes`.
 
         Parameters
         ----------
@@ -51,31 +50,40 @@ class SpectralFilter:
         modes
             Their `CubeModes`.
         """
-        axes = _axes(self.spectra)
-        within = axes.T @ self.spectra
-        foreground = within[-1] @ projection(self.estimators[-1], maps)
-        more = np.empty((axes.shape[1], (self.lmax + 1) ** 2))
-        for degree, out in enumerate(harmonic.blocks(more)):
-            data = block_of(modes, degree)
-            out[:] = within[degree] @ (self.estimators[degree] @ data)
-            out -= within[-1] @ (self.estimators[-1] @ data)
-        nside = sphere.nside_of(maps)
-        for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
-            pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-        return MapModes(spectra=axes, maps=foreground)
+        return filtered(self.spectra, self.estimators, maps, modes)
 
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
 
 
+def filtered(spectra, estimators, maps, modes):
+    """W_l G_l X_l of maps at every l, a `MapModes`; what the transform cannot hold is filtered as the last l.
+
+    Parameters
+    ----------
+    spectra, estimators
+        W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels). All W_l lie in a space of a few dozen
+        spectra, so few maps are transformed back.
+    maps
+        (n_channels, n_pix) float32, mK, RING.
+    modes
+        Their `CubeModes`.
+    """
+    axes = common_axes(spectra)
+    within = axes.T @ spectra
+    foreground = within[-1] @ projection(estimators[-1], maps)
+    more = np.empty((axes.shape[1], len(spectra) ** 2))
+    for degree, out in enumerate(harmonic.blocks(more)):
+        data = block_of(modes, degree)
+        out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
+    nside = sphere.nside_of(maps)
+    for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
+        pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
+    return MapModes(spectra=axes, maps=foreground)
+
+
 def block_of(modes, degree):
     """The modes of one l of a `CubeModes`, (n_channels, 2 l + 1) float64."""
     block = slice(degree**2, (degree + 1) ** 2)
     return modes.spectra @ modes.bright[:, block] + modes.rest[:, block]
-
-
-def _axes(spectra):
-    """Orthonormal spectra that hold all of some W_l (n_l, n_channels, n_sources), (n_channels, n_axes)."""
-    axes, values, _ = np.linalg.svd(np.hstack(list(spectra)), full_matrices=False)
-    return axes[:, values > _RANK * values[0]]

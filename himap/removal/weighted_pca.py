@@ -19,7 +19,7 @@ _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay sm
 
 
 def weighted_components(maps, weights, n_sources):
-    """The `Separation` with the least weighted squares of what is left, sum w (x - m - A s)^2.
+    """The `Separation` with the least weighted squares of the residual, sum w (x - m - A s)^2; `means` are m.
 
     Where pixels have weights, A are the principal axes of the weighted covariance, S = A^T X. Where voxels
     have, there is no closed form; it is found in turns, which go on until the squares settle:
@@ -45,7 +45,7 @@ def weighted_components(maps, weights, n_sources):
     """
     if weights.ndim == 1:
         mixing = principal_axes(_covariance(maps, weights), n_sources)
-        return Separation(mixing=mixing, sources=projection(mixing.T, maps))
+        return Separation(mixing=mixing, sources=projection(mixing.T, maps), means=np.zeros(len(mixing)))
     return _Turns(maps, weights).separation(n_sources)
 
 

@@ -12,15 +12,12 @@ from himap.instrument.beams import named
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.beams.rippled import Rippled
-from himap.instrument.noise import noise_sigma
-from himap.measures.difference import FAINT
 from himap.measures.transfer import JUDGED, band_means, power_ratios, recovery
-from himap.paper import pipeline
+from himap.paper import cleaned, pipeline
 from himap.paper.grid import Sky, cases_and_methods, make_products
 from himap.paper.mocks import own_recovery
 from himap.paper.record import Experiment
 from himap.products.store import product
-from himap.removal.beam_projection import on_sky
 
 __all__ = [
     "EXPERIMENT",
@@ -109,19 +106,8 @@ def recovery_assuming(case, remover, beam):
 
     A method that needs the noise level assumes that of the instrument.
     """
-    observed = pipeline.observation(case)
-    found = remover.separate(
-        pipeline.basis(case, True),
-        freqs=observed.freqs,
-        beams=beam.of_survey(case.survey).total,
-        noise=noise_sigma(case.survey),
-        rng=case.survey.rng(f"removal {remover.name}"),
-        modes=pipeline.analysis(case) if remover.needs_modes else None,
-    )
-    endless = found.lmax is None
-    there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case)
-    faint = FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
-    wrong = (on_sky(there, case.survey.nside, found.lmax) + -found.foreground).condensed(faint)
+    found = cleaned.cleaning(case, remover).with_beams(beam.of_survey(case.survey).total).separation
+    wrong = cleaned.error_of(case, found)
     return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
@@ -155,7 +141,7 @@ def measure(sky):
     ((case, removers),) = sky.methods.items()
     work = {}
     for remover in removers:
-        if remover.needs_beams:
+        if "beams" in remover.uses:
             for key, beam in sky.beams.items():
                 work[remover, *key] = recovery_assuming, (case, remover, beam)
         else:

@@ -105,7 +105,7 @@ def _of_case(case, removers, mocks):
             (made, (case, remover)) for made in (own_recovery, cleaned.assessment) for remover in several
         ]
         work += [(recovered, (case, tuple(several), mock)) for mock in mocks]
-        work.append((eigenvalues, (case, several[0].needs_beams)))
+        work.append((eigenvalues, (case, "beams" in several[0].uses)))
     make_products(work)
     return [row for name, several in by_name.items() for row in _rows(case, name, several, mocks)]
 

@@ -1,11 +1,8 @@
 """SDecGMCA: separation of sparse sources seen through beams (paper, Sect. 3.3; C21)."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
-
-import numpy as np
-from threadpoolctl import threadpool_limits
 
 from himap.checks import checked_noise
 from himap.errors import InputError
@@ -13,12 +10,13 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import on_sky, seen_through, through_beams
-from himap.removal.conventions import ordered
+from himap.removal.blurred_mixture import noise_per_mode
 from himap.removal.sdecgmca.iteration import iterations, last_sources
 from himap.removal.sdecgmca.pixels import Grid, HEALPix
 from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 from himap.removal.sdecgmca.scales import Scales
+from himap.removal.separation import ordered
 
 __all__ = ["SDecGMCA"]
 
@@ -54,10 +52,7 @@ class SDecGMCA(ForegroundRemover):
     """
 
     name: ClassVar[str] = "sdecgmca"
-    needs_beams: ClassVar[bool] = True
-    needs_noise: ClassVar[bool] = True
-    needs_whole_sky: ClassVar[bool] = True
-    needs_modes: ClassVar[bool] = True
+    uses: ClassVar[frozenset] = frozenset({"beams", "noise", "sphere"})
     ends_by_count: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
@@ -108,37 +103,31 @@ class SDecGMCA(ForegroundRemover):
 
     def check(self, n_channels):
         super().check(n_channels)
-        super().checked_noise(self.noise, n_channels)
+        checked_noise("noise", self.noise, n_channels)
 
-    def checked_noise(self, noise, n_channels):
-        noise = super().checked_noise(noise, n_channels)
+    def check_data(self, data):
+        super().check_data(data)
         needs = {
             "thresholds": self.thresholds == "analytic",
             "coefficients": self.coefficients == "spectrum",
             "last_coefficients": self.last_coefficients == "spectrum" and self.last != "unregularised",
         }
         asking = ", ".join(f"{name}={getattr(self, name)!r}" for name, needed in needs.items() if needed)
-        if asking and noise is None and self.noise is None:
+        if asking and data.noise is None and self.noise is None:
             raise InputError(
                 f"sdecgmca needs the noise of the instrument for {asking}: give noise=, mK per pixel, as one "
                 "number or one for each channel (-p noise=0.04 on the command line)."
             )
-        return noise
 
-    def _separate(self, maps, *, freqs, beams, rng, modes, noise):
-        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
-        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
-        with threadpool_limits(1, user_api="blas"):
-            return self._separated(maps, beams, modes, noise)
-
-    def _separated(self, maps, beams, modes, noise):
-        nside = sphere.nside_of(maps)
+    def _separate(self, data):
+        maps, beams, modes = data.centred, data.beams, data.modes
+        nside, noise = sphere.nside_of(maps), data.noise if self.noise is None else self.noise
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
         problem = Problem(
             modes=modes.upto(lmax),
             beams=windows[:, : lmax + 1],
-            noise=self._noise_per_mode(noise, *maps.shape),
+            noise=None if noise is None else noise_per_mode(noise, *maps.shape),
             floor=self.floor,
         )
         scales = Scales(
@@ -153,10 +142,10 @@ class SDecGMCA(ForegroundRemover):
         start = problem.start(self.n_sources, self.start)
         steps = enumerate(iterations(self, problem, scales, start), 1)
         ((n_iterations, step),) = deque(steps, maxlen=1)
-        sources, taken = self._last(maps, problem, scales, step, windows, modes)
+        sources, low_rank = self._last(maps, problem, scales, step, windows, modes)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(
-            taken=taken,
+            low_rank=low_rank,
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=step.settled,
@@ -168,12 +157,7 @@ class SDecGMCA(ForegroundRemover):
         """The last S, real modes to the l that it is found to, and the foreground, a `MapModes`."""
         if self.beyond == "regularised":
             top = min(3 * sphere.nside_of(maps), windows.shape[1]) - 1
-            problem = Problem(
-                modes=modes.upto(top),
-                beams=windows[:, : top + 1],
-                noise=problem.noise,
-                floor=problem.floor,
-            )
+            problem = replace(problem, modes=modes.upto(top), beams=windows[:, : top + 1])
         mixing = step.mixing
         sources = last_sources(self, problem, scales, mixing, step.sources)
         nside = sphere.nside_of(maps)
@@ -185,10 +169,3 @@ class SDecGMCA(ForegroundRemover):
             more = sources - problem.sources(problem.inverses(mixing, 0))
             taken += on_sky(seen_through(more, mixing, problem.beams), nside)
         return sources, taken
-
-    def _noise_per_mode(self, noise, n_channels, n_pix):
-        """Variance per mode and channel, (n_channels,), or None where it is not known."""
-        noise = noise if self.noise is None else self.noise
-        if noise is None:
-            return None
-        return np.broadcast_to(np.square(noise) * 4 * np.pi / n_pix, (n_channels,))

@@ -5,36 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.removal import harmonic
-from himap.removal.covariance import principal_axes
+from himap.removal.blurred_mixture import BlurredMixture
 
 __all__ = ["Problem"]
 
+_FAINTEST = 1e-20  # of the largest C_l of a source: C21's code divides by no less
+_VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
 
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """Data of all channels, and what they are seen through.
+
+@dataclass(frozen=True)
+class Problem(BlurredMixture):
+    """A `BlurredMixture` whose A and S come from regularised normal equations.
 
     Attributes
     ----------
-    modes
-        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2).
-    beams
-        H_l, (n_channels, lmax + 1).
-    noise
-        Variance of the noise per mode and channel, (n_channels,); None where it is not known.
     floor
         Eigenvalues of the normal equations below this share of the largest are raised to it.
     """
 
-    modes: np.ndarray
-    beams: np.ndarray
-    noise: np.ndarray | None
-    floor: float
-
-    @property
-    def lmax(self):
-        """Largest multipole."""
-        return self.beams.shape[1] - 1
+    floor: float = 1e-14
 
     def normal(self, mixing):
         """A^T H_l^2 A, (n_l, n_sources, n_sources)."""
@@ -50,14 +39,6 @@ class Problem:
         normal = self.normal(mixing)
         normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
         return _inverse(normal, self.floor) @ (self.beams.T[:, None, :] * mixing.T)
-
-    def sources(self, inverses):
-        """S_l of every l, real modes (n_sources, (lmax + 1)^2)."""
-        return harmonic.project(inverses, self.modes)
-
-    def source_noise(self, inverses):
-        """Variance of the noise of those sources per mode, (n_l, n_sources)."""
-        return inverses**2 @ self.noise
 
     def fit(self, sources, window):
         """A by least squares of window_l X_l = H_l A S_l, channel by channel (C21, Eq. 14).
@@ -82,22 +63,6 @@ class Problem:
         spectra = np.stack([np.mean(block**2, axis=1) for block in harmonic.blocks(sources)])
         spectra = np.maximum(spectra, np.maximum(_FAINTEST * spectra.max(axis=0), _VANISHED))
         return strength * np.mean(self.noise) / spectra
-
-    def start(self, n_sources, which):
-        """A from the principal components of the data at one resolution, (n_channels, n_sources).
-
-        `which` is "lowest", that of the widest beam at every l, or "first", that of the first channel, in
-        which C21's code counts coefficients of m > 0 once where the sum over m has them twice.
-        """
-        seen = self.beams[0] if which == "first" else self.beams.min(axis=0)
-        ratios = seen / self.beams
-        return principal_axes(
-            harmonic.at_one_resolution(self.modes, ratios, halve=which == "first"), n_sources
-        )
-
-
-_FAINTEST = 1e-20  # of the largest C_l of a source: C21's code divides by no less
-_VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
 
 
 def _inverse(matrices, floor):

@@ -1,0 +1,98 @@
+"""A cleaning: data and a method, what that finds and what is left, and the same with something changed."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from himap.removal.data import Data
+from himap.removal.peaks import mask_peaks
+
+__all__ = ["Cleaning", "without_peaks"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cleaning:
+    """Data cleaned by a method; nothing is done before it is asked for, and all once.
+
+    Attributes
+    ----------
+    data
+        The `Data` that the foreground is subtracted from.
+    method
+        The `ForegroundRemover`.
+    basis
+        The `Data` that the foreground is found in, such as those without peaks; `data` unless given.
+    """
+
+    data: Data
+    method: object
+    basis: Data | None = None
+
+    def __post_init__(self):
+        if self.basis is None:
+            object.__setattr__(self, "basis", self.data)
+
+    @classmethod
+    def of(cls, data, method, *, peaks=True):
+        """The `Cleaning` of data, with `peaks` found where these are masked (paper, Sect. 4.1)."""
+        return cls(data=data, method=method, basis=without_peaks(data) if peaks else data)
+
+    @cached_property
+    def separation(self):
+        """The `Separation` that the method finds."""
+        return self.method.separate(self.basis)
+
+    @cached_property
+    def residual(self):
+        """What is left, (n_channels, n_pix) float32, mK; 0 where a voxel is missing."""
+        residual = self.separation.residual(self.data.maps, self.basis)
+        if self.data.missing is not None:
+            residual[self.data.missing] = 0
+        return residual
+
+    @property
+    def maps(self):
+        """The maps of the data, with what was found of the foreground where a voxel is missing."""
+        if self.data.missing is None:
+            return self.data.maps
+        foreground, maps = self.separation.foreground, self.data.maps.copy()
+        rows = zip(foreground.spectra, self.separation.means, self.data.missing, maps, strict=True)
+        for spectrum, mean, gaps, row in rows:
+            row[gaps] = spectrum @ foreground.maps[:, gaps] + mean
+        return maps
+
+    @property
+    def flagged(self):
+        """Share of the voxels that the masking of peaks replaced."""
+        return 0.0 if self.basis is self.data else float(np.mean(self.basis.maps != self.data.maps))
+
+    def with_mock(self, mock):
+        """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
+        data = self.data.with_mock(mock)
+        return replace(self, data=data, basis=data if self.basis is self.data else without_peaks(data))
+
+    def with_beams(self, beams):
+        """The same by a method that takes the beams to be b_l, (n_channels, lmax + 1)."""
+        return replace(self, basis=replace(self.basis, beams=beams))
+
+    def with_method(self, method, *, rng=None):
+        """The same by another `ForegroundRemover`, which may draw from a Generator of its own."""
+        basis = self.basis if rng is None else replace(self.basis, seed=rng)
+        return replace(self, method=method, basis=basis)
+
+    def with_sources(self, n_sources):
+        """The same with another number of sources."""
+        return self.with_method(replace(self.method, n_sources=n_sources))
+
+    def on(self, mask):
+        """The same of a part of a whole sphere, `mask` (n_pix,) bool."""
+        data = self.data.on(mask)
+        return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
+
+
+def without_peaks(data):
+    """`Data` whose peaks are replaced by a smooth baseline, in the floats of the maps."""
+    masked = mask_peaks(data.maps, data.freqs, weights=data.weights)
+    double = data.maps.dtype == np.float64
+    return replace(data, maps=np.where(masked.flagged, masked.maps, data.maps) if double else masked.maps)

@@ -1,0 +1,326 @@
+"""What a method sees: maps, where their pixels are, what is missing of them, and what the instrument was.
+
+A mask, flags, hits, NaN and UNSEEN all become one thing here: a pixel that is not there is no column of the
+maps, and a voxel that is not there has no weight.
+"""
+
+import copy
+import operator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from himap.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
+from himap.errors import InputError
+from himap.maps.blocked import centred, lean
+from himap.removal.covariance import channel_covariance
+
+__all__ = ["Data", "check_channels", "checked_mask", "checked_weights", "means_of", "scattered"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Data:
+    """Maps of observed pixels, and what is known of them.
+
+    Attributes
+    ----------
+    maps
+        (n_channels, n_pix), mK, float32 or float64; 0 where a voxel is missing.
+    freqs
+        Channel centres, MHz, ascending, (n_channels,).
+    grid
+        Which pixels these are: of a HEALPix sphere, RING, (12 nside^2,) bool; of an image in the plane,
+        (n_y, n_x) bool. None for a whole sphere, or for lines of sight anywhere.
+    weights
+        Hits or inverse variances, of which only ratios matter: of pixels, (n_pix,), or of voxels,
+        (n_channels, n_pix), 0 where one is missing. None where all are equal.
+    beams
+        b_l, (n_channels, lmax + 1), or None.
+    noise
+        Of the instrument per pixel, mK, a number or (n_channels,), or None.
+    seed
+        numpy Generator, or what makes one, for methods that draw numbers; or None.
+    inside
+        Of maps that go on beyond what was observed (`on_sphere`): where they were, (n_pix,) bool; else None.
+    known
+        What was computed of the maps already, such as "modes", or a function that has it at hand: data with
+        other beams, noise or seed share it.
+
+    Raises
+    ------
+    InputError
+        Frequencies, beams or noise that are not valid, or do not fit the maps.
+    """
+
+    maps: np.ndarray
+    freqs: np.ndarray
+    grid: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    beams: np.ndarray | None = None
+    noise: float | tuple | None = None
+    seed: object = None
+    inside: np.ndarray | None = None
+    known: dict = field(default_factory=dict, repr=False)
+
+    def __post_init__(self):
+        n_channels, of = len(self.maps), (self.maps, self.weights, self.grid)
+        if not all(map(operator.is_, self.known.get("of", (None,) * 3), of)):
+            object.__setattr__(self, "known", {"of": of})
+        object.__setattr__(self, "freqs", checked_freqs(self.freqs, n_channels))
+        beams = None if self.beams is None else checked_beams("beams", self.beams, n_channels)
+        object.__setattr__(self, "beams", beams)
+        object.__setattr__(self, "noise", checked_noise("noise", self.noise, n_channels))
+
+    @classmethod
+    def of(cls, maps, *, freqs, mask=None, weights=None, image=None, rng=None, label="maps", **known):
+        """The `Data` of maps as users have them.
+
+        Parameters
+        ----------
+        maps
+            (n_channels, n_pix), mK; left as they are.
+        freqs
+            Channel centres, MHz, ascending, (n_channels,).
+        mask
+            (n_pix,) bool, True where kept; what is elsewhere may be anything. None keeps all.
+        weights
+            (n_pix,) or (n_channels, n_pix): a pixel without any is not kept, a voxel without any in a pixel
+            with some is missing, and may be anything.
+        image
+            Which pixels of an image in the plane these are, row by row, (n_y, n_x) bool.
+        rng
+            numpy Generator, for methods that draw numbers.
+        label
+            What the maps are called in errors.
+        known
+            `beams` and `noise`.
+
+        Raises
+        ------
+        InputError
+            Maps that are not finite, or of one channel; a mask, weights or an image that do not fit them.
+        """
+        shape = np.shape(maps)
+        kept = None if mask is None else checked_mask(mask, shape[-1] if shape else 0)
+        if weights is not None:
+            kept, weights = checked_weights(weights, shape, kept)
+        grid = kept if image is None else _checked_image(image, shape[-1] if shape else 0, kept)
+        by_voxel = np.ndim(weights) == 2
+        maps = checked_cube(label, maps, min_channels=2, kept=weights > 0 if by_voxel else kept)
+        if kept is not None:
+            maps, weights = maps[:, kept], None if weights is None else weights[..., kept]
+        if by_voxel:
+            maps = np.where(weights > 0, maps, np.zeros((), maps.dtype))
+        return cls(maps=maps, freqs=freqs, grid=grid, weights=weights, seed=rng, **known)
+
+    @property
+    def image(self):
+        """Which pixels of an image in the plane these are, (n_y, n_x) bool, or None."""
+        return self.grid if np.ndim(self.grid) == 2 else None
+
+    @property
+    def missing(self):
+        """Which voxels are missing, (n_channels, n_pix) bool, or None."""
+        return self.weights == 0 if np.ndim(self.weights) == 2 else None
+
+    @property
+    def rng(self):
+        """A numpy Generator that draws the same numbers each time it is asked for, or None."""
+        return None if self.seed is None else np.random.default_rng(copy.deepcopy(self.seed))
+
+    @property
+    def means(self):
+        """The mean of every channel, by the weights, (n_channels,) float64."""
+        return self._once("means", lambda: means_of(self.maps, self.weights))
+
+    @property
+    def centred(self):
+        """The maps less their means: float32, or float64 where that would round HI away."""
+        return self._once("centred", lambda: centred(self.maps, self.means))
+
+    @property
+    def total(self):
+        """The maps with their means, in the floats of `centred`."""
+        return lean(self.maps)
+
+    @property
+    def covariance(self):
+        """Of the channels, without weights, (n_channels, n_channels) float64, mK^2."""
+        return self._once("covariance", lambda: channel_covariance(self.centred))
+
+    @property
+    def modes(self):
+        """The `CubeModes` of `centred`; of a part of the sphere with what is bright continued outside."""
+        # Imported here: most methods need no transforms, and importing these takes a second.
+        from himap.removal.analysis import analysed
+
+        return self._once("modes", lambda: analysed(self.on_grid(self.centred), self.grid))
+
+    def _once(self, name, make):
+        value = self.known.get(name, make)
+        if callable(value):
+            value = self.known[name] = value()
+        return value
+
+    def on_grid(self, lines):
+        """Lines of sight (n, n_pix) among all pixels of the sphere, 0 elsewhere; unchanged without `grid`."""
+        return lines if self.grid is None else scattered(lines, self.grid)
+
+    def on_sphere(self):
+        """The same on the whole sphere, less the means: outside of `grid` what is bright goes on smoothly."""
+        if self.grid is None:
+            return self
+        from himap.removal.analysis import continued
+
+        maps = continued(self.centred, self.grid, self.modes)
+        whole = replace(self, maps=maps, grid=None, weights=None, inside=self.grid)
+        whole.known.update(means=self.means, centred=maps, modes=self.modes)
+        return whole
+
+    def with_mock(self, mock):
+        """The same with a mock (n_channels, n_pix) of HI and noise, mK, added; missing voxels stay so.
+
+        The noise, where it is known, is that of both.
+        """
+        mock = mock if self.missing is None else np.where(self.missing, np.zeros((), mock.dtype), mock)
+        noise = None if self.noise is None else np.sqrt(2) * np.asarray(self.noise)
+        return replace(self, maps=self.maps + mock, noise=noise)
+
+    def on(self, mask):
+        """The same of the pixels that `mask`, (n_pix,) bool, keeps, of maps of a whole sphere.
+
+        Raises
+        ------
+        InputError
+            A mask of other pixels, or that keeps none.
+        """
+        kept = checked_mask(mask, self.maps.shape[1])
+        weights = None if self.weights is None else self.weights[..., kept]
+        return replace(self, maps=self.maps[:, kept], weights=weights, grid=kept)
+
+
+def scattered(lines, kept):
+    """Lines of sight (n, n_kept) among all pixels, (n, n_pix), 0 elsewhere."""
+    out = np.zeros((len(lines), len(kept)), dtype=lines.dtype)
+    out[:, kept] = lines
+    return out
+
+
+def checked_mask(mask, n_pix):
+    """A mask as (n_pix,) bool, True where kept.
+
+    Raises
+    ------
+    InputError
+        Another shape, other values than True and False (or 1 and 0), or nothing kept.
+    """
+    kept = np.asarray(mask)
+    if kept.dtype != bool:
+        kept = real_array("the mask", mask)
+    if kept.shape != (n_pix,):
+        raise InputError(f"the mask must have shape (n_pix,) = ({n_pix},), got {kept.shape}.")
+    if not np.isin(kept, (0, 1)).all():
+        raise InputError(
+            "the mask of a separation must be True where kept and False elsewhere (or 1 and 0), got values "
+            "between; weights are for power spectra: give mask > 0.5 or the like."
+        )
+    if not kept.any():
+        raise InputError("the mask keeps no pixel; True (or 1) means kept.")
+    return kept.astype(bool)
+
+
+def checked_weights(weights, shape, kept=None):
+    """Weights of maps in their simplest form, and the pixels that have any.
+
+    Parameters
+    ----------
+    weights
+        (n_pix,) or (n_channels, n_pix): finite, 0 or more.
+    shape
+        Of the maps, (n_channels, n_pix).
+    kept
+        (n_pix,) bool, or None for all: nothing else is looked at.
+
+    Returns
+    -------
+    tuple
+        Pixels that are kept and seen in some channel, (n_pix,) bool, or None where that are all; and weights,
+        0 elsewhere: (n_channels, n_pix); (n_pix,) where they are the same in all channels; None where they
+        are the same in all voxels.
+
+    Raises
+    ------
+    InputError
+        Another shape, something that is no weight, or none at all in the maps or in a channel.
+    """
+    values = _checked_values(weights, shape)
+    seen = values > 0 if values.ndim == 1 else values.any(axis=0)
+    seen = seen if kept is None else seen & kept
+    if not seen.any():
+        raise InputError("the weights are 0 in all pixels that are kept; 0 means not seen.")
+    values = np.where(seen, values, np.zeros((), values.dtype))
+    if values.ndim == 2:
+        empty = np.flatnonzero(~values.any(axis=1))
+        if len(empty):
+            raise InputError(
+                f"the weights are 0 in all pixels of channel {empty[0]} and {len(empty) - 1} more; leave "
+                "these channels out of the maps."
+            )
+        if all(np.array_equal(row, values[0]) for row in values[1:]):
+            values = values[0]
+    if values.ndim == 1 and np.ptp(values[seen]) == 0:
+        values = None
+    return None if kept is None and seen.all() else seen, values
+
+
+def _checked_values(weights, shape):
+    weights = np.asarray(weights, dtype=float) if np.asarray(weights).dtype == bool else weights
+    values = real_array("weights", weights)
+    if len(shape) != 2 or values.shape not in (shape, shape[1:]):
+        raise InputError(
+            f"weights must have shape (n_pix,) or (n_channels, n_pix), that of the maps, {shape}; got "
+            f"{values.shape}."
+        )
+    if values.dtype != np.float32:
+        values = values.astype(np.float64, copy=False)
+    n_bad = sum(np.count_nonzero(~((row >= 0) & np.isfinite(row))) for row in np.atleast_2d(values))
+    if n_bad:
+        raise InputError(f"weights must be finite and 0 or more, got {n_bad} that are not; 0 means not seen.")
+    return values
+
+
+def _checked_image(image, n_pix, kept):
+    """Which pixels of an image (n_y, n_x) bool the maps have that are kept, of `n_pix` that there are."""
+    image = np.array(image)
+    if image.dtype != bool or image.ndim != 2 or np.count_nonzero(image) != n_pix:
+        got = f"{image.dtype} {image.shape}, {np.count_nonzero(image)} of them not 0"
+        raise InputError(
+            f"image must be (n_y, n_x) bool, True at the {n_pix} pixels that the maps have, got {got}."
+        )
+    if kept is not None:
+        image[image] = kept
+    return image
+
+
+def check_channels(weights, least, label):
+    """Refuse weights (n_channels, n_pix) that leave a line of sight fewer than `least` channels.
+
+    Raises
+    ------
+    InputError
+        There is one; `label` is what needs more of them.
+    """
+    n_few = np.count_nonzero(np.count_nonzero(weights, axis=0) < least)
+    if n_few:
+        raise InputError(
+            f"{label} needs {least} channels on a line of sight that are not missing, and {n_few} of "
+            f"{weights.shape[1]} have fewer; leave these out with a mask."
+        )
+
+
+def means_of(maps, weights=None):
+    """The mean of every channel of maps (n_channels, n_pix), weighted if asked for, (n_channels,) float64."""
+    if weights is None:
+        return maps.mean(axis=1, dtype=np.float64)
+    rows = np.broadcast_to(weights, maps.shape)
+    return np.array([np.average(row, weights=w.astype(float)) for row, w in zip(maps, rows, strict=True)])

@@ -1,0 +1,140 @@
+"""Data and cleanings: what is computed once, and what a cleaning with something changed is worth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sparse_problem import BEAMS, NSIDE, make_problem
+
+from himap.errors import InputError
+from himap.maps import sphere
+from himap.removal import PCA, BeamSubspace, FastICA, SmoothSpectra, analysis
+from himap.removal.cleaning import Cleaning, without_peaks
+from himap.removal.data import Data
+from himap.removal.peaks import mask_peaks
+
+FREQS = np.linspace(900, 1400, 8)
+KEPT = np.abs(sphere.pixel_latitude(NSIDE)) > 15
+
+
+@pytest.fixture
+def maps(rng):
+    sky = make_problem(rng)[0]
+    return (sky + 0.1 * rng.standard_normal(sky.shape)).astype(np.float32)
+
+
+@pytest.fixture
+def data(maps):
+    return Data.of(maps, freqs=FREQS, beams=BEAMS, noise=0.1, rng=np.random.default_rng(1))
+
+
+@pytest.fixture
+def mock(maps, rng):
+    return (0.1 * rng.standard_normal(maps.shape)).astype(np.float32)
+
+
+@pytest.fixture
+def spiked(maps):
+    """`Data` of 64 channels, enough for peaks to stand out, of which 30 lines of sight have one."""
+    many = np.repeat(maps, 8, axis=0)[:, :100]
+    many[20, :30] += 1e3
+    return Data.of(many, freqs=np.linspace(900, 1400, 64))
+
+
+class TestData:
+    def test_draws_the_same_numbers_each_time(self, data):
+        assert np.array_equal(data.rng.standard_normal(4), data.rng.standard_normal(4))
+        assert np.array_equal(*(FastICA().separate(data).sources for _ in range(2)))
+
+    def test_what_is_computed_of_the_maps_is_shared_until_they_change(self, data, mock, monkeypatch):
+        other = replace(data, beams=BEAMS**2, noise=None)
+        modes, means = data.modes, other.means
+        monkeypatch.setattr(analysis, "analysed", None)
+        assert other.modes is modes and data.means is means
+        assert data.with_mock(mock).means == pytest.approx(means + mock.mean(axis=1), rel=1e-5)
+        with pytest.raises(TypeError):
+            _ = data.with_mock(mock).modes
+
+    def test_one_analysis_serves_all_methods(self, data, monkeypatch):
+        work, calls = analysis.analysed, []
+        monkeypatch.setattr(analysis, "analysed", lambda *given: calls.append(given) or work(*given))
+        cleaning = Cleaning.of(data, BeamSubspace(n_sources=2), peaks=False)
+        for one in (
+            cleaning,
+            cleaning.with_method(SmoothSpectra(n_sources=2, n_smooth=3)),
+            cleaning.on(KEPT),
+        ):
+            assert np.isfinite(one.residual).all()
+        assert len(calls) == 2  # the sphere, and the part of it
+
+    def test_a_mask_and_weights_of_nothing_are_the_same(self, maps):
+        masked = Data.of(maps, freqs=FREQS, mask=KEPT)
+        weighted = Data.of(np.where(KEPT, maps, np.nan), freqs=FREQS, weights=3.0 * KEPT)
+        assert np.array_equal(masked.maps, weighted.maps) and np.array_equal(masked.grid, weighted.grid)
+        assert weighted.weights is None and masked.missing is None
+
+    def test_missing_voxels_stay_missing_beside_a_mock(self, maps, mock, rng):
+        flags = rng.random(maps.shape) < 0.1
+        data = Data.of(np.where(flags, np.nan, maps), freqs=FREQS, weights=~flags)
+        both = data.with_mock(mock)
+        assert not both.maps[flags].any() and np.array_equal(both.missing, flags)
+        assert np.array_equal(both.maps[~flags], (maps + mock)[~flags])
+
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"noise": [1.0, 2.0]}, "noise must be one value or 8"),
+            ({"beams": BEAMS[1:]}, r"beams must be b_l of shape \(8, lmax"),
+            ({"image": np.ones((3, 3), bool)}, "image must be .* True at the 3072 pixels"),
+            ({"fish": 1}, "fish"),
+        ],
+    )
+    def test_refused(self, maps, given, message):
+        with pytest.raises((InputError, TypeError), match=message):
+            Data.of(maps, freqs=FREQS, **given)
+
+
+class TestCleaning:
+    def test_with_a_mock_is_the_sum_cleaned_without_the_peaks_of_both(self, spiked):
+        mock = np.zeros_like(spiked.maps)
+        mock[40, 50:60] = 1e3
+        changed, both = Cleaning.of(spiked, PCA(n_sources=2)).with_mock(mock), spiked.maps + mock
+        masked = mask_peaks(both, spiked.freqs)
+        assert masked.flagged[20, :30].all() and masked.flagged[40, 50:60].all()
+        expected = PCA(n_sources=2).clean(both, freqs=spiked.freqs, separate_on=masked.maps).residual
+        assert np.array_equal(changed.residual, expected)
+
+    def test_the_noise_is_that_of_data_and_mock(self, data, mock):
+        assert Cleaning.of(data, PCA()).with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
+
+    def test_without_masking_of_peaks_a_mock_keeps_its_own(self, data, mock):
+        changed = Cleaning.of(data, PCA(), peaks=False).with_mock(mock)
+        assert changed.basis is changed.data and changed.flagged == 0
+
+    def test_with_other_beams(self, data, maps):
+        method = BeamSubspace(n_sources=2)
+        changed = Cleaning.of(data, method, peaks=False).with_beams(BEAMS**1.1)
+        expected = method.clean(maps, freqs=FREQS, beams=BEAMS**1.1)
+        assert np.array_equal(changed.residual, expected.residual)
+
+    def test_with_other_sources(self, data, maps):
+        changed = Cleaning.of(data, PCA(n_sources=3), peaks=False).with_sources(1)
+        assert np.array_equal(changed.residual, PCA(n_sources=1).clean(maps, freqs=FREQS).residual)
+
+    @pytest.mark.parametrize("method", [PCA(n_sources=2), BeamSubspace(n_sources=2)])
+    def test_on_a_mask(self, data, maps, method):
+        changed = Cleaning.of(data, method, peaks=False).on(KEPT)
+        expected = method.clean(maps, freqs=FREQS, beams=BEAMS, mask=KEPT).residual[:, KEPT]
+        assert changed.residual == pytest.approx(expected, abs=1e-5)
+
+    def test_on_a_mask_peaks_stay_masked(self, spiked):
+        kept = np.arange(100) % 2 == 0
+        masked = mask_peaks(spiked.maps, spiked.freqs).maps
+        expected = PCA().clean(spiked.maps, freqs=spiked.freqs, separate_on=masked, mask=kept)
+        found = Cleaning.of(spiked, PCA()).on(kept)
+        assert np.array_equal(found.residual, expected.residual[:, kept])
+
+    def test_peaks_are_counted(self, spiked):
+        masked = mask_peaks(spiked.maps, spiked.freqs)
+        assert Cleaning.of(spiked, PCA()).flagged == masked.flagged.mean() > 0
+        assert np.array_equal(without_peaks(spiked).maps, masked.maps)
