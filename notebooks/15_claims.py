@@ -60,7 +60,7 @@ from IPython.display import Markdown
 
 from himap.companion.notebooks import notebooks
 from himap.companion.stored_tables import differing, failed_table, ledgers_table, verdicts_table
-from himap.figures.numbers import quote, show, show_table
+from himap.figures.numbers import one_run, quote, show, show_table
 from himap.paper.ledger import NUDGES, RECORDED, evaluate, read_ledger, realisations
 from himap.paper.ledger_table import LedgerTable, summary
 from himap.paper.methods import paper_beams
@@ -182,11 +182,14 @@ Markdown(ledgers_table(ledgers, differing))
 
 # %%
 entries = evaluate(skies, nudges=NUDGES if nudged else ())
+WITHOUT = {"F1", "E1", "E3", "E5", "O1", "B3", "M3"}  # of SDecGMCA; of the others rounding alone moves it
 rows = {}
 for entry in entries:
     median = entry.values[0]
     number = (median, max(0.05 * abs(median), 0.01)) if median == median else "–"
-    rows[entry.claim["id"]] = {"verdict": entry.label, "measured": number, "paper": entry.claim["paper"]}
+    row = {"verdict": entry.label, "measured": number}
+    name = entry.claim["id"]
+    rows[name] = (row if name in WITHOUT else one_run(row)) | {"paper": entry.claim["paper"]}
 show_table(rows)
 
 # %% [markdown]

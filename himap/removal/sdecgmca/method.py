@@ -126,8 +126,8 @@ class SDecGMCA(ForegroundRemover):
         return noise
 
     def _separate(self, maps, *, freqs, beams, rng, modes, noise):
-        # Sums in another order end elsewhere after 200 turns: one thread, so that all machines with the same
-        # libraries agree whatever their number of cores. Transforms, which keep theirs, do not depend on it.
+        # Sums in another order end elsewhere after 200 turns: one thread, so that the answer is the same
+        # whatever the number of cores. Transforms, which keep theirs, do not depend on it.
         with threadpool_limits(1, user_api="blas"):
             return self._separated(maps, beams, modes, noise)
 
