@@ -12,9 +12,6 @@ __all__ = ["start"]
 def start():
     """Run the command; an interruption ends it in one word, whenever it comes."""
     try:
-        from himap.rounding import same_everywhere
-
-        os.environ.update(same_everywhere())  # before numpy comes
         from himap.cli.main import main
 
         main(prog_name="himap")

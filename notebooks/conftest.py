@@ -1,12 +1,12 @@
 """How `pytest --nbval notebooks/` compares the notebooks.
 
 nbval compares every text exactly. Here a number shown as ``value ± tolerance`` may move by its
-tolerance, the commit and the time in the line under a figure may differ, and a cell that was never
-executed fails. The numbers that a figure carries must be there and are not compared, as pictures are
-not. All the rest is exact, as in nbval. A number for the prose carries its tolerance beside its text, and is compared likewise.
+tolerance, one marked as of one run of a chaotic method (``value†``) is compared in form only, the commit
+and the time in the line under a figure may differ, and a cell that was never executed fails. The numbers
+that a figure carries must be there and are not compared, as pictures are not. All the rest is exact, as in
+nbval. A number for the prose carries its tolerance or its mark beside its text, and is compared likewise.
 """
 
-import os
 import re
 
 import nbval.kernel
@@ -17,7 +17,6 @@ from himap.companion.notebook_files import has_code
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED, agree
 from himap.products.provenance import VOLATILE
-from himap.rounding import same_everywhere
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest
@@ -61,7 +60,6 @@ def _settled_value(key, test, reference):
     return reference if same else test
 
 
-os.environ.update(same_everywhere())  # of the kernels, which take it from here
 nbval.kernel.KernelManager = LocalKernelManager
 IPyNbCell.compare_outputs = compare_outputs
 IPyNbCell.runtest = runtest

@@ -9,6 +9,7 @@ import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -19,6 +20,22 @@ from himap.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+FACES = {
+    ("Test Sans", 400): "DejaVuSans",
+    ("Test Sans", 700): "DejaVuSans-Bold",
+    ("Test Mono", 400): "DejaVuSansMono",
+}
+SET_FONTS = """faces => {
+    document.documentElement.style.setProperty('--pst-font-family-base', '"Test Sans"');
+    document.documentElement.style.setProperty('--pst-font-family-heading', '"Test Sans"');
+    document.documentElement.style.setProperty('--pst-font-family-monospace', '"Test Mono"');
+    return Promise.all(faces.map(async ([family, weight, file]) => {
+        const face = new FontFace(family, `url(/test-fonts/${file}.ttf)`, {weight: `${weight}`});
+        document.fonts.add(await face.load());
+    }));
+}"""
+"""Sets a page in fonts that come with matplotlib, so that no width depends on what is installed."""
 SHARED_SKY = ROOT.parent / "shared" / "sky"
 
 
@@ -145,7 +162,9 @@ def visit(browser, address):
                 else page.elsewhere.append(asked.url)
             ),
         )
+        page.route("**/test-fonts/*", lambda route, asked: route.fulfill(path=FONTS / Path(asked.url).name))
         page.goto(f"{address}/{path}", wait_until="networkidle")
+        page.evaluate(SET_FONTS, [[*face, file] for face, file in FACES.items()])
         return page
 
     yield opened

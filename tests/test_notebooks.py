@@ -72,6 +72,11 @@ def quoted(text, whole=None):
 
 QUOTE = "from himap.figures.numbers import quote\nquote(some_ratio={})"
 SHOW = "from himap.figures.numbers import show\nshow({'ratio': (1.002, 0.01)})"
+ONE_RUN = """
+from himap.figures.numbers import one_run, show
+print(show({'settled': 'yes', 'C': one_run((17.2, 0.5))}))
+"""
+QUOTED_RUN = "from himap.figures.numbers import one_run, quote\nquote(some_ratio=one_run((17.2, 0.5)))"
 TABLE = (
     '<div class="himap-table"><table>\n<tr>'
     '<th scope="row" style="text-align:left; vertical-align:top">{}</th>'
@@ -93,6 +98,11 @@ NOTEBOOKS = {
     "quoted_count": notebook(QUOTE.format("27"), quoted("27")),
     "quoted_another": notebook(QUOTE.format("27"), quoted("26")),
     "quoted_nothing": notebook(QUOTE.format("27")),
+    "one_run": notebook(ONE_RUN, printed("settled: yes\nC: 0.98†\n† one run, not compared")),
+    "one_run_name": notebook(ONE_RUN, printed("settled: yes\nP: 0.98†\n† one run, not compared")),
+    "one_run_beside": notebook(ONE_RUN, printed("settled: no\nC: 0.98†\n† one run, not compared")),
+    "quoted_run": notebook(QUOTED_RUN, quoted("0.98", "0.98†")),
+    "quoted_run_unmarked": notebook(QUOTED_RUN, quoted("0.98", "0.978 ± 0.010")),
     "footer": notebook(
         f"print({FOOTER.format('abc1234', '2.1 s')!r})",
         printed(FOOTER.format("unknown with edits", "11 min")),
@@ -105,6 +115,7 @@ NOTEBOOKS = {
     "comment": notebook("# only a comment", executed=False),
 }
 PASSING = {"same", "within", "table_within", "quoted_within", "quoted_count", "footer", "comment"}
+PASSING |= {"one_run", "quoted_run"}
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from pages import cells
 
 from himap.errors import InputError
-from himap.figures.numbers import QUOTED, agree, quote, quoted, show, show_table
+from himap.figures.numbers import NOT_COMPARED, QUOTED, agree, one_run, quote, quoted, show, show_table
 
 
 @pytest.mark.parametrize(
@@ -73,6 +73,82 @@ def test_a_number_of_another_width_leaves_the_rest_of_the_html():
     assert mine != theirs and agree(mine, theirs)
 
 
+@pytest.mark.parametrize(
+    "entry, text",
+    [
+        ((0.98712, 0.01), "x: 0.99†"),
+        ((123456, 500, "K"), "x: 123,500† K"),
+        ((1.8e9, 1e8), "x: 1.8\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁹†"),
+        ((math.nan, 0.1), "x: nan†"),
+        (7, "x: 7†"),
+        (
+            "in part (2 of 3)",
+            "x: in\N{NO-BREAK SPACE}part\N{NO-BREAK SPACE}(2\N{NO-BREAK SPACE}of\N{NO-BREAK SPACE}3)†",
+        ),
+    ],
+)
+def test_what_is_of_one_run_says_so(entry, text):
+    assert repr(show({"x": one_run(entry)})).splitlines() == [text, NOT_COMPARED]
+    assert quoted(one_run(entry)) == quoted(entry)
+    assert one_run({"x": {"y": entry}}) == {"x": {"y": one_run(entry)}}
+
+
+def test_only_what_is_of_one_run_is_marked():
+    table = show_table({"PCA": {"C": (0.987, 0.01)}, "SDecGMCA": one_run({"C": (0.987, 0.01)})})
+    assert cells(table.html()) == [["", "C"], ["PCA", "0.987 ± 0.010"], ["SDecGMCA", "0.99†"]]
+    assert f"<small>{NOT_COMPARED}</small>" in table.html() and repr(table).endswith(f"\n{NOT_COMPARED}")
+    assert table.markdown()[-1] == NOT_COMPARED
+    plain = show_table({"PCA": {"C": (0.987, 0.01)}})
+    assert NOT_COMPARED not in f"{plain!r}{plain.html()}{plain.markdown()}"
+
+
+@pytest.mark.parametrize("entry", [(1.0, 0), (1.0,), (1, 2, 3, 4), ("a", 1)])
+def test_a_number_of_one_run_needs_a_tolerance_too(entry):
+    with pytest.raises(InputError, match="x: "):
+        show({"x": one_run(one_run(entry))})
+
+
+RUNS = [(0.978, 0.01), (9e5, 0.01), (-3e-9, 1e-10), (2.5e8, 1e7), 12, "–"]
+"""All have the form of a number, or say that there is none."""
+
+
+@pytest.mark.parametrize("way", [lambda table: repr(table), lambda table: table.html()])
+@pytest.mark.parametrize("mine", RUNS)
+@pytest.mark.parametrize("theirs", RUNS)
+def test_of_one_run_the_form_is_compared_and_not_the_number(way, mine, theirs):
+    first, second = (
+        way(show_table({"PCA": {"C": (0.5, 0.1), "n": 4}, "SDecGMCA": {"C": one_run(one), "n": 4}}))
+        for one in (mine, theirs)
+    )
+    assert agree(first, second)
+
+
+@pytest.mark.parametrize(
+    "text, reference, same",
+    [
+        ("C: yes†", "C: does\N{NO-BREAK SPACE}not\N{NO-BREAK SPACE}apply†", True),
+        ("C: 0.9†", "P: 0.9†", False),
+        ("C: 0.9† mK", "C: 0.9† K", False),
+        ("C: 0.9†", "C: 0.9", False),
+        ("C: 0.9†", "C: 0.90 ± 0.10", False),
+        ("C: 0.9†", "C: yes†", False),
+        ("C: 0.9†", "C:", False),
+        ("C: nan†", "C: 0.9†", False),
+        ("C: inf†", "C: -inf†", False),
+        ("C: nan†", "C: nan†", True),
+        ("C: nan†", "C: yes†", False),
+        ("C: 0.9†\nP: 3", "C: 1.1†\nP: 4", False),
+        ("C: 0.9†\nP: 3.0 ± 0.1", "C: 1.1†\nP: 3.2 ± 0.1", False),
+        ("C: 0.9†\nP: 3.0 ± 0.1", "C: 1.1†\nP: 3.1 ± 0.1", True),
+        ("<td>0.9†</td><td>3</td>", "<td>1,000†</td><td>3</td>", True),
+        ("<td>0.9†</td><td>3</td>", "<td>1,000†</td><td>4</td>", False),
+        ("P  3", "P 3", False),  # without a number of one run nothing is loosened
+    ],
+)
+def test_nothing_beside_a_number_of_one_run_is_loosened(text, reference, same):
+    assert agree(text, reference) is same and agree(reference, text) is same
+
+
 def test_a_table_has_a_column_for_each_quantity():
     assert show_table({"PCA": {"C": 1}}, head="bands").header == ["bands", "C"]
     table = show_table({"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}})
@@ -130,6 +206,11 @@ def test_what_is_quoted_is_glued_and_not_seen(monkeypatch):
     with pytest.raises(InputError, match="pca_peak: the tolerance"):
         quote(pca_loss=(1, 0.1), pca_peak=(1, 0))
     assert len(published) == 2
+    quote(pca_run=one_run((95.2, 1, "%")), pca_settled=one_run("yes"))
+    assert [data for data, _ in published[2:]] == [
+        {text: "'95\\xa0%'", whole: "95† %"},
+        {text: "'yes'", whole: "yes†"},
+    ]
 
 
 def test_numbers_for_prose_need_no_notebook(capsys):

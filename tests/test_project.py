@@ -49,7 +49,7 @@ def table_rows():
     _, _, text = (ROOT / "book" / "intro.md").read_text().partition("(figures)=")
     rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("| ")]
     cells = [[cell.strip() for cell in row] for row in rows]
-    assert cells[0] == ["Paper", "What it shows", "Notebook", "Command"]
+    assert cells[0] == ["Paper", "What it shows", "Notebook"]
     return cells[1:]
 
 
@@ -84,14 +84,12 @@ def test_table_has_a_row_for_every_figure():
 
 
 def test_table_rows_are_planned_or_complete():
-    for paper, what, notebook, command in table_rows():
+    for paper, what, notebook in table_rows():
         assert what, paper
         links = re.findall(r"\[(\w+)\]\(\.\./notebooks/(\w+)\.ipynb\)", notebook)
-        assert bool(links) == bool(command), paper
         assert links or notebook == "planned", paper
         for text, target in links:
             assert text == target and target in NOTEBOOKS, paper
-            assert f"`himap run {target}`" in command, paper
 
 
 def test_table_and_toc_have_every_notebook():

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from himap.folders import run_folder
 from himap.progress import TERMINAL_VARIABLE
-from himap.rounding import same_everywhere
 
 __all__ = ["changed_environment", "kernel_environment", "terminal"]
 
@@ -24,8 +23,7 @@ def terminal():
 
 @contextlib.contextmanager
 def kernel_environment(terminal):
-    """What a kernel started inside finds: this himap, the arithmetic of all kernels, the terminal for its
-    bars, and no chatter.
+    """What a kernel started inside finds: this himap, the terminal for its bars, and no chatter.
 
     Neither modules in the current folder nor what a user lets IPython do at each start come into it.
     """
@@ -38,7 +36,6 @@ def kernel_environment(terminal):
         "IPYTHONDIR": str(run_folder() / "ipython"),
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         "JUPYTER_PLATFORM_DIRS": "1",
-        **same_everywhere(),
     }
     home = Path.home()
     if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook

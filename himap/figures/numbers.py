@@ -3,6 +3,9 @@
 A notebook shows each of its numbers as ``value ± tolerance``. The tolerance says how far the number
 may move on another machine before somebody should look; it is not an error bar. In prose a number stands
 without it, and comes from the notebook all the same: see `quote`.
+
+A number of one run of a chaotic method is marked by `one_run`. On another machine it is another number, so
+only its name, unit and form are compared.
 """
 
 import math
@@ -11,16 +14,56 @@ import re
 from himap.errors import InputError
 from himap.figures.tables import Table
 
-__all__ = ["QUOTED", "agree", "quote", "quoted", "show", "show_table"]
+__all__ = ["NOT_COMPARED", "QUOTED", "OneRun", "agree", "one_run", "quote", "quoted", "show", "show_table"]
 
 _RECORD = "application/papermill.record/"  # what MyST-NB's glue puts before a kind that is not to be seen
 
 QUOTED = (_RECORD + "text/plain", _RECORD + "text/x-tolerance")
 """Kinds of output of a number for prose: the text, and where it has a tolerance the number with it."""
 
+_SIGN = "†"
+
+NOT_COMPARED = f"{_SIGN} one run, not compared"
+"""The line under numbers of which some are marked by `one_run`; each of these ends with its first sign."""
+
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WITH_TOLERANCE = re.compile(rf"({_NUMBER}) ± ({_NUMBER})")
+_MARKED = re.compile(rf"([^ \n<>|]+){_SIGN}")
+_JOINT = "\N{NO-BREAK SPACE}"
+_FORMATTED = re.compile(rf"–|-?\d[\d,]*(?:\.\d+)?(?:{_JOINT}×{_JOINT}10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
+
+
+class OneRun(tuple):
+    """An entry that `one_run` made: (value, tolerance), (value, tolerance, unit) or (text, None)."""
+
+
+def one_run(entry):
+    """Mark a number, or all in a dictionary, as of one run of a chaotic method such as SDecGMCA.
+
+    It is shown to the digits that its tolerance is sure of, with the sign that `NOT_COMPARED` explains. See
+    `agree` for what a test still compares.
+
+    Parameters
+    ----------
+    entry
+        As in `show`; a text, such as a verdict or a "–" where a run may have no such number; or a dictionary
+        of these.
+
+    Returns
+    -------
+    OneRun or dict
+        Still a tuple, so that code which takes the value out of an entry need not know.
+
+    >>> show(one_run({"C/C0": (0.9784, 0.01), "settled": "yes"}) | {"channels": 125})
+    C/C0: 0.98†
+    settled: yes†
+    channels: 125
+    † one run, not compared
+    """
+    if isinstance(entry, dict):
+        return {name: one_run(one) for name, one in entry.items()}
+    return OneRun(entry if isinstance(entry, tuple) else (entry, None))
 
 
 def show(numbers):
@@ -30,7 +73,8 @@ def show(numbers):
     ----------
     numbers
         {name: (value, tolerance)} or {name: (value, tolerance, unit)}, tolerance > 0 in the unit of
-        the value; {name: value} for what must come out the same everywhere, such as a count.
+        the value; {name: value} for what must come out the same everywhere, such as a count; or what
+        `one_run` makes of these.
 
     Raises
     ------
@@ -42,7 +86,8 @@ def show(numbers):
     noise: 0.03310 ± 0.00020 mK
     channels: 125
     """
-    return _Numbers([], [_row(name, entry) for name, entry in numbers.items()], align="lr")
+    rows = [_row(name, entry) for name, entry in numbers.items()]
+    return _Numbers([], rows, align="lr", note=_note(numbers.values()))
 
 
 def show_table(rows, *, head=""):
@@ -65,7 +110,8 @@ def show_table(rows, *, head=""):
     for name, entries in rows.items():
         numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in entries.items()}
         cells.append([name, *(" ".join(numbers.get(column, ())).strip() for column in columns)])
-    return Table([head, *columns], cells, align="l" + "r" * len(columns))
+    note = _note(entry for entries in rows.values() for entry in entries.values())
+    return Table([head, *columns], cells, align="l" + "r" * len(columns), note=note)
 
 
 def quote(**numbers):
@@ -79,8 +125,8 @@ def quote(**numbers):
     Parameters
     ----------
     numbers
-        Entries as in `show`: ``name=(value, tolerance)``, ``name=(value, tolerance, unit)``, or a value that
-        must come out the same everywhere, such as a count or a text.
+        Entries as in `show`: ``name=(value, tolerance)``, ``name=(value, tolerance, unit)``, a value that
+        must come out the same everywhere, such as a count or a text, or what `one_run` makes of these.
 
     Raises
     ------
@@ -104,24 +150,31 @@ def quoted(entry):
     """
     if not isinstance(entry, tuple):
         return str(entry)
-    value, tolerance, unit = _checked("quoted", entry)
-    return f"{_rounded(value, tolerance)}\N{NO-BREAK SPACE}{unit}".rstrip()
+    number, unit = _number("quoted", entry)
+    return f"{number}{_JOINT}{unit}".rstrip()
 
 
 class _Numbers(Table):
     """What `show` returns: a table in a notebook, one line for each number elsewhere."""
 
     def __repr__(self):
-        return "\n".join(f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows)
+        lines = [f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows]
+        return "\n".join([*lines, *filter(None, [self.note])])
 
 
 def agree(text, reference):
     """Whether two texts are the same but for numbers within the tolerance stated behind them.
 
     Where both say ``value ± tolerance`` the values may differ by the tolerance of the reference. A tolerance
-    that is a share of its value moves with it, and may itself differ by a tenth. All the rest, numbers
-    without a tolerance included, must be equal.
+    that is a share of its value moves with it, and may itself differ by a tenth.
+
+    What `one_run` marked is compared in form only: in the same place both have a number (or a "–", which says
+    that this run has none), or both have a text; how many spaces align them is of no account. NaN and
+    infinity are no numbers here: each agrees with itself alone.
+
+    All the rest, numbers without a tolerance included, must be equal.
     """
+    text, reference = _by_form(text), _by_form(reference)
     if _WITH_TOLERANCE.sub("±", text) != _WITH_TOLERANCE.sub("±", reference):
         return False
     pairs = zip(_WITH_TOLERANCE.findall(text), _WITH_TOLERANCE.findall(reference), strict=True)
@@ -129,6 +182,18 @@ def agree(text, reference):
         _near(tolerance, stated, 0.1 * float(stated)) and _near(value, expected, float(stated))
         for (value, tolerance), (expected, stated) in pairs
     )
+
+
+def _by_form(text):
+    """A text with what `one_run` marked replaced by its form."""
+    return re.sub(" +", " ", _MARKED.sub(_form, text)) if _SIGN in text else text
+
+
+def _form(marked):
+    value = marked[1]
+    if value in ("nan", "inf", "-inf"):
+        return marked[0]
+    return f"{'number' if _FORMATTED.fullmatch(value) else 'text'}{_SIGN}"
 
 
 def _near(text, reference, most):
@@ -141,6 +206,14 @@ def _bundle(name, entry):
     text, whole = QUOTED
     bundle = {text: repr(quoted(entry))}
     return bundle | {whole: f"{number} {unit}".rstrip()} if isinstance(entry, tuple) else bundle
+
+
+def _number(name, entry):
+    """(number, unit) of a tuple, the number to the digits that its tolerance is sure of."""
+    if isinstance(entry, OneRun) and entry[1:] == (None,):
+        return str(entry[0]), ""
+    value, tolerance, unit = _checked(name, entry)
+    return _rounded(value, tolerance), unit
 
 
 def _rounded(value, tolerance):
@@ -161,8 +234,15 @@ def _exponent(value, decimals=1):
     return int(f"{value:.{decimals}e}".partition("e")[2])
 
 
+def _note(entries):
+    return NOT_COMPARED if any(isinstance(entry, OneRun) for entry in entries) else ""
+
+
 def _row(name, entry):
     """Name, number with its tolerance, and unit of an entry."""
+    if isinstance(entry, OneRun):
+        number, unit = _number(name, entry)
+        return name, f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # `agree` sees where it begins
     if not isinstance(entry, tuple):
         return name, str(entry), ""
     value, tolerance, unit = _checked(name, entry)

@@ -32,6 +32,8 @@ class Table:
     align
         "l" (left) or "r" (right) for each column; "l" for those beyond. What stands at the right is a number,
         and no line of HTML breaks in it.
+    note
+        A line under the table.
 
     >>> Table(["method", "n"], [["PCA", 4], ["SDecGMCA", 5]], align="lr")
     method    n
@@ -39,22 +41,24 @@ class Table:
     SDecGMCA  5
     """
 
-    def __init__(self, header, rows, *, align=""):
-        self.header, self.rows = list(header), [list(row) for row in rows]
+    def __init__(self, header, rows, *, align="", note=""):
+        self.header, self.rows, self.note = list(header), [list(row) for row in rows], note
         self._align = [_SIDES[letter] for letter in align]
 
     def __repr__(self):
-        return self._written("plain", str)
+        return "\n".join(filter(None, [self._written("plain", str), self.note]))
 
     def html(self):
         """The table within a box of class "himap-table", which scrolls where the page is narrow."""
-        return f'<div class="himap-table"><table>\n{self._written(_FORMAT, _escaped)}\n</table></div>'
+        note = f"<small>{_escaped(self.note)}</small>" if self.note else ""
+        return f'<div class="himap-table"><table>\n{self._written(_FORMAT, _escaped)}\n</table>{note}</div>'
 
     _repr_html_ = html
 
     def markdown(self):
         """The lines of a table in a page, whose cells are Markdown; a bar in a cell stays one."""
-        return self._written("pipe", lambda cell: str(cell).replace("|", r"\|")).splitlines()
+        lines = self._written("pipe", lambda cell: str(cell).replace("|", r"\|")).splitlines()
+        return [*lines, "", self.note] if self.note else lines
 
     def _written(self, style, text):
         head, *body = [[text(cell) for cell in row] for row in (self.header, *self.rows)]
