@@ -194,7 +194,7 @@ class TestCheckAndGrow:
 
     def test_a_record_of_other_code_grows_once_it_was_checked(self, written):
         content = json.loads(Path("a.json").read_text())
-        content["about"]["code"] = "0" * 64
+        content["about"]["code"] = {"code": "0" * 64}
         Path("a.json").write_text(json.dumps(content))
         grow = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=3")
         code, _, err = written(*grow)

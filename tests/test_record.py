@@ -27,8 +27,9 @@ ABOUT = {
     "seconds": 10.0,
     "version": "0.1.0",
     "packages": [],
-    "code": "today",
+    "code": {"code": "today"},
 }
+TOMORROW = {"code": "tomorrow"}
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,8 @@ class TestFile:
 class TestCheck:
     def test_the_same_numbers_mark_it(self, record):
         rows = changed(record, ratio=record.rows["ratio"][1] * 1.0009, note="other words")
-        marked = record.check(rows, ABOUT | {"code": "tomorrow", "overrides": [["n_mocks", 3]]})
-        assert marked.about["checked"]["code"] == "tomorrow" and marked.codes == {"today", "tomorrow"}
+        marked = record.check(rows, ABOUT | {"code": TOMORROW, "overrides": [["n_mocks", 3]]})
+        assert marked.about["checked"]["code"] == TOMORROW and marked.codes == [ABOUT["code"], TOMORROW]
         assert marked.rows is record.rows and "checked" not in record.about
 
     @pytest.mark.parametrize(
@@ -165,12 +166,12 @@ class TestGrow:
         more = more.grow(EXPERIMENT.table([Sky(10, rows_of(10))]), made)
         assert more.seeds == [7, 8, 9, 10] and more.about["seconds"] == 30
         assert more.about["overrides"] == [["n_realisations", 4], ["n_mocks", 3]]
-        assert more.about["grown"] == ["def5678"] and more.about["code"] == "today"
+        assert more.about["grown"] == ["def5678"] and more.about["code"] == ABOUT["code"]
         assert record.seeds == [7, 8]
 
     def test_only_the_skies_that_are_missing(self, record):
         assert record.missing([7, 8, 9], ABOUT) == [9]
-        checked = replace(record, about=ABOUT | {"code": "older", "checked": {"code": "today"}})
+        checked = replace(record, about=ABOUT | {"code": TOMORROW, "checked": {"code": ABOUT["code"]}})
         assert checked.missing([8, 9], ABOUT) == [9]
 
     @pytest.mark.parametrize(
@@ -179,7 +180,7 @@ class TestGrow:
             ({"overrides": [["n_realisations", 2], ["n_mocks", 4]]}, r"other parameters \(n_mocks\)"),
             ({"overrides": [["n_realisations", 2]]}, r"other parameters \(n_mocks\)"),
             ({"seed": 8, "preset": "quick"}, r"other parameters \(preset, seed\)"),
-            ({"code": "tomorrow"}, "made by other code; see with --check"),
+            ({"code": TOMORROW}, "made by other code; see with --check"),
         ],
     )
     def test_skies_that_are_not_alike(self, record, about, message):

@@ -3,15 +3,16 @@
 import importlib
 import json
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from himap.companion.notebooks import notebooks
-from himap.companion.staleness import _CODES
 from himap.paper import canonical
+from himap.paper.experiments import EXPERIMENTS
+from himap.paper.record import measuring_code
 from himap.products import accepted, verify
 from himap.products.fingerprint import CodeTree
 
@@ -162,7 +163,7 @@ def test_integers_and_small_numbers_count():
 def test_every_product_and_named_class_has_a_call():
     tree = CodeTree()
     reached = set().union(
-        *(one.fingerprint(tree) for one in notebooks()), *(code(tree) for code in _CODES.values())
+        *(one.fingerprint(tree) for one in notebooks()), *(measuring_code(name, tree) for name in EXPERIMENTS)
     )
     names = {name for name in reached if name not in ("code", "look") and "." not in name}
     assert names == set(canonical.CALLS)
@@ -185,8 +186,8 @@ def test_the_calls_see_a_method_that_changed(monkeypatch):
 
     real = polynomial.Polynomial._separate
 
-    def other(self, maps, **options):
-        return real(self, maps * np.float32(1.001), **options)
+    def other(self, data):
+        return real(self, replace(data, maps=data.maps * np.float32(1.001)))
 
     monkeypatch.setattr(polynomial.Polynomial, "_separate", other)
     found = verify.compared(canonical.CALLS, ["polynomial", "pca"], canonical.RTOLS)

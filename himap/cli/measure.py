@@ -24,14 +24,12 @@ _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters th
 _NEXT = "goes with the next release"
 
 _OPTIONS = (
-    click.option("--preset", help="ci, quick, laptop or paper; default: that of the chapter."),
-    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of its chapter."),
-    click.option("-o", "--output", help="The JSON to write; default results/NAME_PRESET_PARAMETERS.json."),
+    click.option("--preset", help="ci, quick, laptop or paper."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter."),
+    click.option("-o", "--output", help="The JSON to write; default in results/."),
     overwrite_option,
-    click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark the record."),
-    click.option(
-        "--grow", metavar="FILE", help="Measure the skies that a record does not have, and add them."
-    ),
+    click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
+    click.option("--grow", metavar="FILE", help="Add the skies that a record does not have."),
 )
 
 
@@ -42,7 +40,7 @@ def _with_options(command):
     return command
 
 
-@click.command(epilog="The parameters are those of the chapter: `himap list NAME` shows them.")
+@click.command()
 @click.argument("name")
 @_with_options
 def measure(name, **options):
@@ -56,14 +54,10 @@ def measure(name, **options):
     readings     every claim under every reading of SDecGMCA        (15_claims)
     transfer     how well transfer functions correct signal loss    (20_transfer_function)
 
-    What was interrupted goes on where it stopped when it is run again. --check measures the first sky again
-    and marks the record as what today's code gives, if all numbers agree to a thousandth; --grow adds skies
-    one by one. Both need the parameters that the record was made with.
+    `himap list` shows the parameters of these chapters. What was interrupted goes on where it stopped.
 
     \b
-    himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps --jobs 2
-    himap measure transfer --preset quick -p n_mocks=6 -o mine.json
-    himap measure transfer --preset quick -p n_mocks=6 -p n_realisations=40 --grow mine.json
+    himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
     """
     _measure(name, **options)
 
@@ -152,18 +146,22 @@ def _formerly(old, name):
         click.echo(f"`himap {old}` is `himap measure {name}` now, and {_NEXT}.", err=True)
         _measure(name, **options)
 
-    short = f"Now `himap measure {name}`."
-    return click.command(old.rpartition(" ")[2], help=short, deprecated=False)(_with_options(command))
+    words = f"Measure {name}; now `himap measure {name}`.\n\n\b\nhimap {old} --preset quick"
+    return click.command(old.rpartition(" ")[2], help=words, hidden=True)(_with_options(command))
 
 
 claims = _formerly("claims", "claims")
 readings = _formerly("readings", "readings")
 
 
-@click.group(short_help="Now `himap measure`.")
+@click.group(hidden=True)
 @debug
 def record():
-    """Now `himap measure`."""
+    """Measure an experiment; now `himap measure`.
+
+    \b
+    himap record corrections --preset quick
+    """
 
 
 for _old, _name in (
