@@ -3,7 +3,7 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/*.json
+#     - book/results/claims_*.json
 #     - book/results/*/figures.json
 #     section: all
 #   jupytext:

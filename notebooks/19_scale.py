@@ -3,8 +3,10 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/*.json
-#     - book/results/*/figures.json
+#     - book/results/claims_paper_templates.json
+#     - book/results/endurance.json
+#     - book/results/scaling.json
+#     - book/results/steps_*.json
 #     section: ''
 #   jupytext:
 #     formats: ipynb,py:percent
