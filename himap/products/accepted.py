@@ -9,10 +9,13 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["accepted", "followed", "moved"]
+__all__ = ["ACCEPTED", "PROBES", "accepted", "followed", "moved"]
 
 ACCEPTED = Path(__file__).resolve().parents[2] / "book" / "results" / "accepted.json"
 """In a checkout; himap without one accepts nothing."""
+
+PROBES = ACCEPTED.with_name("probes.json")
+"""Beside it, the numbers that code is compared with (`himap.products.verify`)."""
 
 
 def moved(stored, today, *, looks=False):
