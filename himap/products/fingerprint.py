@@ -64,7 +64,8 @@ class CodeTree:
     accepted
         {digest of a definition: the one that it counts as}; default: that of `himap.products.accepted`.
     former
-        {place of a definition (`digests`): former digest} that it counts as now; `accepts` are those found.
+        {place of a definition (see `digests`): former digest that it is to count as}; what follows from them is
+        in the attribute `accepts`, a dict as `accepted`.
     roots
         Name of another package (or single module) -> its folder (or file).
     """
