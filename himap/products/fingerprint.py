@@ -64,7 +64,7 @@ class CodeTree:
     accepted
         {digest of a definition: the one that it counts as}; default: that of `himap.products.accepted`.
     former
-        {place of a definition (see `digests`): former digest that it is to count as}; what follows from them is
+        {place of a definition (see `digests`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
     roots
         Name of another package (or single module) -> its folder (or file).
