@@ -297,6 +297,7 @@ def test_a_file_that_a_notebook_reads_changes(folder):
     stored.write_text("1")
     edit(folder / "01_toy.py", "#     section:", '#     reads: ["*.json"]\n#     section:')
     pretend_executed(folder)
+    (folder.parent / "accepted.json").write_text("{}")  # what is accepted is no result
     assert notebooks.find("01_toy", folder).reads == [stored] and reproduce.stale(folder) == {}
     stored.write_text("2")
     assert reproduce.stale(folder) == {"01_toy": "stored.json changed"}

@@ -17,7 +17,7 @@ def verify(renew):
     in book/results/probes.json. Where they agree, stamps of notebooks, stored results and the cache stay
     valid: book/results/accepted.json says so, and is committed. Where they differ, what former code made is
     stale; with --renew later code is compared with today's. What chapters do in cells of their own is not
-    called: `himap run --stale` executes them, and changes no more than the stamp if nothing else moved.
+    called: `himap run --stale` executes those, and changes no more than the stamp if nothing else moved.
 
     \b
     himap verify && himap run --stale

@@ -14,6 +14,7 @@ from himap.companion.captions import named_figures
 from himap.companion.notebook_files import code_cells, number_cells
 from himap.companion.parameters import read_parameters
 from himap.errors import InputError
+from himap.products.accepted import ACCEPTED, PROBES
 from himap.products.fingerprint import CodeTree
 
 __all__ = ["Notebook", "find", "notebooks", "notebooks_folder"]
@@ -78,7 +79,8 @@ class Notebook:
     def reads(self):
         """The files of the checkout that it reads, from the patterns in the header's ``himap: reads``."""
         root, patterns = self.path.parent.parent, self.node.metadata.get("himap", {}).get("reads", [])
-        return sorted(path for pattern in patterns for path in root.glob(pattern))
+        files = {path for pattern in patterns for path in root.glob(pattern)}
+        return sorted(path for path in files if path.name not in (ACCEPTED.name, PROBES.name))
 
     @property
     def paper_figures(self):

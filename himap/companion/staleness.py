@@ -13,7 +13,7 @@ from himap.companion.notebooks import notebooks
 from himap.companion.stored import RESULTS
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.products.accepted import moved
+from himap.products.accepted import ACCEPTED, PROBES, moved
 from himap.products.fingerprint import CodeTree
 
 __all__ = ["StoredResult", "stale_results", "stored_results"]
@@ -59,7 +59,7 @@ def stored_results(folder=None):
     """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
     folder = folder or RESULTS
     files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
-    files = [path for path in files if path.stem not in ("accepted", "probes")]  # of `himap verify`
+    files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
     return sorted(map(_read, files), key=lambda result: result.name)
 
 

@@ -1,18 +1,21 @@
-"""Code that gives the numbers of former code: which fingerprints count as which.
+"""Code that gives the numbers of former code, and what moved between two fingerprints.
 
-``book/results/accepted.json`` holds, for products and named classes by their fixed names, {digest of the code
-now: digest of former code}, where `himap.products.verify` found the same numbers. Whoever compares
-fingerprints, or makes a key of one, does so here: the stamps of notebooks, stored records, keys of the cache.
+``book/results/accepted.json`` holds {digest of a definition: digest of the former one}, where
+`himap.products.verify` found the same numbers. A `himap.products.fingerprint.CodeTree` counts the one as the
+other, so that all that names it, stamps of notebooks, stored results and keys of the cache, stays as it was.
 """
 
 import json
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["accepted", "followed", "moved"]
+__all__ = ["ACCEPTED", "PROBES", "accepted", "moved"]
 
 ACCEPTED = Path(__file__).resolve().parents[2] / "book" / "results" / "accepted.json"
 """In a checkout; himap without one accepts nothing."""
+
+PROBES = ACCEPTED.with_name("probes.json")
+"""Beside it, the numbers that code is compared with (`himap.products.verify`)."""
 
 
 def moved(stored, today, *, looks=False):
@@ -32,16 +35,11 @@ def moved(stored, today, *, looks=False):
     if not (isinstance(stored, dict) and isinstance(today, dict)):
         return ["code"]
     names = [name for name in stored if looks or name != "look"]
-    return [n for n in names if n not in today or followed(n, stored[n]) != followed(n, today[n])]
-
-
-def followed(name, digest):
-    """The digest of the code whose numbers are accepted for those of `digest`; itself if there is none."""
-    return accepted().get(name, {}).get(digest, digest)
+    return [name for name in names if stored[name] != today.get(name)]
 
 
 def accepted():
-    """{name: {digest: digest of the former code with the same numbers}}."""
+    """{digest: digest of former code with the same numbers}, the same object while the file is the same."""
     try:
         return _read(ACCEPTED, ACCEPTED.stat().st_mtime_ns)
     except FileNotFoundError:

@@ -24,6 +24,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
+from himap.products.accepted import accepted as known
 from himap.products.sources import ROOT, read
 from himap.products.syntax import RUN, digest_of, is_ignored, is_look, parse, parse_cells
 from himap.products.writing import IMPORTS, bound_name
@@ -60,12 +61,19 @@ class CodeTree:
         The folder of himap, where it is not this one.
     texts
         {path of a file: text} that counts in its place.
+    accepted
+        {digest of a definition: the one that it counts as}; default: that of `himap.products.accepted`.
+    former
+        {place of a definition (see `digests`): former digest that it is to count as}; what follows is
+        in the attribute `accepts`, a dict as `accepted`.
     roots
         Name of another package (or single module) -> its folder (or file).
     """
 
-    def __init__(self, *, loaded=False, himap=ROOT, texts=None, **roots):
+    def __init__(self, *, loaded=False, himap=ROOT, texts=None, accepted=None, former=None, **roots):
         self.loaded, self.texts = loaded, texts or {}
+        self._accepted = known() if accepted is None else accepted
+        self._former, self.accepts = former or {}, {}
         self.roots = {name: Path(path) for name, path in {"himap": himap, **roots}.items()}
         packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
         self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
@@ -86,6 +94,25 @@ class CodeTree:
         self.fingerprint(module, name)
         units = {unit for root in self._all((_CELLS, module, name)) for unit in self._summary(root).reached}
         return {self._file(unit[0]) for unit in units} - {None}
+
+    def digests(self, module):
+        """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
+
+        The place is ``module:name``, or the fixed name.
+        """
+        self.fingerprint(module)
+        parts = self._all((_CELLS, module, None))[1:]
+        return {
+            self._fixed_name(part): {
+                self._at(unit): self._digests[unit]
+                for unit in self._summary(part).reached
+                if self._file(unit[0])
+            }
+            for part in parts
+        }
+
+    def _at(self, unit):
+        return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
 
     def _fingerprint(self, root, targets, text=""):
         edges = [unit for units, _ in targets for unit in units]
@@ -158,6 +185,18 @@ class CodeTree:
             self._digests |= dict.fromkeys(circles[label], "circle")
             for _ in circles[label]:  # after as many rounds as there are units each knows all of the circle
                 self._digests |= {unit: self._digest(unit) for unit in circles[label]}
+            self._digests |= {unit: self._counted(unit) for unit in circles[label]}
+
+    def _counted(self, unit):
+        """The digest of a unit, or the former one that it counts as."""
+        own = self._digests[unit]
+        if not self._unit(unit).text:  # another name, or nothing
+            return own
+        digest = self._accepted.get(own, own)
+        former = self._former.get(self._at(unit), digest)
+        if former != digest:
+            self.accepts[own] = former
+        return former
 
     def _named_by(self, unit):
         """The units by whose digests this one counts: of its kind, and without a fixed name."""

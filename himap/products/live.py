@@ -7,9 +7,10 @@ from pathlib import Path
 
 from himap.errors import InputError
 from himap.products import sources
+from himap.products.accepted import accepted, moved
 from himap.products.fingerprint import CodeTree
 
-__all__ = ["code_fingerprint", "is_current", "note"]
+__all__ = ["code_fingerprint", "is_current", "note", "tree_of"]
 
 
 def code_fingerprint(obj):
@@ -42,8 +43,8 @@ def is_current(obj):
     files = _files_of(top, root, *where)
     if all(map(sources.is_unchanged, files)):
         return True
-    now = _tree_of(top, root, sources.version(files)).fingerprint(*where)
-    return {**now, "look": ""} == {**code_fingerprint(obj), "look": ""}
+    now = _tree_now(top, root, sources.version(files)).fingerprint(*where)
+    return not moved(code_fingerprint(obj), now)
 
 
 @lru_cache(maxsize=1024)
@@ -64,13 +65,24 @@ def _place(obj):
     return (top, path.parents[depth - 1] if depth else path), module, name
 
 
-@lru_cache(maxsize=32)
+def tree_of(obj, **options):
+    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
+    (top, root), *_ = _place(obj)
+    return CodeTree(loaded=True, **{top: root}, **options)
+
+
 def _tree(top, root):
-    return CodeTree(loaded=True, **{top: root})
+    known = accepted()
+    if _TREES.get((top, root), (None,))[0] is not known:
+        _TREES[top, root] = known, CodeTree(loaded=True, accepted=known, **{top: root})
+    return _TREES[top, root][1]
+
+
+_TREES = {}  # the last of each package
 
 
 @lru_cache(maxsize=4)
-def _tree_of(top, root, version):
+def _tree_now(top, root, version):
     """The source on disk; `version` is what changes when it does."""
     return CodeTree(**{top: root})
 

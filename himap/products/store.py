@@ -17,7 +17,7 @@ import numpy as np
 
 from himap.errors import InputError
 from himap.products import cache
-from himap.products.accepted import accepted, followed
+from himap.products.accepted import accepted
 from himap.products.live import code_fingerprint, is_current, note
 
 __all__ = ["Product", "product"]
@@ -137,11 +137,11 @@ class Product:
         return sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
 
     def _code(self, sources):
-        """Digest of the code of function and classes, accepted code as that whose numbers it gives."""
+        """Digest of the code of function and classes."""
         known = accepted()
         if self._codes.get(sources, (None,))[0] is not known:
             parts = {
-                f"{name} {followed(name, digest)}"
+                f"{name} {digest}"
                 for source in sources
                 for name, digest in code_fingerprint(source).items()
                 if name != "look"

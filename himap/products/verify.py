@@ -1,8 +1,9 @@
 """Whether code that changed gives the numbers of former code: small calls of it, against what is stored.
 
-``probes.json`` holds, of every product and named class, the digest of the code that was called last and a
-summary of what its calls gave; ``accepted.json`` which digests have the same numbers since
-(`himap.products.accepted`). Both lie in ``book/results``.
+``probes.json`` holds, of every product and named class, a digest of its code and a summary of what its calls
+gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
+now count as the former ones (``accepted.json``, `himap.products.accepted`), wherever they are used: but for
+those that something uses whose calls differ.
 """
 
 import json
@@ -19,7 +20,7 @@ import numpy as np
 from himap.errors import InputError
 from himap.outputs import whole_file
 from himap.products import accepted
-from himap.products.live import code_fingerprint
+from himap.products.live import tree_of
 from himap.progress import progress
 
 __all__ = ["RTOL", "accepted_names", "compared", "differences", "moved_names", "summary", "verify"]
@@ -59,25 +60,31 @@ def verify(calls, *, rtols=None, renew=False, report=print):
         raise InputError(
             f"there is no folder {accepted.ACCEPTED.parent}: verify code in a checkout of himap."
         )
-    today, probes, known = _digests(calls), _stored("probes"), dict(accepted.accepted())
-    names, others = moved_names(calls), []
+    module, probes, others = _module(calls), _stored(accepted.PROBES), []
+    tree, names = tree_of(module), moved_names(calls)
     if not names:
         report("no product, method or beam changed")
     for name, (given, differing) in compared(calls, names, rtols).items():
-        if name in probes and not differing:
-            known[name] = known.get(name, {}) | {today[name]: probes[name]["code"]}
-            report(f"{name}: the stored numbers, accepted")
-            continue
         if differing:
             others.append(name)
-        if renew or not differing:
-            probes[name] = {"code": today[name], "gives": given}
-            known.pop(name, None)
-        report(
-            f"{name}: {'; '.join(differing[:3]) or 'new'}{', stored' if name not in others or renew else ''}"
-        )
-    for file, content in (("probes", probes), ("accepted", known)):
-        _store(file, {name: content[name] for name in sorted(content) if name in calls})
+        said = "; ".join(differing[:3]) or ("the stored numbers" if name in probes["calls"] else "new")
+        if renew or name not in probes["calls"]:
+            probes["calls"][name] = {"gives": given}
+        report(f"{name}: {said}{', stored' if differing and renew else ''}")
+    behind = tree.digests(module.__name__)
+    refused = {place for name in others for place in behind[name]}
+    agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
+    tree = tree_of(module, former=agreeing)
+    codes, places = tree.fingerprint(module.__name__), {}
+    for found in tree.digests(module.__name__).values():
+        places |= found
+    if not renew:
+        places |= {place: code for place, code in probes["places"].items() if place in refused}
+    calls_now = {name: probes["calls"][name] for name in sorted(calls)}
+    for name in calls_now.keys() - ([] if renew else others):
+        calls_now[name] = {"code": codes[name], "gives": calls_now[name]["gives"]}
+    _store(accepted.ACCEPTED, {**accepted.accepted(), **tree.accepts})
+    _store(accepted.PROBES, {"calls": calls_now, "places": places})
     return others
 
 
@@ -86,7 +93,7 @@ def compared(calls, names, rtols=None):
 
     They have a cache of their own, so that nothing is read that former code made.
     """
-    probes, found = _stored("probes"), {}
+    probes, found = _stored(accepted.PROBES)["calls"], {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of small maps
         with patch.dict(os.environ, HIMAP_CACHE=folder):
@@ -98,25 +105,22 @@ def compared(calls, names, rtols=None):
 
 
 def moved_names(calls):
-    """Names whose code is not that of the stored numbers, nor accepted for it; and those without any."""
-    probes = _stored("probes")
-    return [
-        name
-        for name, digest in _digests(calls).items()
-        if name not in probes or accepted.followed(name, digest) != probes[name]["code"]
-    ]
+    """Names whose code counts neither as that of the stored numbers, and those without any."""
+    codes = tree_of(_module(calls)).fingerprint(_module(calls).__name__)
+    probes = _stored(accepted.PROBES)["calls"]
+    return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
 
 
 def accepted_names(calls):
-    """Names whose code of today is accepted for former code."""
-    return [name for name, digest in _digests(calls).items() if accepted.followed(name, digest) != digest]
+    """Names with a definition behind them that is accepted for a former one."""
+    module = _module(calls)
+    codes, strict = (tree_of(module, **one).fingerprint(module.__name__) for one in ({}, {"accepted": {}}))
+    return [name for name in calls if codes[name] != strict[name]]
 
 
-def _digests(calls):
-    """{name: digest} of the code that this process runs."""
-    modules = {sys.modules[call.__module__] for functions in calls.values() for call in functions}
-    found = {name: digest for module in modules for name, digest in code_fingerprint(module).items()}
-    return {name: found[name] for name in calls}
+def _module(calls):
+    """The module that the calls are in, which names all that they call."""
+    return sys.modules[next(iter(calls.values()))[0].__module__]
 
 
 def summary(value):
@@ -186,18 +190,15 @@ def _worst(stored, given, is_lean):
         return float(np.max(np.abs(one - other)[known] / scale, initial=0))
 
 
-def _path(name):
-    return accepted.ACCEPTED.with_name(f"{name}.json")
-
-
-def _stored(name):
+def _stored(path):
     try:
-        return json.loads(_path(name).read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        return {}
+        return {"calls": {}, "places": {}}
 
 
-def _store(name, content):
-    lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in content.items())
-    with whole_file(_path(name)) as temporary:
-        temporary.write_text(f"{{\n{lines}\n}}\n")
+def _store(path, content):
+    """Write a dict of dicts, or of texts, with a line for each of the innermost but numbers."""
+    text = json.dumps(content, sort_keys=True, indent=0, separators=(",", ": "))
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n")
