@@ -130,8 +130,9 @@ def insensitive_claims(outcomes):
 
 
 def _said(finding):
-    """Verdict, number of parts that hold, and the number as text, so that NaN is equal to itself."""
-    return finding.verdict, finding.n_held, len(finding.parts), f"{finding.value}"
+    """Verdict, how many parts hold if some do, and the number as text, so that NaN is equal to itself."""
+    held = (finding.n_held, len(finding.parts)) if finding.verdict == IN_PART else ()
+    return finding.verdict, held, f"{finding.value}"
 
 
 def _judged(outcomes):
