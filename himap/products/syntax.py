@@ -22,9 +22,8 @@ results: no number depends on them."""
 
 LOOKS = {
     *("himap.figures", "himap.companion.stored_curves", "himap.companion.stored_tables"),
-    *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.ledger_table"),
-    *("himap.paper.readings_figures", "himap.paper.readings_table", "himap.paper.study_figures"),
-    "himap.products.provenance",
+    *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.readings_figures"),
+    *("himap.paper.study_figures", "himap.products.provenance"),
 }
 """Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
 
