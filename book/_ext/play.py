@@ -141,10 +141,10 @@ def _of_readings(path):
                     for label, run in runs
                     if (run.seed, run.noise_level) == (seed, level)
                 ]
-                found = styles.AXES[kind]
+                labels = styles.AXES[kind]
                 axes[title] = {
-                    "x_label": play_data.plain(found["xlabel"]),
-                    "y_label": play_data.plain(found["ratio_label"]),
+                    "x_label": play_data.plain(labels["xlabel"]),
+                    "y_label": play_data.plain(labels["ratio_label"]),
                     "x_log": True,
                     "y_range": [0.4, 2.2],
                     "band": 0.1,
