@@ -70,7 +70,7 @@ def test_verdicts_are_those_of_the_ledger(html):
     assert seen.keys() == CLAIMS.keys()
     for id, (address, title, said) in seen.items():
         assert said == f"{BADGES[entries[id].verdict][0]} {entries[id].label}"
-        assert title == entries[id].claim["statement"]
+        assert title == entries[id].claim.statement
         assert address == f"15_claims.html#claim-{id}" and f'id="claim-{id}"' in ledger
 
 
