@@ -268,8 +268,8 @@ quote(
 #   {glue:text}`thresholds_kept_beam`, SDecGMCA {glue:text}`thresholds_kept_paper`. In the worst band, what is corrected moves by {glue:text}`thresholds_alike` between {glue:text}`thresholds_few` and {glue:text}`thresholds_many`.
 # - **Corrected without mocks** most bands come within the goal. What it rests on is the power of HI at the smallest $k_\nu$, where foregrounds are: it is continued from where HI is all that there is, and an error of that
 #   continuation is one of the correction.
-# - **A ratio near 1 says little by itself.** With {glue:text}`thresholds_fill_n` sources SDecGMCA keeps {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and leaves {glue:text}`thresholds_fill_left` of foreground: what is left
-#   fills a part of what was taken, and the mean $C/C_0$ is {glue:text}`thresholds_fill_both`.
+# - **A ratio near 1 says little by itself.** With {glue:text}`thresholds_fill_n` sources SDecGMCA keeps {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and leaves {glue:text}`thresholds_fill_left` of foreground. The mean $C/C_0$, here
+#   {glue:text}`thresholds_fill_both`, counts both together, so that residual foreground can make up for lost HI.
 #
 # On a cube of one's own:
 #

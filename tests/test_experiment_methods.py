@@ -17,6 +17,7 @@ from himap.paper.experiments.methods import (
     skies,
     widths,
 )
+from himap.paper.record import Record
 from himap.removal import GNILC, PCA, SDecGMCA
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -146,6 +147,20 @@ ALONG = [
     for low, high, ratio in ((1, 1, 0.4), (2, 4, 1.0), (5, 7, 0.9))
 ]
 OTHER = [row | {"ratio": ratio} for row, ratio in zip(ANGULAR, (0.7, 1.0, 1.1, 1.1), strict=True)]
+
+
+def test_two_beams_of_one_name_are_kept_apart(tmp_path):
+    """In the table, in its file, and so in their means."""
+    beams = ["rippled", "rippled:amplitude=0.3"]
+    (sky,) = skies(**TINY, beams=beams, methods=[["pca", 3]], n_realisations=1, n_mocks=1, corrected=[])
+    rows = EXPERIMENT.table([sky])
+    assert rows["beam"].unique().tolist() == beams
+    about = {"code": {}, "overrides": [], "seed": 1} | dict.fromkeys(("preset", "galaxy", "commit"), "")
+    about |= {"dirty": False, "seconds": 1.0, "version": "1", "packages": []}
+    Record(experiment=EXPERIMENT, rows=rows, about=about).save(tmp_path / "a.json")
+    again = Record.load(EXPERIMENT, tmp_path / "a.json").rows
+    assert again["beam"].tolist() == rows["beam"].tolist()
+    assert np.allclose(again["ratio"], rows["ratio"], rtol=1e-5)
 
 
 def two_skies(**changed):

@@ -1,5 +1,7 @@
 """The tables of what readings lead to."""
 
+from dataclasses import replace
+
 from outcomes import outcome, run
 
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
@@ -54,6 +56,14 @@ class TestAnswer:
         same = dict.fromkeys(("default", "code"), outcome({"E1": REPRODUCED}))
         assert insensitive_claims(same) == ["E1"]
         assert insensitive_claims(same | {"letter": outcome({"E1": REPRODUCED}, values={"E1": 0.6})}) == []
+
+    def test_a_claim_that_fails_says_the_same_however_many_of_its_parts_hold(self):
+        one, other = outcome({"E1": FAILED}), outcome({"E1": FAILED})
+        (finding,) = other.entries["E1"].findings.values()
+        fewer = replace(finding, parts=tuple(replace(part, held=False) for part in finding.parts))
+        other.entries["E1"].findings[7] = fewer
+        assert fewer.n_held < finding.n_held
+        assert insensitive_claims({"default": one, "code": other}) == ["E1"]
 
     def test_the_rule_of_the_default(self):
         assert closest_converged(OUTCOMES) == ["default"]

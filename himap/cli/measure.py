@@ -1,6 +1,5 @@
 """`himap measure`: what is measured on many skies, written as records, checked and grown."""
 
-import functools
 import time
 from dataclasses import asdict, replace
 
@@ -141,7 +140,6 @@ def _table(frame):
 def _formerly(old, name):
     """The command `old`, which is `himap measure NAME` now."""
 
-    @functools.wraps(_measure)
     def command(**options):
         click.echo(f"`himap {old}` is `himap measure {name}` now, and {_NEXT}.", err=True)
         _measure(name, **options)

@@ -27,6 +27,7 @@ _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
 _TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1
 _SEED = "seed"
+_SKIES = "n_realisations"  # how much is measured, not how
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +60,6 @@ class Experiment:
         {parameter: (type, default, help)} of the experiment that the chapter does not have.
     stated
         Parameters that are always stored.
-    extent
-        Parameters that say how much is measured, not how: one sky measured again may have others.
     words
         Columns of text that are not compared when a sky is measured again.
     prepare
@@ -77,8 +76,7 @@ class Experiment:
     defaults: Mapping = field(default_factory=dict)
     without: tuple = ()
     more: Mapping = field(default_factory=dict)
-    stated: tuple = ("n_realisations",)
-    extent: tuple = ("n_realisations",)
+    stated: tuple = (_SKIES,)
     words: tuple = ()
     prepare: Callable | None = None
 
@@ -250,9 +248,7 @@ class Record:
         """This record with the rows of more skies, the time of all, and the commits that added to it."""
         rows = pd.concat([self.rows, rows], ignore_index=True)
         n_skies = rows[_SEED].nunique()
-        overrides = [
-            [name, n_skies if name == "n_realisations" else value] for name, value in self.about["overrides"]
-        ]
+        overrides = [[name, n_skies if name == _SKIES else value] for name, value in self.about["overrides"]]
         grown = dict.fromkeys([*self.about.get("grown", []), about["commit"]])
         changed = {
             "overrides": overrides,
@@ -261,18 +257,13 @@ class Record:
         }
         return replace(self, rows=rows, about={**self.about, **changed})
 
-    def is_stale(self, tree=None):
-        """Whether today's code, as on disk or in a `CodeTree`, may give other numbers."""
-        today = self.experiment.code(tree)
-        return all(moved(code, today) for code in self.codes)
-
     def _check_parameters(self, about):
         """Refuse what was made with other parameters than the record."""
         differing = [name for name in ("preset", "galaxy", _SEED) if about[name] != self.about[name]]
         ours, theirs = (
             {name: json.dumps(value) for name, value in one["overrides"]} for one in (about, self.about)
         )
-        names = (ours.keys() | theirs.keys()) - set(self.experiment.extent)
+        names = (ours.keys() | theirs.keys()) - {_SKIES}
         differing += sorted(name for name in names if ours.get(name) != theirs.get(name))
         if differing:
             raise InputError(

@@ -116,7 +116,7 @@ def measure(sky):
     rows = []
     for case, remover, own, transfer in measured_recoveries(sky, sky.corrected):
         first = {
-            "beam": case.beam.name,
+            "beam": str(case.beam),
             "method": remover.name,
             "n_sources": getattr(remover, "n_sources", 0),
         }

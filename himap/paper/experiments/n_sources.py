@@ -89,7 +89,7 @@ def _noisier(case, factor):
 def measure(sky):
     """What every criterion recommends for every case and method of a `Sky`, and what is best."""
     return [
-        {"beam": case.beam.name, "noise": float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))} | row
+        {"beam": str(case.beam), "noise": float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))} | row
         for case, removers in sky.methods.items()
         for row in _of_case(case, removers, sky.mocks)
     ]
