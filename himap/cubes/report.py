@@ -7,7 +7,7 @@ import numpy as np
 
 from himap.cubes import image_views, page, sphere_views
 from himap.cubes.image_pixels import ImagePixels
-from himap.cubes.pixels import SpherePixels
+from himap.cubes.layout import SpherePixels
 from himap.cubes.sphere_views import spectra_figure
 from himap.errors import InputError
 from himap.figures import plotting, styles
@@ -81,10 +81,10 @@ def check_truth(cube, truth):
         It has another resolution or other channels, does not see what the cube does, or is the cube itself.
     """
     pixels, others = cube.layout.pixels, truth.layout.pixels
-    if not pixels.same(cube.mask, others, truth.mask) or len(truth.freqs) != len(cube.freqs):
+    if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
         raise InputError(
             f"the truth must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
-            f"{pixels.size(cube.mask)}; got {len(truth.freqs)} and {others.size(truth.mask)}."
+            f"{pixels}; got {len(truth.freqs)} and {others}."
         )
     differs = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
     if differs.any():
@@ -134,7 +134,7 @@ def _head(cleaned):
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
-        "sky": f"{pixels.grid} {pixels.size(cube.mask)}, {cube.mask.mean():.1%} seen",
+        "sky": f"{pixels.grid} {pixels}, {cube.mask.mean():.1%} seen",
         "rms of what came": f"{_rms(cube.maps):.4g} mK",
         "rms of what is left": f"{_rms(cleaned.residual):.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
