@@ -102,7 +102,7 @@ class SpherePixels:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a file has a cube; None for what it does not state, until `himap.cubes.cube.resolved` completes it.
+    """How a file has a cube; None for what it does not state, until `himap.cubes.resolve` completes it.
 
     Attributes
     ----------
