@@ -99,6 +99,14 @@ def test_by_hand(name, here):
     assert contents(here) == before
 
 
+@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@given(st.text(max_size=300), st.sampled_from(["", "--freqs", "--mask", "--weights", "--truth", "--maps"]))
+def test_names_that_nobody_has(name, option):
+    """Whatever is in them: of the cube, of other files, of datasets."""
+    words = ["nothing.h5", option, name] if option else [name + "?"]
+    check_refused(himap(words))
+
+
 @st.composite
 def damage(draw, head):
     """A function of the bytes of a file: a part cut off, zeroed, put in, changed, swapped, or of another."""

@@ -21,12 +21,8 @@ _INTENSITY = "I"
 
 def is_one(file):
     """Whether the datasets of a file are a container of maps: `map` of three axes beside an `index_map`."""
-    names = {*file.arrays, *file.others, *file.elsewhere}
-    return (
-        MAPS in file.arrays
-        and file.arrays[MAPS].ndim == 3
-        and any(name.startswith("index_map/") for name in names)
-    )
+    has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
+    return has_index and MAPS in file.arrays and file.arrays[MAPS].ndim == 3
 
 
 def axes(file):
@@ -42,7 +38,7 @@ def axes(file):
     InputError
         Another order of axes, no whole spheres, no frequencies or no Stokes I.
     """
-    maps, path = file.own(MAPS), file.path
+    maps, path = file[MAPS], file.path
     n_channels, n_pols, n_pix = maps.shape
     stated = [_word(name) for name in np.atleast_1d(maps.attrs.get("axis", _AXES))]
     if stated != _AXES or not sphere.is_n_pix(n_pix):
@@ -72,9 +68,9 @@ def axes(file):
 
 def _column(file, name, length):
     """The dataset of that name, of that length."""
-    if name not in file.arrays and name not in file.others:
+    if name not in file.items:
         raise InputError(f"{file.path} has {MAPS} (freq, pol, pixel), but no {name} in its own file.")
-    item = file.own(name)
+    item = file[name]
     if item.shape != (length,):
         raise InputError(f"{name} in {file.path} must have {length} entries, got {item.shape}.")
     return item

@@ -41,7 +41,7 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
             freqs_from, part = f"{containers.FREQS} of the container", (slice(None), place)
         else:
             name, part, remarks = _name_of_maps(file, maps_name, fitting), ..., ()
-        item = file.own(name)
+        item = file[name]
         shape = (item.shape[0], item.shape[-1])
         check_cube_room(path, np.prod(shape, dtype=float), item.dtype.itemsize, held)
         _check_no_mask(file, item.shape)
@@ -78,7 +78,7 @@ def read_dataset(path, word, *, held=1):
         if len(names) != 1:
             listing = ", ".join(names[:_LISTED]) or file.listing()
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
-        item = file.own(names[0])
+        item = file[names[0]]
         check_cube_room(path, item.size, item.dtype.itemsize, held)
         values = item[...] if names[0] in file.masks else _unpacked(file, names[0])
         return values, _freqs_of(file, None, min(values.shape, default=0))[0], _order(file, item)
@@ -96,19 +96,21 @@ class _Datasets:
 
     Attributes
     ----------
-    arrays, others
-        {name: dataset}, of real numbers, and of tables and words.
-    masks
-        {name: dataset} of those that are called so, whatever is in them.
+    items
+        {name: dataset}, of all.
+    arrays, masks
+        Those of real numbers, and those that are called masks, whatever is in them; without what is `aside`.
     elsewhere
         Names of links to other files.
     """
 
     def __init__(self, path, file, aside):
-        self.path, self.file, self._aside = path, file, aside
-        self.arrays, self.others, self.masks, self.elsewhere, self._n = {}, {}, {}, set(), 0
+        self.path, self.file, self.items, self.elsewhere, self._n = path, file, {}, set(), 0
         self._add("", file)
         file.visititems(self._add)  # each item once, whatever links lead to it
+        known = {name: item for name, item in self.items.items() if _last(name) not in aside}
+        self.masks = {name: item for name, item in known.items() if _last(name) in _MASKS}
+        self.arrays = {n: item for n, item in known.items() if n not in self.masks and _is_numeric(item)}
 
     def _add(self, name, item):
         self._n += 1
@@ -121,11 +123,9 @@ class _Datasets:
             links = {f"{name}/{key}".lstrip("/"): item.get(key, getlink=True) for key in item}
             self.elsewhere |= {key for key, link in links.items() if isinstance(link, h5py.ExternalLink)}
         elif isinstance(item, h5py.Dataset):
-            is_mask, is_array = _last(name) in _MASKS, _is_numeric(item)
-            if not (_last(name) in self._aside and (is_mask or is_array)):
-                (self.masks if is_mask else self.arrays if is_array else self.others)[name] = item
+            self.items[name] = item
 
-    def dataset(self, name, option):
+    def named(self, name, option):
         """The dataset called `name`, which `option` of the command gave."""
         if name in self.elsewhere:
             raise InputError(f"{name} in {self.path} is a link to another file; name that file instead.")
@@ -133,11 +133,11 @@ class _Datasets:
             raise InputError(
                 f"{self.path} has no dataset {name}; it has {self.listing()}. Name one of these ({option})."
             )
-        return self.own(name)
+        return self[name]
 
-    def own(self, name):
+    def __getitem__(self, name):
         """The dataset called `name`, if its numbers are in this file."""
-        item = {**self.others, **self.masks, **self.arrays}[name]
+        item = self.items[name]
         if item.is_virtual or item.external:
             raise InputError(
                 f"the numbers of {name} in {self.path} are in another file; write them into one (h5repack)."
@@ -197,7 +197,7 @@ def _order(file, item):
 def _name_of_maps(file, name, fitting):
     """Which dataset has the maps: the one that is named, or the only one of `fitting`."""
     if name is not None:
-        shape = file.dataset(name, "--maps").shape
+        shape = file.named(name, "--maps").shape
         if len(shape) != 2 or not sphere_sizes(shape):
             raise InputError(
                 f"{name} in {file.path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got {shape}."
@@ -231,7 +231,7 @@ def _check_no_mask(file, shape):
 def _unpacked(file, name, part=...):
     """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an
     offset."""
-    item = file.own(name)
+    item = file[name]
     *missing, scale, offset = (
         _number(file, item, name, key) for key in (*_MISSING, "scale_factor", "add_offset")
     )
@@ -265,7 +265,7 @@ def _number(file, item, name, key):
 def _freqs_of(file, name, n_channels):
     """(frequencies in MHz, where they are from in words), (None, None) where no dataset states them."""
     if name is not None:
-        if file.dataset(name, "--freqs-name").shape != (n_channels,):
+        if file.named(name, "--freqs-name").shape != (n_channels,):
             raise InputError(
                 f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has "
                 f"{file.listing()}."
