@@ -8,8 +8,8 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
+from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
 from click.testing import CliRunner
-from hostile_files import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
 
 from himap.cli.main import main
 from himap.cubes import clean_cube, read_cube, save_cleaned
@@ -341,9 +341,3 @@ def test_messages_are_short_and_plain():
 def test_a_mask_in_healpix_order(maps):
     write_fits("m.fits", hp.reorder(np.arange(N_PIX) < 9, r2n=True).astype(np.float32), nest=True)
     assert np.array_equal(read_mask("m.fits", NSIDE), np.arange(N_PIX) < 9)
-
-
-def test_a_mask_in_another_format(here):
-    np.save("m.npy", np.ones(N_PIX))
-    with pytest.raises(InputError, match=r"mask m.npy must be a FITS file .*healpy.write_map writes one"):
-        read_mask("m.npy", NSIDE)

@@ -8,7 +8,7 @@ from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
 from himap.cubes.report import spectra_of
-from himap.cubes.sphere_views import spectra_beside
+from himap.cubes.views import SphereViews
 from himap.errors import InputError
 from himap.measures import how_many
 from himap.paper.patch import PatchPower
@@ -152,7 +152,7 @@ class TestSuggestion:
 
     def test_spectra_beside_those_of_another_number(self, cube):
         three, two = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2))
-        found, expected = spectra_beside(three)(two), spectra_of(two)
+        found, expected = SphereViews().spectra_beside(three)(two), spectra_of(two)
         assert found.angular.mean[2:33] == pytest.approx(expected.angular.mean[2:33], rel=1e-3)
         assert np.array_equal(found.frequency.power, expected.frequency.power)
 

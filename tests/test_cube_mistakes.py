@@ -47,12 +47,6 @@ def himap(*words):
 
 
 class TestUnits:
-    def test_columns_of_two_units_are_no_cube(self, maps, here):
-        units = ["mK"] * 12 + ["K"] * 12
-        hp.write_map("u.fits", maps, column_units=units, dtype=np.float32)
-        with pytest.raises(InputError, match="one unit, got mK, K"):
-            read_cube("u.fits", freqs=FREQS)
-
     def test_the_unit_of_partial_maps_is_that_of_the_signal(self, maps, here):
         part = np.where(np.arange(N_PIX) < 500, maps, hp.UNSEEN)
         (here / "folder").mkdir()
@@ -79,7 +73,9 @@ class TestFrequencies:
 
     @pytest.mark.parametrize("freqs", [FREQS[::-1], FREQS + 200, FREQS[:5]])
     def test_others_than_the_file_tells(self, freqs, here):
-        with pytest.raises(InputError, match="tells its frequencies, 24 from 900 to 1130 MHz"):
+        with pytest.raises(
+            InputError, match=r"file says 900, 910, 920, \.\.\., 1130 MHz \(24\), but the list"
+        ):
             read_cube("good.h5", freqs=freqs)
         assert read_cube("good.h5", freqs=FREQS.astype(np.float32)).freqs == pytest.approx(FREQS)
 
@@ -94,14 +90,6 @@ class TestFrequencies:
         with h5py.File("good.h5", "a") as file:
             file["num_hits"] = np.arange(24)
         assert read_cube("good.h5").freqs == pytest.approx(FREQS)
-
-    def test_a_header_with_words(self, maps, here):
-        (here / "folder").mkdir()
-        for n, pixels in enumerate(maps):
-            header = [("FREQ", "900.0 MHz")]
-            hp.write_map(f"folder/{n}.fits", pixels, column_units="mK", extra_header=header, dtype=np.float32)
-        with pytest.raises(InputError, match="FREQ in a header must be a number of MHz, got '900.0 MHz'"):
-            read_cube("folder")
 
     def test_uneven_channels_are_told(self, maps, here):
         uneven = np.delete(np.arange(24), 7)
@@ -191,12 +179,6 @@ class TestOutputs:
             assert done.exit_code == 2 and "made from" in done.output, done.output
         assert {path: path.read_bytes() for path in here.iterdir()} == before
 
-    def test_a_folder_in_the_way_is_seen_before_the_work(self, here):
-        (here / "p.html").mkdir()
-        done = self.clean("good.h5", "-o", "p.h5")
-        assert done.exit_code == 2 and "p.html is a folder" in done.output
-        assert not (here / "p.h5").exists()
-
     def test_a_page_from_python(self, here):
         write_report(clean_cube(read_cube("good.h5"), PCA(n_sources=2)), "page.html")
         assert "<h2>Spectra</h2>" in (here / "page.html").read_text()
@@ -239,23 +221,9 @@ class TestParameters:
             assert done.exit_code == 2 and "needs 8 channels, got 6" in done.output
             assert himap(command, "a.h5", "--method", "pca", *more, "--keep-peaks").exit_code == 0
 
-    def test_suggest_has_options_of_its_own_for_numbers_of_sources(self, here):
-        done = himap("suggest", "good.h5", "-p", "n_sources=3")
-        assert done.exit_code == 2 and "--from and --to" in done.output
-
-    def test_a_parameter_called_name(self, here):
-        done = himap("clean", "good.h5", "--method", "pca", "-p", "name=x", "-o", "c.h5")
-        assert done.exit_code == 2 and "name" in done.output and "Traceback" not in done.output
-
     def test_parameters_beside_a_method_that_has_its_own(self, here):
         cube = read_cube("good.h5")
         with pytest.raises(InputError, match="n_sources: give parameters to PCA"):
             clean_cube(cube, PCA(n_sources=2), n_sources=9)
         with pytest.raises(InputError, match="a method, such as PCA"):
             clean_cube(cube, PCA)
-
-    def test_an_archive_that_says_it_is_an_array(self, maps, here):
-        np.savez("a.npz", maps)
-        (here / "a.npz").rename("a.npy")
-        with pytest.raises(InputError, match="archive of arrays"):
-            read_cube("a.npy", freqs=FREQS, unit="mK")

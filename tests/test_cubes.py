@@ -18,7 +18,6 @@ from himap.maps import sphere
 from himap.removal.peaks import mask_peaks
 
 METHODS = removal.available()
-KNOWING = ["--method", "beam_subspace", "--beam", "evolving"]
 
 
 @pytest.fixture
@@ -75,13 +74,6 @@ class TestReading:
         hp.write_map(tmp_path / "a.fits", seen, partial=True, column_units="mK", dtype=np.float32)
         cube = read_cube(tmp_path / "a.fits", freqs=FREQS)
         assert np.array_equal(cube.maps, maps[:, N_PIX // 3 :])
-
-    def test_folder_of_files_in_two_orders(self, maps, tmp_path):
-        for n, order in enumerate(["RING", "NESTED"]):
-            nest = order == "NESTED"
-            hp.write_map(tmp_path / f"{n}.fits", maps[n], nest=nest, column_units="mK", dtype=np.float32)
-        with pytest.raises(InputError, match="one order of pixels, got RING, NESTED"):
-            read_cube(tmp_path, freqs=FREQS[:2])
 
     @pytest.mark.parametrize("missing", [np.nan, np.inf, hp.UNSEEN])
     def test_pixels_that_one_channel_does_not_see_are_masked_in_all(self, maps, missing, tmp_path):
@@ -243,112 +235,11 @@ class TestBeams:
         assert beams_of(cube, tmp_path / "bl.npy") == pytest.approx(transfer[:, : 3 * NSIDE])
 
 
-MALFORMED = {
-    "no such file": (None, [], "there is no file"),
-    "another format": ("cube.txt", [], "a cube is a"),
-    "text that says it is HDF5": ("text.h5", [], "cannot be read as HDF5"),
-    "text that says it is FITS": ("text.fits", [], "cannot be read as HEALPix maps"),
-    "an empty folder": ("empty", [], "holds no .fits file"),
-    "a pickle": ("pickle.npy", [], "no .npy file of plain numbers"),
-    "a flat array": ("flat.npy", [], "(n_channels, n_pix)"),
-    "no sphere": ("short.npy", [], "12 nside^2"),
-    "complex maps": ("complex.npy", [], "must hold numbers"),
-    "no unit": ("good.npy", ["--freqs", "nu.txt"], "K or mK"),
-    "a wrong unit": ("good.npy", ["--freqs", "nu.txt", "--unit", "Jy"], "brightness temperatures"),
-    "no frequencies": ("good.npy", ["--unit", "mK"], "does not tell its frequencies"),
-    "too few frequencies": ("good.npy", ["--unit", "mK", "--freqs", "three.txt"], "one frequency for each"),
-    "frequencies in Hz": ("good.npy", ["--unit", "mK", "--freqs", "hz.txt"], "another unit"),
-    "equal frequencies": (
-        "good.npy",
-        ["--unit", "mK", "--freqs", "equal.txt"],
-        "two channels have the frequency 1000 MHz",
-    ),
-    "frequencies that are words": ("good.npy", ["--unit", "mK", "--freqs", "words.txt"], "table of numbers"),
-    "a wrong order": ("good.h5", ["--order", "SPIRAL"], "RING or NESTED"),
-    "an order that contradicts the file": ("good.h5", ["--order", "NESTED"], "the file says RING"),
-    "a unit that contradicts the file": ("good.h5", ["--unit", "K"], "the file says mK"),
-    "a dataset that is not there": ("good.h5", ["--maps", "cubes"], "has no dataset cubes"),
-    "two cubes in one file": ("two.h5", [], "Name it with --maps"),
-    "nothing seen": ("blind.npy", ["--unit", "mK", "--freqs", "nu.txt"], "two channels with seen pixels"),
-    "an unknown method": ("good.h5", ["--method", "magic"], "unknown method"),
-    "an unknown parameter": ("good.h5", ["-p", "n_sorces=3"], "did you mean n_sources"),
-    "more sources than channels": ("good.h5", ["-p", "n_sources=30"], "at most the number of channels"),
-    "no noise": ("good.h5", ["--method", "sdecgmca", "--beam", "evolving"], "-p noise=0.04"),
-    "no beam": ("good.h5", ["--method", "beam_subspace"], "give --beam"),
-    "an unknown beam": ("good.h5", ["--method", "sdecgmca", "--beam", "square"], "unknown beam"),
-    "beams for other channels": ("good.h5", ["--method", "sdecgmca", "--beam", "three.txt"], "got (3,)"),
-    "a dish of no size": ("good.h5", ["--beam", "evolving", "--dish", "0"], "diameter in m"),
-    "a mask that keeps too little": (
-        "good.h5",
-        [*KNOWING, "--mask", "spot.fits"],
-        "24 channels need as many",
-    ),
-    "fewer pixels than channels": ("good.h5", ["--mask", "spot.fits"], "fewer than the 24 channels"),
-    "a beam without its file": ("good.h5", [*KNOWING[:-1], "file"], "the path of the file itself"),
-    "frequencies of other channels": ("more.h5", [], "24 channels, and 25 frequencies in the dataset freq"),
-    "a mask of another nside": ("good.h5", ["--mask", "coarse.fits"], "has nside 8, and the cube 16"),
-    "a mask of weights": ("good.h5", ["--mask", "soft.fits"], "values from 0 to 0.5"),
-    "a mask that keeps nothing": ("good.h5", ["--mask", "none.fits"], "keeps no pixel"),
-    "a mask of what is not seen": ("part.h5", ["--mask", "spot.fits"], "no pixel that the cube sees"),
-    "a mask that is not there": ("good.h5", ["--mask", "away.fits"], "away.fits"),
-    "another truth": ("good.h5", ["--truth", "other.h5"], "the truth must have the channels"),
-    "an output of no kind": ("good.h5", ["-o", "c.txt"], "the output is a"),
-    "an output in no folder": ("good.h5", ["-o", "nowhere/c.h5"], "cannot be written"),
-    "an output that is there": ("good.h5", ["-o", "two.h5"], "give --overwrite"),
-}
-
-
-@pytest.fixture
-def pantry(maps, tmp_path, monkeypatch):
-    """A folder with a cube that is right, and with all that can be wrong."""
-    monkeypatch.chdir(tmp_path)
-    np.save("good.npy", maps)
-    np.save("flat.npy", maps.ravel())
-    np.save("short.npy", maps[:, 1:])
-    np.save("complex.npy", maps.astype(complex))
-    np.save("blind.npy", np.full_like(maps, np.nan))
-    np.save("pickle.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    for name in ("text.h5", "text.fits", "cube.txt"):
-        (tmp_path / name).write_text("no cube")
-    (tmp_path / "empty").mkdir()
-    freqs = {"nu": FREQS, "three": [1.0, 1.1, 1.2], "hz": 1e6 * FREQS, "equal": np.full(24, 1000.0)}
-    for name, values in freqs.items():
-        np.savetxt(f"{name}.txt", values)
-    (tmp_path / "words.txt").write_text("high\nlow\n")
-    said = {"unit": "mK", "order": "RING"}
-    write_hdf5("good.h5", maps, **said)
-    holes = maps.copy()
-    holes[:, :5] = np.nan
-    write_hdf5("part.h5", holes, **said)
-    spot = (np.arange(N_PIX) < 5).astype(np.float32)
-    for name, mask in {"spot": spot, "coarse": np.ones(768), "soft": 0.5 * spot, "none": 0 * spot}.items():
-        hp.write_map(f"{name}.fits", mask, dtype=np.float32)
-    write_hdf5("other.h5", np.ones((24, 12 * 8**2)), **said)
-    with h5py.File(write_hdf5("two.h5", maps, **said), "a") as file:
-        file["again"] = maps
-    with h5py.File("more.h5", "w") as file:
+def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(maps, tmp_path):
+    with h5py.File(tmp_path / "more.h5", "w") as file:
         file["maps"], file["freq"] = maps, np.arange(900.0, 925)
-        file["maps"].attrs.update(said | {"order": "RING"})
-    return tmp_path
-
-
-@pytest.mark.parametrize("case", MALFORMED)
-def test_malformed_input_is_one_clear_error_and_leaves_nothing(case, pantry):
-    path, options, message = MALFORMED[case]
-    before = sorted(pantry.rglob("*"))
-    words = ["clean", path or "nothing.h5", *options]
-    for option, default in (("--method", "pca"), ("-o", "cleaned.h5")):
-        words += [] if option in options else [option, default]
-    done = himap(*words)
-    assert done.exit_code == 2, done.output
-    assert message in done.output and "Traceback" not in done.output
-    assert sorted(pantry.rglob("*")) == before
-
-
-def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(pantry):
-    np.savetxt("mine.txt", FREQS)
-    done = himap("clean", "more.h5", "--freqs", "mine.txt", "--method", "pca", "-o", "cleaned.h5")
-    assert done.exit_code == 0 and (pantry / "cleaned.h5").exists(), done.output
+        file["maps"].attrs.update(unit="mK", order="RING")
+    assert np.array_equal(read_cube(tmp_path / "more.h5", freqs=FREQS).freqs, FREQS)
 
 
 def test_the_help_lists_what_there_is():

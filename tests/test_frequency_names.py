@@ -1,6 +1,8 @@
 """Frequencies in names: what stands by itself is taken, and nothing else."""
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from himap.errors import InputError
 from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
@@ -24,6 +26,25 @@ from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 def test_one_number_by_itself(name, freq):
     (stated,) = freqs_in(name)
     assert stated.freq == pytest.approx(freq, rel=1e-12)
+
+
+QUICK = settings(deadline=None, derandomize=True, database=None)
+WORDS = st.sampled_from(["map", "nside64", "T", "residual", "v2", ""])
+
+
+@QUICK
+@given(st.decimals(1, 99_999, places=3), WORDS, WORDS, st.sampled_from("_-. "))
+def test_any_decimal_between_separators(number, before, after, separator):
+    separator = "_" if separator == "." and not before else separator
+    parts = [part for part in (before, f"{number}MHz", after) if part]
+    expected = [float(number)] if separator != "." or not before else []  # T.950MHz may be 0.950
+    assert [stated.freq for stated in freqs_in(separator.join(parts))] == pytest.approx(expected)
+
+
+@QUICK
+@given(st.text(max_size=40), st.text(max_size=40))
+def test_any_text_is_read(before, after):
+    assert all(stated.freq >= 0 for stated in freqs_in(f"{before}950MHz{after}"))
 
 
 @pytest.mark.parametrize(

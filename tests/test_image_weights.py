@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from cube_files import himap
-from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
+from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
 from himap.cubes import clean_cube, read_cube
 from himap.errors import InputError
@@ -67,27 +67,6 @@ def test_one_for_each_channel_by_its_own_header(flags):
     assert np.array_equal(cube.missing, flags[::-1].reshape(N_CHANNELS, -1))
     with pytest.raises(InputError, match="must have the channels of the cube in the order of its own file"):
         read_cube("cube.fits", flags="flags.fits")
-
-
-@pytest.mark.parametrize("word", ["weights", "flags"])
-def test_what_does_not_fit(word, hits, tmp_path):
-    write_hits("turned.fits", hits.T)
-    write_hits("other.fits", hits, sky="CAR")
-    write_image("cube_of_other.fits", np.ones((N_CHANNELS, N_Y, N_X), "f4"), axes=(*SKY["CAR"], FREQ))
-    (tmp_path / "text.txt").write_text("1")
-    (tmp_path / "broken.fits").write_text("1")
-    for given, message in (
-        ("turned.fits", "must be one image with the axes of the cube"),
-        ("other.fits", "must be one image with the axes of the cube"),
-        ("cube_of_other.fits", "must have the axes of the sky of the cube"),
-        ("broken.fits", "cannot be read as an image in FITS"),
-        ("text.txt", "of a cube of images must be a .fits or .npy file"),
-        ("none.fits", f"there is no file of {word} 'none.fits'"),
-        (hits.T, r"must have the shape of an image of the cube, \(12, 16\)"),
-        (np.ones((3, N_Y, N_X)), "must be of the pixels of the cube"),
-    ):
-        with pytest.raises(InputError, match=message):
-            read_cube("cube.fits", **{word: given})
 
 
 def test_from_the_shell(hits, flags):

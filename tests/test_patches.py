@@ -9,8 +9,8 @@ from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
 from himap.cubes import clean_cube, patches, read_cube
 from himap.cubes.cube import make_cube
+from himap.cubes.layout import Layout, SpherePixels
 from himap.cubes.patches import patch_power
-from himap.cubes.raw import RawCube
 from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.patches import patch_centres, patch_pixels
@@ -62,7 +62,7 @@ def white_cube(rng, nside, sigma, kept=None):
     maps = (sigma * rng.standard_normal((24, n_pix))).astype("f4")
     if kept is not None:
         maps[:, ~kept] = np.nan
-    return make_cube(RawCube(maps=maps, freqs=FREQS, unit="mK", nested=False))
+    return make_cube(maps, Layout(pixels=SpherePixels.of(maps, nested=False), freqs=FREQS, unit="mK"))
 
 
 @pytest.mark.parametrize("masked", [False, True])

@@ -139,10 +139,10 @@ def cube_and_beams(path, remover, beam, dish, mask, reading, *, weighed=None, pe
     cube = read_cube(path, **reading, **weighed)
     check_pixels(cube, remover)
     if mask is not None:
-        cube = cube.within(cube.layout.pixels.read_mask(mask, cube.mask))
+        cube = cube.within(cube.layout.pixels.read_mask(mask))
     if weighed:
         cube = with_enough_channels(cube, remover, peaks=peaks)
-    for sentence in (cube.taken, *cube.remarks):
+    for sentence in (cube.summary, *cube.remarks):
         tell(sentence)
     beams = None if beam is None else beams_of(cube, beam, dish=dish)
     if beams is not None:

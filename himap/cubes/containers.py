@@ -19,17 +19,13 @@ _AXES = ["freq", "pol", "pixel"]
 _INTENSITY = "I"
 
 
-def is_one(contents):
+def is_one(file):
     """Whether the datasets of a file are a container of maps: `map` of three axes beside an `index_map`."""
-    names = {*contents.arrays, *contents.others, *contents.elsewhere}
-    return (
-        MAPS in contents.arrays
-        and contents.arrays[MAPS].ndim == 3
-        and any(name.startswith("index_map/") for name in names)
-    )
+    has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
+    return has_index and MAPS in file.arrays and file.arrays[MAPS].ndim == 3
 
 
-def axes(contents):
+def axes(file):
     """What the axes of the maps stand for.
 
     Returns
@@ -42,15 +38,15 @@ def axes(contents):
     InputError
         Another order of axes, no whole spheres, no frequencies or no Stokes I.
     """
-    maps, path = contents.own(MAPS), contents.path
+    maps, path = file[MAPS], file.path
     n_channels, n_pols, n_pix = maps.shape
-    told = [_word(name) for name in np.atleast_1d(maps.attrs.get("axis", _AXES))]
-    if told != _AXES or not sphere.is_n_pix(n_pix):
+    stated = [_word(name) for name in np.atleast_1d(maps.attrs.get("axis", _AXES))]
+    if stated != _AXES or not sphere.is_n_pix(n_pix):
         raise InputError(
-            f"{MAPS} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {told} and "
+            f"{MAPS} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {stated} and "
             f"{maps.shape}."
         )
-    pols = _column(contents, _POLS, n_pols)
+    pols = _column(file, _POLS, n_pols)
     if not h5py.check_string_dtype(pols.dtype):
         raise InputError(f"{_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
     names = [_word(name) for name in pols[...]]
@@ -59,32 +55,25 @@ def axes(contents):
             f"{_POLS} in {path} must have {_INTENSITY} once, got {', '.join(names)}; write the intensity of "
             "each channel to a dataset of (channels, pixels)."
         )
-    others = [name for name in names if name != _INTENSITY]
-    remarks = (f"Of the polarisations {', '.join(others)} are left out.",) if others else ()
-    return _freqs(contents, n_channels), names.index(_INTENSITY), remarks
-
-
-def _column(contents, name, length):
-    """The dataset of that name, of that length."""
-    if name not in contents.arrays and name not in contents.others:
-        raise InputError(f"{contents.path} has {MAPS} (freq, pol, pixel), but no {name} in its own file.")
-    item = contents.own(name)
-    if item.shape != (length,):
-        raise InputError(f"{name} in {contents.path} must have {length} entries, got {item.shape}.")
-    return item
-
-
-def _freqs(contents, n_channels):
-    table = _column(contents, FREQS, n_channels)
-    values = table[...]
-    if values.dtype.names:
-        values = values["centre"] if "centre" in values.dtype.names else np.empty(0, dtype="S1")
-    if values.dtype.kind not in "fiu":
+    table = _column(file, FREQS, n_channels)
+    freqs = table.fields("centre")[...] if "centre" in (table.dtype.names or ()) else table[...]
+    if freqs.dtype.kind not in "fiu":
         raise InputError(
-            f"{FREQS} in {contents.path} must be numbers, or a table with a column centre, in MHz; got "
-            f"{table.dtype}."
+            f"{FREQS} in {path} must be numbers, or a table with a column centre, in MHz; got {table.dtype}."
         )
-    return values.astype(float)
+    others = ", ".join(name for name in names if name != _INTENSITY)
+    remarks = (f"Of the polarisations {others} are left out.",) if others else ()
+    return freqs.astype(float), names.index(_INTENSITY), remarks
+
+
+def _column(file, name, length):
+    """The dataset of that name, of that length."""
+    if name not in file.items:
+        raise InputError(f"{file.path} has {MAPS} (freq, pol, pixel), but no {name} in its own file.")
+    item = file[name]
+    if item.shape != (length,):
+        raise InputError(f"{name} in {file.path} must have {length} entries, got {item.shape}.")
+    return item
 
 
 def _word(value):

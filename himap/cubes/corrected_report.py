@@ -60,7 +60,7 @@ def corrected_figure(found, truth=None):
     """
     true, panels = _true(found, truth), []
     for kind, one in found.items():
-        (bars,) = (one.sigma(np.eye(len(one.x))),)
+        bars = one.sigma(np.eye(len(one.x)))
         curves = [
             (one.x, one.left, {"label": "as it is left", "color": styles.ORANGE, "linestyle": "--"}),
             (one.x, one.corrected, {"label": "corrected", "color": styles.INDIGO}),
@@ -73,8 +73,9 @@ def corrected_figure(found, truth=None):
         labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
         panels.append(labels | {"curves": curves, "xscale": "log", "yscale": "log"})
     for kind, one in found.items():
-        share = {"curves": [(one.x, one.share, {"color": styles.BLUE})], "xscale": "log", "ylim": (0, 1.1)}
-        panels.append(share | {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": "share that comes back"})
+        labels = {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": "share that comes back"}
+        curves = [(one.x, one.share, {"color": styles.BLUE})]
+        panels.append(labels | {"curves": curves, "xscale": "log", "ylim": (0, 1.1)})
     return plotting.lines(panels, size=(4.6, 3))
 
 
@@ -87,11 +88,8 @@ def corrected_part(found, n_mocks, truth=None):
         "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
     )
     table = Table(HEADER if truth is not None else HEADER[:3], corrected_rows(found, truth), align="lrrrr")
-    return [
-        "<h2>Corrected for what was lost</h2>",
-        page.figure(corrected_figure(found, truth), "Corrected spectra and transfer functions", text),
-        table.html(),
-    ]
+    picture, alt = corrected_figure(found, truth), "Corrected spectra and transfer functions"
+    return [*page.section("Corrected for what was lost", picture, alt, text), table.html()]
 
 
 def write_spectra(found, path, truth=None):

@@ -4,52 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.checks import real_array
-from himap.cubes.files import read_freqs, read_raw
-from himap.cubes.pixels import Pixels
-from himap.cubes.raw import HELD, same_freqs
+from himap.cubes.files import read_file
+from himap.cubes.layout import Layout, same_freqs
+from himap.cubes.resolve import resolved
 from himap.cubes.seeing import cube_floats, look_at, own_freqs, seen_everywhere, seen_somewhere, wide
-from himap.cubes.told import told_nested, told_pixels, told_unit
-from himap.cubes.weights import missing_told, names_beside, seen_weights
+from himap.cubes.weights import missing_remarks, own_datasets, voxel_weights
 from himap.errors import InputError
 from himap.maps.healpix_files import MILLIKELVIN
 from himap.removal.data import checked_mask, checked_weights
 
-__all__ = ["Cube", "Layout", "make_cube", "read_cube", "read_truth"]
+__all__ = ["Cube", "make_cube", "read_cube", "read_truth"]
 
-_BESIDE = 2  # cubes in float32 that are held of one beside another
-_WEIGHED = 3  # more of them that are held where there are weights
-
-
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """How the cube was given, so that what is made of it can be given back alike.
-
-    Attributes
-    ----------
-    channels
-        For each channel of the `Cube` its place in the file, (n_channels,).
-    freqs
-        MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
-    unit
-        Of the file: "K", "mK" or "uK".
-    pixels
-        The `Pixels`, and how they lie in the file.
-    """
-
-    channels: np.ndarray
-    freqs: np.ndarray
-    unit: str
-    pixels: Pixels
-
-    def as_given(self, maps, mask):
-        """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
-        out = np.full((len(self.freqs), len(mask)), np.nan, dtype=maps.dtype)
-        full_map = np.full(len(mask), np.nan, dtype=maps.dtype)
-        for place, pixels in zip(self.channels, maps, strict=True):
-            full_map[mask] = pixels / MILLIKELVIN[self.unit]
-            out[place] = self.pixels.as_given(full_map)
-        return self.pixels.shaped(out)
+_HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
+_BESIDE = 2  # of one beside another
+_WEIGHED = 3  # more of them where there are weights
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,11 +35,9 @@ class Cube:
         Which pixels are seen in every channel, or with weights in some, (n_pix,) bool: those of the sphere,
         RING, or of an image.
     layout
-        How it was given, a `Layout`.
+        How it was given, a `himap.cubes.layout.Layout`: what is made of it is given back alike.
     remarks
-        What was taken for granted or left out, for the user to read.
-    freqs_from
-        What told the frequencies, in words.
+        What was assumed or left out, for the user to read.
     weights
         Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing: there
         maps are 0. None where all are the same.
@@ -82,7 +48,6 @@ class Cube:
     mask: np.ndarray
     layout: Layout
     remarks: tuple[str, ...] = ()
-    freqs_from: str = "what was given"
     weights: np.ndarray | None = None
 
     @property
@@ -91,22 +56,26 @@ class Cube:
         return self.weights == 0 if np.ndim(self.weights) == 2 else None
 
     @property
-    def taken(self):
+    def freqs_from(self):
+        """What stated the frequencies, in words."""
+        return self.layout.freqs_from
+
+    @property
+    def summary(self):
         """What was read, a sentence for the user to check."""
-        pixels = self.layout.pixels.described(self.mask, self.layout.unit)
         return (
             f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, told by "
-            f"{self.freqs_from}; {pixels}."
+            f"{self.freqs_from}; {self.layout.pixels.described(self.layout.unit)}."
         )
 
     @property
     def nside(self):
         """Of HEALPix maps; InputError for an image in the plane."""
-        return self.layout.pixels.nside(self.mask)
+        return self.layout.pixels.nside
 
     def check_sphere(self):
         """Refuse an image in the plane, with an InputError, where multipoles are asked for."""
-        self.layout.pixels.nside(self.mask)
+        return self.nside
 
     @property
     def whole_sky(self):
@@ -121,7 +90,8 @@ class Cube:
     @property
     def image(self):
         """Which pixels of an image in the plane are seen, (n_y, n_x) bool; None for HEALPix maps."""
-        return None if self.layout.pixels.whole_sky else self.layout.pixels.shaped(self.mask)[0]
+        pixels = self.layout.pixels
+        return None if pixels.whole_sky else self.mask.reshape(pixels.shape)
 
     @property
     def channel_width(self):
@@ -159,6 +129,14 @@ class Cube:
         remark = f"{few.sum()} pixels are left out, which fewer than {n_channels} channels see."
         return self._of(kept, remark)
 
+    def _of(self, kept, remark):
+        """The same of the pixels in `kept`, all of them seen."""
+        seen, weights = kept[self.mask], self.weights
+        maps = self.maps[:, seen]
+        if weights is not None:
+            weights = checked_weights(weights[..., seen], maps.shape)[1]
+        return replace(self, maps=maps, mask=kept, weights=weights, remarks=(*self.remarks, remark))
+
     def channels_of(self, other):
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
         if len(other.freqs) == len(other.layout.freqs):
@@ -168,14 +146,6 @@ class Cube:
         kept = near | ~known
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
-
-    def _of(self, kept, remark):
-        """The same of the pixels in `kept`, all of them seen."""
-        seen, weights = kept[self.mask], self.weights
-        maps = self.maps[:, seen]
-        if weights is not None:
-            weights = checked_weights(weights[..., seen], maps.shape)[1]
-        return replace(self, maps=maps, mask=kept, weights=weights, remarks=(*self.remarks, remark))
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""
@@ -202,7 +172,7 @@ def read_cube(
     weights=None,
     flags=None,
 ):
-    """A `Cube` from a file; see `read_raw` for the formats.
+    """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
     Parameters
     ----------
@@ -210,7 +180,8 @@ def read_cube(
         File, or folder of files.
     freqs
         Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
-        one number a line, or of a table of edges (`read_freqs`); for files that do not tell them.
+        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
+        state them.
     unit
         "K", "mK" or "uK", if the file does not say.
     order
@@ -234,15 +205,13 @@ def read_cube(
     With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
     left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
-    aside = names_beside(path, weights, flags)
     weighed = weights is not None or flags is not None
-    held = HELD + _WEIGHED * weighed
-    raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name, held=held, aside=aside)
-    raw = _with_freqs(path, raw, freqs)
+    names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": own_datasets(path, weights, flags)}
+    maps, layout = read_file(path, **names, held=_HELD + _WEIGHED * weighed)
+    layout = resolved(path, maps, layout, freqs=freqs, unit=unit, order=order)
     if weighed:
-        nested = told_nested(raw.nested, order, [])
-        weights = seen_weights(raw, weights=weights, flags=flags, nested=nested)
-    return make_cube(raw, unit=unit, order=order, weights=weights)
+        weights = voxel_weights(maps, layout, weights=weights, flags=flags)
+    return make_cube(maps, layout, weights=weights)
 
 
 def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, beside=None):
@@ -251,86 +220,54 @@ def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs
     Channels that are in the file of the cube `beside`, but left out of that, are left out.
     """
     try:
-        raw = read_raw(path, held=_BESIDE)
+        maps, layout = read_file(path, held=_BESIDE)
     except InputError:
         if maps_name is None and freqs_name is None:
             raise
-        raw = read_raw(path, maps_name=maps_name, freqs_name=freqs_name, held=_BESIDE)
-    raw = _with_freqs(path, raw, freqs if raw.freqs is None else None)
-    truth = make_cube(
-        raw, unit=unit if raw.unit is None else None, order=order if raw.nested is None else None
-    )
+        maps, layout = read_file(path, maps_name=maps_name, freqs_name=freqs_name, held=_BESIDE)
+    layout = resolved(path, maps, layout, freqs=freqs, unit=unit, order=order, only_gaps=True)
+    truth = make_cube(maps, layout)
     return truth if beside is None else truth.channels_of(beside)
 
 
-def _with_freqs(path, raw, freqs):
-    """The `RawCube` with frequencies, its own or `freqs`, an array or a path."""
-    if freqs is not None:
-        given = "what was given"
-        if isinstance(freqs, str) or hasattr(freqs, "__fspath__"):
-            freqs, given = read_freqs(freqs)
-        freqs = real_array("freqs", freqs).astype(float)
-        known = raw.freqs
-        if known is not None and not (freqs.shape == known.shape and same_freqs(freqs, known).all()):
-            raise InputError(
-                f"{path} tells its frequencies, {_ends(known)}, and those given are {_ends(freqs)}, or "
-                "in another order; leave them out, or mend the file."
-            )
-        raw = replace(raw, freqs=freqs, freqs_from=raw.freqs_from or given)
-    if raw.freqs is None:
-        raise InputError(
-            f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name "
-            f"their dataset (--freqs-name). {raw.nearly}".rstrip()
-        )
-    return raw
-
-
-def make_cube(raw, *, unit=None, order=None, weights=None):
-    """The `Cube` of a `RawCube`: sorted, in mK, RING, with the pixels that are seen in every channel.
+def make_cube(maps, layout, *, weights=None):
+    """The `Cube` of maps as a file has them: sorted, in mK, RING, with the pixels seen in every channel.
 
     NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out. With weights,
-    (n_in_file, n_pix) as `seen_weights` gives them, pixels that are seen in some channel are kept.
+    (n_in_file, n_pix) as `voxel_weights` gives them, pixels that are seen in some channel are kept.
+
+    Parameters
+    ----------
+    maps, layout
+        As of `himap.cubes.files.read_file`, complete.
+    weights
+        Of its voxels, 0 where missing.
     """
-    remarks = list(raw.remarks)
-    unit = told_unit(raw.unit, unit)
-    pixels = told_pixels(raw, order, remarks)
-    pixels.check(raw.maps)
-    freqs = np.asarray(raw.freqs, dtype=float)
-    if freqs.shape != (len(raw.maps),):
-        raise InputError(
-            f"there must be one frequency for each of the {len(raw.maps)} channels, got {freqs.size}."
-        )
-    places = np.argsort(freqs, kind="stable")
+    remarks, pixels, factor = list(layout.remarks), layout.pixels, MILLIKELVIN[layout.unit]
+    places = np.argsort(layout.freqs, kind="stable")
     if weights is None:
-        channels, mask = seen_everywhere(raw.maps, places, remarks)
+        channels, mask = seen_everywhere(maps, places, remarks)
     else:
-        raw = replace(raw, maps=np.where(weights > 0, raw.maps, np.zeros((), raw.maps.dtype)))
+        maps = np.where(weights > 0, maps, np.zeros((), maps.dtype))
         channels, mask = seen_somewhere(weights, places, remarks)
-    file_freqs, freqs = freqs, own_freqs(freqs[channels])
+    freqs = own_freqs(layout.freqs[channels])
     if not mask.any():
         raise InputError(
             "no pixel is seen in every channel; leave out the channels that see least, or give weights or "
             "flags to a method that takes them: then what is missing is missing in its channel alone."
         )
-    dtype = cube_floats(raw.maps, channels, mask, MILLIKELVIN[unit])
+    dtype = cube_floats(maps, channels, mask, factor)
     mask = pixels.sorted(mask)
-    maps = np.empty((len(channels), int(mask.sum())), dtype=dtype)
-    for place, out in zip(channels, maps, strict=True):
-        out[:] = pixels.sorted(wide(raw.maps[place]))[mask] * MILLIKELVIN[unit]
+    seen = np.empty((len(channels), int(mask.sum())), dtype=dtype)
+    for place, out in zip(channels, seen, strict=True):
+        out[:] = pixels.sorted(wide(maps[place]))[mask] * factor
     if not mask.all():
         where = "every" if weights is None else "some"
         remarks.append(f"{mask.mean():.1%} of {pixels.area} is seen in {where} channel; the rest is masked.")
     if weights is not None:
         weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
-        remarks += missing_told(weights)
+        remarks += missing_remarks(weights)
         weights = checked_weights(weights, weights.shape)[1]
-    look_at(maps, freqs, remarks)
-    layout = Layout(channels=channels, freqs=file_freqs, unit=unit, pixels=pixels)
-    told = {} if raw.freqs_from is None else {"freqs_from": raw.freqs_from}
-    return Cube(
-        maps=maps, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights, **told
-    )
-
-
-def _ends(freqs):
-    return f"{freqs.size} from {freqs.min():g} to {freqs.max():g} MHz" if freqs.size else "none"
+    look_at(seen, freqs, remarks)
+    layout = replace(layout, channels=channels)
+    return Cube(maps=seen, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights)

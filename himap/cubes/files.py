@@ -5,20 +5,20 @@ from pathlib import Path
 import numpy as np
 
 from himap.cubes import fits, hdf5
-from himap.cubes.raw import HELD, RawCube, check_cube_room, same_freqs
+from himap.cubes.layout import Layout, SpherePixels, check_cube_room, same_freqs
 from himap.errors import InputError
 from himap.maps.healpix_files import ENDINGS
 from himap.maps.shapes import pixels_last, sphere_sizes
 from himap.reading import mapped_array, read_array, read_numbers, regular_file
 from himap.removal.hi_prior import LINE
 
-__all__ = ["read_freqs", "read_raw"]
+__all__ = ["read_file", "read_freqs"]
 
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 
-def read_raw(path, *, maps_name=None, freqs_name=None, held=HELD, aside=()):
-    """The `RawCube` of an HDF5 or FITS file, of a folder of FITS files (one for each channel), or of .npy.
+def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
+    """What an HDF5 or FITS file states, a folder of FITS files (one for each channel), or .npy.
 
     FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
     folder may have a range of channels.
@@ -29,10 +29,16 @@ def read_raw(path, *, maps_name=None, freqs_name=None, held=HELD, aside=()):
         File or folder.
     maps_name, freqs_name
         Datasets of an HDF5 file; found by their shapes and names unless given.
-    held
-        Cubes in float32 that the caller will hold at once: they must fit into memory.
     aside
         Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
+    held
+        Cubes in float32 that the caller will hold at once: they must fit into memory.
+
+    Returns
+    -------
+    (ndarray, Layout)
+        Maps (n_channels, n_pix) in the order, unit and pixelisation of the file, NaN where it marks them
+        missing; and what it states of them.
 
     Raises
     ------
@@ -41,14 +47,20 @@ def read_raw(path, *, maps_name=None, freqs_name=None, held=HELD, aside=()):
     """
     is_folder = _is_folder(path)
     path = Path(path) if is_folder else regular_file(path)
-    kind = "folder" if is_folder else _kind(path)
-    if kind != "hdf5" and (maps_name is not None or freqs_name is not None):
-        raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
-    if kind == "hdf5":
+    name = path.name.lower()
+    if not is_folder and name.endswith(hdf5.ENDINGS):
         names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": aside}
-        return hdf5.maps_of_file(path, **names, held=held)
-    readers = {"folder": fits.maps_of_folder, "fits": fits.maps_of_file, "npy": _npy}
-    return readers[kind](path, held=held)
+        return hdf5.read_hdf5(path, **names, held=held)
+    readers = {ENDINGS: fits.read_fits, (".npy",): read_npy}
+    read = fits.read_folder if is_folder else None
+    read = read or next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
+    if read is None:
+        raise InputError(
+            f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
+        )
+    if maps_name is not None or freqs_name is not None:
+        raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
+    return read(path, held=held)
 
 
 def _is_folder(path):
@@ -58,18 +70,21 @@ def _is_folder(path):
         return False
 
 
-def _kind(path):
-    endings = {"hdf5": hdf5.ENDINGS, "fits": ENDINGS, "npy": (".npy",)}
-    for kind, suffixes in endings.items():
-        if path.name.lower().endswith(suffixes):
-            return kind
-    raise InputError(
-        f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
-    )
+def read_npy(path, *, held=1):
+    """Maps and `Layout` of an array of HEALPix maps, which states nothing else."""
+    maps = mapped_array(path)
+    if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
+        raise InputError(
+            f"{path} must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2, "
+            f"got {maps.dtype} {maps.shape}."
+        )
+    check_cube_room(path, maps.size, maps.dtype.itemsize, held)
+    maps = pixels_last(read_array(path))
+    return maps, Layout(pixels=SpherePixels.of(maps))
 
 
 def read_freqs(path):
-    """Frequencies that a file tells, (n,), in MHz, and what it tells, in words.
+    """Frequencies that a file states, (n,), in MHz, and what it states, in words.
 
     Parameters
     ----------
@@ -100,12 +115,10 @@ def read_freqs(path):
 def _edges(table):
     """Lower and upper edges, (n, 2), of a table that is exactly one of those of `read_freqs`, or None."""
     n_rows, n_columns = table.shape
-    if n_columns not in (2, 3, 5):
-        return None
     first = 0 if n_columns == 2 else 1
-    if first and not np.array_equal(table[:, 0], np.arange(1, n_rows + 1)):
-        return None
     edges = table[:, first : first + 2]
+    if n_columns not in (2, 3, 5) or (first and not np.array_equal(table[:, 0], np.arange(1, n_rows + 1))):
+        return None
     lower, upper = edges.T
     adjoin = any(
         same_freqs(end[:-1], start[1:]).all()  # edges that two channels share
@@ -117,14 +130,3 @@ def _edges(table):
     if n_columns == 5 and not np.allclose(table[:, 3:], redshifts, rtol=0, atol=_REDSHIFT):
         return None
     return edges
-
-
-def _npy(path, *, held):
-    maps = mapped_array(path)
-    if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
-        raise InputError(
-            f"{path} must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2, "
-            f"got {maps.dtype} {maps.shape}."
-        )
-    check_cube_room(path, maps.size, maps.dtype.itemsize, held)
-    return RawCube(maps=pixels_last(read_array(path)))

@@ -1,13 +1,13 @@
 """Pixels of images in the plane, with world coordinates (WCS) that say where on the sky they are."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from himap.cubes.pixels import Pixels
 from himap.errors import InputError
 from himap.reading import regular_file
 
@@ -29,41 +29,53 @@ def world_of(hdu, file):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagePart:
-    """One image cube as it lies in an HDU of a file.
+    """One image cube as an HDU of a file has it.
 
     Attributes
     ----------
+    path, index
+        The file and the HDU.
     header
         Of the HDU.
     shape
-        Of its array, in the order of numpy.
-    full_shape
-        The same with the axes of length one that only its world coordinates have.
+        Of its array, in the order of numpy, with the axes of length one that only its world coordinates have.
+    n_axes
+        How many of these the array itself has, the last ones.
     order
-        Axes of that: frequency, the two of the sky as they come, and those of length one.
+        Axes of `shape`: frequency, the two of the sky as they come, and those of length one.
+    freqs
+        MHz, (n_channels,).
+    celestial
+        World coordinates of the two axes of the sky.
     """
 
+    path: Path
+    index: int
     header: fits.Header
     shape: tuple[int, ...]
-    full_shape: tuple[int, ...]
+    n_axes: int
     order: tuple[int, ...]
+    freqs: np.ndarray
+    celestial: WCS
+
+    def __str__(self):
+        return f"{self.path}, HDU {self.index}"
 
     @property
-    def n_channels(self):
-        return self.full_shape[self.order[0]]
+    def pixels(self):
+        """The `ImagePixels` of this image cube alone."""
+        shape = tuple(self.shape[axis] for axis in self.order[1:3])
+        return ImagePixels(parts=(self,), celestial=self.celestial, shape=shape)
 
-    @property
-    def sky_shape(self):
-        return tuple(self.full_shape[axis] for axis in self.order[1:3])
-
-    def channels_first(self, data):
-        """Its array as (n_channels, n_pix)."""
-        return data.reshape(self.full_shape).transpose(self.order).reshape(self.n_channels, -1)
+    def read(self, file):
+        """Its array in an open file as (n_channels, n_pix)."""
+        data = file[self.index].data.reshape(self.shape)
+        return data.transpose(self.order).reshape(len(self.freqs), -1)
 
     def hdu(self, maps, kind, *, unit, cards, history):
         """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header."""
-        sorted_shape = [self.full_shape[axis] for axis in self.order]
-        data = maps.reshape(sorted_shape).transpose(np.argsort(self.order)).reshape(self.shape)
+        sorted_shape = [self.shape[axis] for axis in self.order]
+        data = maps.reshape(sorted_shape).transpose(np.argsort(self.order))
         header = self.header.copy(strip=True)
         for key in _STALE:
             header.remove(key, ignore_missing=True)
@@ -72,12 +84,12 @@ class ImagePart:
         for key, value in cards:
             header[key] = value
         header.add_history(history)
-        return kind(data=data, header=header)
+        return kind(data=data.reshape(self.shape[len(self.shape) - self.n_axes :]), header=header)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ImagePixels(Pixels):
-    """The pixels of an image, row by row as they are in the file.
+class ImagePixels:
+    """The pixels of an image, row by row as they are in the file; methods as of `SpherePixels`.
 
     Attributes
     ----------
@@ -92,13 +104,23 @@ class ImagePixels(Pixels):
     area: ClassVar[str] = "the image"
     grid: ClassVar[str] = "axes of the sky"
     whole_sky: ClassVar[bool] = False
+    nested: ClassVar[None] = None
     parts: tuple[ImagePart, ...]
     celestial: WCS
     shape: tuple[int, int]
 
-    def check(self, maps):
-        if maps.shape[1] != np.prod(self.shape):
-            raise InputError(f"images of {self.shape} pixels must have as many, got {maps.shape[1]}.")
+    def __str__(self):
+        (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
+        return f"{x} and {y}, {n_x} x {n_y} pixels"
+
+    @property
+    def nside(self):
+        """An InputError: multipoles, beams and mocks ask for it."""
+        raise InputError(
+            "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
+            "--beam, --mocks and the like out, or put the cube on HEALPix, as reproject_to_healpix of the "
+            "package reproject does."
+        )
 
     def sorted(self, pixels):
         return pixels
@@ -106,25 +128,31 @@ class ImagePixels(Pixels):
     def as_given(self, pixels):
         return pixels
 
-    def shaped(self, maps):
-        return maps.reshape(-1, *self.shape)
+    def by_channel(self, label, values):
+        """Numbers of an image (n_y, n_x), or of one for each channel, as (n_channels or 1, n_pix)."""
+        if values.ndim not in (2, 3) or values.shape[-2:] != self.shape:
+            raise InputError(
+                f"{label} must have the shape of an image of the cube, {self.shape}, or of one for each "
+                f"channel, got {values.shape}."
+            )
+        return values.reshape(-1, values.shape[-2] * values.shape[-1])
 
-    def described(self, mask, unit):
+    def described(self, unit):
         rows, columns = np.rad2deg(self.pixel_angles())
-        return f"images in {unit}, {self.size(mask)} of {columns:.3g} x {rows:.3g} deg"
+        return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
 
-    def size(self, mask):
-        (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
-        return f"{x} and {y}, {n_x} x {n_y} pixels"
+    def same(self, other):
+        return (
+            isinstance(other, ImagePixels) and self.shape == other.shape and self._same_sky(other.celestial)
+        )
 
-    def same(self, mask, other, other_mask):
-        return isinstance(other, ImagePixels) and self.shape == other.shape and self.same_sky(other.celestial)
-
-    def same_sky(self, celestial):
+    def _same_sky(self, celestial):
         """Whether two axes of the sky are these."""
         mine, theirs = self.celestial, celestial
-        texts = ((*one.wcs.ctype, one.wcs.radesys, one.wcs.equinox) for one in (mine, theirs))
-        if [str(text) for text in next(texts)] != [str(text) for text in next(texts)]:
+        names, others = (
+            [*map(str, one.wcs.ctype), one.wcs.radesys, one.wcs.equinox] for one in (mine, theirs)
+        )
+        if str(names) != str(others) or mine.wcs.get_pv() != theirs.wcs.get_pv():
             return False
         scale = np.abs(mine.pixel_scale_matrix).max()
         numbers = (
@@ -133,18 +161,9 @@ class ImagePixels(Pixels):
             (mine.wcs.crval, theirs.wcs.crval, _SAME * scale),
             ([mine.wcs.lonpole, mine.wcs.latpole], [theirs.wcs.lonpole, theirs.wcs.latpole], _SAME),
         )
-        return mine.wcs.get_pv() == theirs.wcs.get_pv() and all(
-            np.allclose(one, two, rtol=0, atol=atol) for one, two, atol in numbers
-        )
+        return all(np.allclose(one, two, rtol=0, atol=atol) for one, two, atol in numbers)
 
-    def nside(self, mask):
-        raise InputError(
-            "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
-            "--beam, --mocks and the like out, or put the cube on HEALPix, as reproject_to_healpix of the "
-            "package reproject does."
-        )
-
-    def read_mask(self, path, mask):
+    def read_mask(self, path):
         values = np.nan_to_num(self.one_image(path, "mask"))
         if not np.isin(values, (0, 1)).all():
             raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
@@ -163,7 +182,7 @@ class ImagePixels(Pixels):
             with fits.open(path, memmap=False) as file:
                 hdu = next((hdu for hdu in file if isinstance(hdu, IMAGES) and hdu.shape), None)
                 if hdu is None:
-                    raise ValueError(f"it holds no image, and one of {self.size(None)} is needed")
+                    raise ValueError(f"it holds no image, and one of {self} is needed")
                 celestial, shape = world_of(hdu, file).celestial, hdu.shape
                 fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
                 values = hdu.data.reshape(-1) if fits_here else None
@@ -171,29 +190,25 @@ class ImagePixels(Pixels):
             raise InputError(
                 f"the {kind} {path} cannot be read as an image in FITS ({type(error).__name__}: {error})."
             ) from None
-        if not (fits_here and self.same_sky(celestial)):
+        if not (fits_here and self._same_sky(celestial)):
             raise InputError(
-                f"the {kind} {path} must be one image with the axes of the cube, {self.size(None)}, got "
+                f"the {kind} {path} must be one image with the axes of the cube, {self}, got "
                 f"{', '.join(celestial.wcs.ctype) or 'no axes of the sky'}, {shape[::-1]} pixels; reproject "
                 "it to the header of the cube."
             )
         return values
 
     def attributes(self):
-        return {
-            "axes": "frequency, then those of the sky as in numpy",
-            "wcs": self.celestial.to_header_string(),
-        }
+        axes = "frequency, then those of the sky as in numpy"
+        return {"axes": axes, "wcs": self.celestial.to_header_string()}
 
     def write(self, path, maps, layout, *, name, cards):
         many = len(self.parts) > 1
         history = f"{name} of foreground removal, " + ", ".join(f"{key} = {value}" for key, value in cards)
-        hdus, start = [fits.PrimaryHDU()] if many else [], 0
-        for part in self.parts:
-            own = maps[start : start + part.n_channels]
-            kind = fits.ImageHDU if many else fits.PrimaryHDU
-            hdus.append(part.hdu(own, kind, unit=layout.unit, cards=cards, history=history))
-            start += part.n_channels
+        kind = fits.ImageHDU if many else fits.PrimaryHDU
+        hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([len(part.freqs) for part in self.parts])
+        for part, images in zip(self.parts, np.split(maps, ends[:-1]), strict=True):
+            hdus.append(part.hdu(images, kind, unit=layout.unit, cards=cards, history=history))
         fits.HDUList(hdus).writeto(path)
 
     def pixel_angles(self):

@@ -6,57 +6,43 @@ sky and no range of frequencies.
 """
 
 import warnings
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from astropy import units as u
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
-from astropy.wcs import WCS
 
-from himap.cubes.image_pixels import IMAGES, ImagePart, ImagePixels, world_of
-from himap.cubes.raw import RawCube, as_input_error, check_cube_room
+from himap.cubes.image_pixels import IMAGES, ImagePart, world_of
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
 from himap.errors import InputError
 
-__all__ = ["has_frequencies", "holds_image", "images_of_files"]
+__all__ = ["has_frequencies", "holds_image", "read_image_fits"]
 
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Found:
-    """An image cube that a file holds: which HDU, and what its header says."""
-
-    path: Path
-    index: int
-    part: ImagePart
-    freqs: np.ndarray
-    celestial: WCS
-    stored: str
-
-    @property
-    def name(self):
-        return f"{self.path}, HDU {self.index}"
-
-
 def holds_image(path):
     """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
-    try:
-        with _quiet(), fits.open(path, memmap=False) as file:
-            return next((_is_image(hdu) for hdu in file if not _is_empty(hdu)), False)
-    except Exception:  # astropy raises nearly anything; the reader of tables says it
-        return False
+    return _ask(path, lambda file: _is_image(next(hdu for hdu in file if not _is_empty(hdu))))
 
 
 def has_frequencies(path):
     """Whether the first image in a FITS file has an axis of frequency; False for what cannot be read."""
+
+    def of_first_image(file):
+        first = next(hdu for hdu in file if _is_image(hdu) and not _is_empty(hdu))
+        return world_of(first, file).wcs.spec >= 0
+
+    return _ask(path, of_first_image)
+
+
+def _ask(path, question):
     try:
         with _quiet(), fits.open(path, memmap=False) as file:
-            first = next(hdu for hdu in file if _is_image(hdu) and not _is_empty(hdu))
-            return world_of(first, file).wcs.spec >= 0
-    except Exception:  # astropy raises nearly anything for a file that is damaged
+            return question(file)
+    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
         return False
 
 
@@ -73,8 +59,8 @@ def _is_empty(hdu):
     return _is_image(hdu) and not hdu.shape
 
 
-def images_of_files(paths, *, held=1):
-    """The `RawCube` of all image cubes in some files.
+def read_image_fits(paths, *, held=1):
+    """The channels of all image cubes in some files.
 
     Parameters
     ----------
@@ -83,35 +69,39 @@ def images_of_files(paths, *, held=1):
     held
         Cubes in float32 that the caller will hold at once: they must fit into memory.
 
+    Returns
+    -------
+    (ndarray, Layout)
+        Maps (n_channels, n_pix) as they are in the files, NaN where blank.
+
     Raises
     ------
     InputError
         A file without such an image, axes of the sky that differ, frequencies that overlap, other units than
         of temperature, or too large a cube.
     """
-    remarks, found = [], []
+    remarks, parts = [], []
     for path in paths:
-        found += _read(path, lambda file, path=path: _images(path, file, remarks))
-    _check_alike(found)
-    n_pix = int(np.prod(found[0].part.sky_shape))
-    starts = np.cumsum([0, *(one.part.n_channels for one in found)])
-    dtype = np.result_type(np.float32, *(one.stored for one in found))
-    check_cube_room(paths[0].parent if len(paths) > 1 else paths[0], starts[-1] * n_pix, dtype.itemsize, held)
-    maps = np.empty((starts[-1], n_pix), dtype=dtype)
-    for one, start in zip(found, starts[:-1], strict=True):
-        out = maps[start : start + one.part.n_channels]
-        out[:] = _read(one.path, lambda file, one=one: one.part.channels_first(file[one.index].data))
-    pixels = ImagePixels(
-        parts=tuple(one.part for one in found), celestial=found[0].celestial, shape=found[0].part.sky_shape
-    )
-    return RawCube(
-        maps=maps,
-        freqs=np.concatenate([one.freqs for one in found]),
-        freqs_from="the axis FREQ" + (" of each image" if len(found) > 1 else ""),
-        unit=_one_unit(found),
-        image=pixels,
+        parts += _read(path, lambda file, path=path: _parts(path, file, remarks))
+    _check_alike(parts)
+    where = paths[0].parent if len(paths) > 1 else paths[0]
+    unit = one_unit(where, [str(part.header.get("BUNIT") or "").strip() or None for part in parts])
+    pixels = replace(parts[0].pixels, parts=tuple(parts))
+    ends = np.cumsum([len(part.freqs) for part in parts])
+    dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
+    n_pix = int(np.prod(pixels.shape))
+    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
+    maps = np.empty((ends[-1], n_pix), dtype=dtype)
+    for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
+        out[:] = _read(part.path, part.read)
+    layout = Layout(
+        pixels=pixels,
+        freqs=np.concatenate([part.freqs for part in parts]),
+        freqs_from="the axis FREQ" + (" of each image" if len(parts) > 1 else ""),
+        unit=unit,
         remarks=tuple(remarks),
     )
+    return maps, layout
 
 
 def _read(path, read):
@@ -121,45 +111,41 @@ def _read(path, read):
         return read(file)
 
 
-def _images(path, file, remarks):
-    """`_Found` of every image cube in an open file; what else is there is left out, and said."""
-    found, others = [], []
+def _parts(path, file, remarks):
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
+    parts, others = [], []
     for index, hdu in enumerate(file):
-        if _is_image(hdu) and (len(hdu.shape) > 2 or (len(hdu.shape) == 2 and not found)):
-            found.append(_found(path, index, hdu, file))
+        if _is_image(hdu) and (len(hdu.shape) > 2 or (len(hdu.shape) == 2 and not parts)):
+            parts.append(_part(path, index, hdu, file))
         elif not _is_empty(hdu):
             others.append(hdu.name or str(index))
-    if not found:
+    if not parts:
         raise InputError(f"{path} holds no image cube.")
     if others:
         remarks.append(f"{path} holds {', '.join(others)} beside the cube, which is left out.")
-    return found
+    return parts
 
 
-def _found(path, index, hdu, file):
-    wcs = world_of(hdu, file)
-    name = f"{path}, HDU {index}"
+def _part(path, index, hdu, file):
+    wcs, name = world_of(hdu, file), f"{path}, HDU {index}"
     spectral = _spectral_axis(wcs, name)
-    full_shape = (1,) * (wcs.naxis - len(hdu.shape)) + tuple(hdu.shape)
-    _check_axes(wcs, full_shape, spectral, name)
+    shape = (1,) * (wcs.naxis - len(hdu.shape)) + tuple(hdu.shape)
+    _check_axes(wcs, shape, spectral, name)
+    _check_unit(hdu.header, name)
     sky = sorted(wcs.wcs.naxis - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
     first = wcs.naxis - 1 - spectral
     rest = [axis for axis in range(wcs.naxis) if axis not in (first, *sky)]
-    part = ImagePart(
-        header=hdu.header.copy(), shape=tuple(hdu.shape), full_shape=full_shape, order=(first, *sky, *rest)
-    )
-    _check_unit(hdu.header, name)
     line = wcs.sub([spectral + 1])
-    (values,) = line.wcs_pix2world(np.arange(part.n_channels), 0)
-    unit = u.Unit(line.wcs.cunit[0] or u.Hz)
-    freqs = np.asarray((values * unit).to_value(u.MHz))
+    (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
+    freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
     if not freqs.min() > _LOWEST:
         raise InputError(
             f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
             f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
         )
-    stored = fits.BITPIX2DTYPE[hdu.header["BITPIX"]]
-    return _Found(path=path, index=index, part=part, freqs=freqs, celestial=wcs.celestial, stored=stored)
+    axes = {"shape": shape, "n_axes": len(hdu.shape), "order": (first, *sky, *rest)}
+    where = {"path": path, "index": index, "header": hdu.header.copy()}
+    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
 
 
 def _spectral_axis(wcs, name):
@@ -186,11 +172,11 @@ def _spectral_axis(wcs, name):
     return axis
 
 
-def _check_axes(wcs, full_shape, spectral, name):
+def _check_axes(wcs, shape, spectral, name):
     """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
     celestial = {wcs.wcs.lng, wcs.wcs.lat}
     for axis in set(range(wcs.naxis)) - celestial - {spectral}:
-        length = full_shape[wcs.naxis - 1 - axis]
+        length = shape[wcs.naxis - 1 - axis]
         if length > 1:
             text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
             raise InputError(
@@ -217,30 +203,19 @@ def _check_unit(header, name):
         )
 
 
-def _check_alike(found):
+def _check_alike(parts):
     """Refuse images that do not share the axes of the sky, or do share a range of frequencies."""
-    first = found[0]
-    for one in found[1:]:
-        pixels = ImagePixels(parts=(), celestial=first.celestial, shape=first.part.sky_shape)
-        other = ImagePixels(parts=(), celestial=one.celestial, shape=one.part.sky_shape)
-        if not pixels.same(None, other, None):
+    first = parts[0]
+    for part in parts[1:]:
+        if not first.pixels.same(part.pixels):
             raise InputError(
-                f"all images must have the same axes of the sky: {first.name} has {pixels.size(None)}, and "
-                f"{one.name} has {other.size(None)}, or other coordinates; reproject them to one header."
+                f"all images must have the same axes of the sky: {first} has {first.pixels}, and {part} has "
+                f"{part.pixels}, or other coordinates; reproject them to one header."
             )
-    ordered = sorted(found, key=lambda one: one.freqs.min())
+    ordered = sorted(parts, key=lambda part: part.freqs.min())
     for low, high in zip(ordered, ordered[1:], strict=False):
         if high.freqs.min() <= low.freqs.max():
             raise InputError(
-                f"the frequencies of {low.name} and {high.name} overlap, from {high.freqs.min():.10g} to "
+                f"the frequencies of {low} and {high} overlap, from {high.freqs.min():.10g} to "
                 f"{low.freqs.max():.10g} MHz; cut one of them, or write what is to be cleaned alone."
             )
-
-
-def _one_unit(found):
-    """The unit that all images have, None where none is told."""
-    units = [str(one.part.header.get("BUNIT") or "").strip() or None for one in found]
-    if len(set(units)) > 1:
-        listing = ", ".join(str(unit) for unit in dict.fromkeys(units))
-        raise InputError(f"all images must have one unit (BUNIT), got {listing}.")
-    return units[0]

@@ -1,14 +1,12 @@
-"""Pieces of a small HTML page that needs no other file and no network, and what pages on cubes share."""
+"""A small HTML page that needs no other file and no network: sections with a table or a figure, and notes."""
 
 import base64
 import html
 import io
 
-import numpy as np
-
 from himap import __version__
 
-__all__ = ["figure", "maps_of_residual", "mean_ratio", "note", "page"]
+__all__ = ["figure", "note", "page", "section"]
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -52,26 +50,6 @@ def figure(picture, alt, text):
     )
 
 
-def mean_ratio(x, values, low, high):
-    """The mean of `values` at `x` between two limits, as text."""
-    inside = (x > low) & (x < high)
-    return f"{values[inside].mean():.3f}" if inside.any() else "no such scale"
-
-
-def maps_of_residual(cleaned):
-    """What is left in the channel in the middle, and its rms over channels, of a `CleanedCube`.
-
-    Returns
-    -------
-    (dict, dict)
-        By title: maps (n_pix,) in mK, NaN where nothing is seen, and the span of their colours.
-    """
-    cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
-    seen = {
-        f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
-        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
-    }
-    maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
-    for title, pixels in seen.items():
-        maps[title][cube.mask] = pixels
-    return maps, {title: tuple(np.percentile(pixels, (1, 99))) for title, pixels in seen.items()}
+def section(title, picture, alt, text):
+    """A part of a page, a list of HTML: a title, and a figure as of `figure`."""
+    return [f"<h2>{html.escape(title)}</h2>", figure(picture, alt, text)]

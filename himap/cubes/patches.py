@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from himap.cubes import page
-from himap.cubes.image_views import cylindrical_figure
+from himap.cubes.views import cylindrical_figure
 from himap.errors import InputError
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import cell_of, cylindrical_power
@@ -72,5 +72,5 @@ def patches_part(cleaned, truth=None):
         "paper. Foreground that is left fills the smallest k_par, and where the beam changes with frequency "
         "a wedge above them."
     )
-    picture = page.figure(cylindrical_figure(power, true), "P(k_perp, k_par)", text)
-    return ["<h2>Across and along the line of sight</h2>", picture]
+    picture = cylindrical_figure(power, true)
+    return page.section("Across and along the line of sight", picture, "P(k_perp, k_par)", text)

@@ -1,14 +1,12 @@
-"""A page on a cleaned cube: spectra, leading modes, maps of what is left, and what to look at."""
+"""A page on a cleaned cube: spectra, leading modes, maps of the residual, and what to look at."""
 
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from himap.cubes import image_views, page, sphere_views
-from himap.cubes.image_pixels import ImagePixels
-from himap.cubes.pixels import SpherePixels
-from himap.cubes.sphere_views import spectra_figure
+from himap.cubes import page
+from himap.cubes.views import spectra_figure, views_of
 from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
@@ -27,14 +25,15 @@ __all__ = [
 
 _ALIKE = 1e-5  # relative: the same maps but for rounding
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
-
-
-_VIEWS = {SpherePixels: sphere_views, ImagePixels: image_views}
-
-
-def views_of(cube):
-    """The module that judges and shows cubes with pixels such as those of `cube`."""
-    return _VIEWS[type(cube.layout.pixels)]
+_MODES = (
+    "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
+    "out still mean too few sources; spectra that are one spike mean too many. The last eigenvalues "
+    "after cleaning, as many as there were sources, are zero but for rounding."
+)
+_MAPS = (
+    "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "
+    "foreground; lines of sight whose rms stands out can be left out of the spectra."
+)
 
 
 def spectra_of(cleaned):
@@ -60,7 +59,7 @@ def compared(cleaned, truth):
 
     Returns
     -------
-    Comparison or PlaneComparison
+    Comparison or PlaneSpectra
 
     Raises
     ------
@@ -81,10 +80,10 @@ def check_truth(cube, truth):
         It has another resolution or other channels, does not see what the cube does, or is the cube itself.
     """
     pixels, others = cube.layout.pixels, truth.layout.pixels
-    if not pixels.same(cube.mask, others, truth.mask) or len(truth.freqs) != len(cube.freqs):
+    if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
         raise InputError(
             f"the truth must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
-            f"{pixels.size(cube.mask)}; got {len(truth.freqs)} and {others.size(truth.mask)}."
+            f"{pixels}; got {len(truth.freqs)} and {others}."
         )
     differs = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
     if differs.any():
@@ -123,8 +122,13 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
     """
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
-    spectra_part = views_of(cleaned.cube).spectra_part(cleaned, spectra)
-    parts = [*_head(cleaned), *spectra_part, *more, *_modes_part(cleaned), *_maps_part(cleaned)]
+    parts = [
+        *_head(cleaned),
+        *views_of(cleaned.cube).spectra_part(cleaned, spectra),
+        *more,
+        *page.section("Leading modes", modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES),
+        *page.section("What is left", maps_figure(cleaned), "Maps of the residual", _MAPS),
+    ]
     Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
 
 
@@ -134,7 +138,7 @@ def _head(cleaned):
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
-        "sky": f"{pixels.grid} {pixels.size(cube.mask)}, {cube.mask.mean():.1%} seen",
+        "sky": f"{pixels.grid} {pixels}, {cube.mask.mean():.1%} seen",
         "rms of what came": f"{_rms(cube.maps):.4g} mK",
         "rms of what is left": f"{_rms(cleaned.residual):.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
@@ -188,26 +192,6 @@ def modes_figure(cleaned):
     return plotting.lines(panels)
 
 
-def _modes_part(cleaned):
-    text = (
-        "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
-        "out still mean too few sources; spectra that are one spike mean too many. The last eigenvalues "
-        "after cleaning, as many as there were sources, are zero but for rounding."
-    )
-    return [
-        "<h2>Leading modes</h2>",
-        page.figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", text),
-    ]
-
-
 def maps_figure(cleaned):
     """What is left in the channel in the middle, and its rms over channels."""
     return views_of(cleaned.cube).maps_figure(cleaned)
-
-
-def _maps_part(cleaned):
-    text = (
-        "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "
-        "foreground; lines of sight whose rms stands out can be left out of the spectra."
-    )
-    return ["<h2>What is left</h2>", page.figure(maps_figure(cleaned), "Maps of the residual", text)]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.checks import checked_freqs, evenly_spaced
-from himap.cubes.raw import LARGEST
+from himap.cubes.layout import LARGEST
 from himap.errors import InputError
 from himap.maps.blocked import precision
 

@@ -39,19 +39,19 @@ def check_cube_output(path, *, overwrite, inputs=(), endings=(".html",)):
     return path
 
 
-def _checked_name(path):
-    path = Path(path)
-    if path.suffix not in OUTPUTS:
-        raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
-    return path
-
-
 def check_page(path, *, overwrite, inputs=(), endings=()):
     """`path` as one that a page can be written to; `endings` and errors as of `check_cube_output`."""
     path = Path(path)
     if path.suffix != ".html":
         raise InputError(f"the page is a .html file, got {path}.")
     _check_place([path, *map(path.with_suffix, endings)], overwrite, inputs)
+    return path
+
+
+def _checked_name(path):
+    path = Path(path)
+    if path.suffix not in OUTPUTS:
+        raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
     return path
 
 
@@ -84,7 +84,8 @@ def files_of(path):
     """All files that a cleaned cube is written to, `path` first."""
     if path.suffix == ".h5":
         return [path]
-    return [path, path.with_name(f"{path.stem}_foreground{path.suffix}"), _named(path, "_mixing.txt")]
+    endings = (f"_foreground{path.suffix}", "_mixing.txt")
+    return [path, *(path.with_name(path.stem + ending) for ending in endings)]
 
 
 def save_cleaned(cleaned, path, *, overwrite=False):
@@ -127,10 +128,6 @@ def write_cleaned(cleaned, paths):
             cube.layout.pixels.write(target, maps, cube.layout, name=name, cards=cards)
     header = "frequency [MHz], then the columns of the mixing matrix"
     np.savetxt(table, np.column_stack([cube.freqs, cleaned.separation.mixing]), header=header)
-
-
-def _named(path, ending):
-    return path.with_name(path.stem + ending)
 
 
 def _as_given(cleaned):

@@ -1,0 +1,661 @@
+"""Files and command lines that are wrong in one way each, in one table, and good files beside them."""
+
+import os
+from functools import partial
+from pathlib import Path
+
+import h5py
+import healpy as hp
+import numpy as np
+from astropy.io import fits
+from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
+
+NSIDE = 4
+N_PIX = 12 * NSIDE**2
+SHAPE = (24, N_PIX)
+FREQS = np.linspace(950, 1065, 24)
+SAID = {"unit": "mK", "order": "RING"}
+EDGES = np.linspace(900, 1020, 25)
+STOKES_NAMES = ("I", "Q", "U", "V")
+
+
+def good_maps():
+    """Two power laws and noise, mK, (24, 192) float32."""
+    rng = np.random.default_rng(20)
+    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
+    bright = spectra @ (1e3 * np.exp(rng.standard_normal((2, N_PIX))))
+    return (bright + rng.standard_normal(SHAPE)).astype(np.float32)
+
+
+def write_good():
+    """In the current folder one good file of each kind."""
+    maps = good_maps()
+    write_hdf5("good.h5")
+    np.save("good.npy", maps)
+    np.savetxt("nu.txt", FREQS)
+    np.save("nu.npy", FREQS)
+    np.savetxt("widths.txt", np.full(24, 1.5))
+    np.save("bl.npy", np.ones((24, 3 * NSIDE)))
+    names = [f"{freq:g} MHz" for freq in FREQS]
+    write_fits("good.fits", maps, column_names=names)
+    part = np.where(np.arange(N_PIX) < 150, maps, hp.UNSEEN)
+    write_fits("part.fits", part, partial=True, column_names=names)
+    write_fits("mask.fits", np.ones(N_PIX), column_units=None)
+    write_image("image.fits", power_law_images(np.random.default_rng(1)))
+
+
+def write_hdf5(path, maps=None, freqs_name="freqs", freqs=FREQS, more=None, said=SAID, **attributes):
+    """A cube in HDF5, with attributes of its maps and datasets `more`; a file that is open, for changes."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("maps", data=good_maps() if maps is None else maps).attrs.update(attributes)
+        if freqs_name is not None:
+            file[freqs_name] = freqs
+        for name, values in (more or {}).items():
+            file[name] = values
+        file.attrs.update(said)
+
+
+def write_fits(path, maps, **options):
+    hp.write_map(path, maps, **{"dtype": np.float32, "column_units": "mK", "overwrite": True} | options)
+
+
+def write_folder(folder, names, headers=None):
+    """A folder with a map for each name, and cards for each header."""
+    os.mkdir(folder)
+    for n, name in enumerate(names):
+        cards = headers[n] if headers else ()
+        write_fits(f"{folder}/{name}.fits", good_maps()[n], extra_header=cards)
+
+
+def write_table(columns, **cards):
+    """a.fits with these columns, a pixel a row."""
+    table = fits.BinTableHDU.from_columns(columns)
+    table.header.update({"PIXTYPE": "HEALPIX", "ORDERING": "RING", "NSIDE": NSIDE} | cards)
+    table.writeto("a.fits")
+
+
+def npy_with_header(path, header):
+    """A .npy file with any text as its header."""
+    text = header.encode("latin-1")
+    text += b" " * (-(len(text) + 11) % 64) + b"\n"
+    with open(path, "wb") as file:
+        file.write(b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(1000))
+
+
+def change_cards(path, target, **cards):
+    """A copy of a FITS file whose header says something else, without astropy's checks."""
+    data = Path(path).read_bytes()
+    for key, value in cards.items():
+        place = data.rindex(key.ljust(8).encode() + b"=")
+        data = data[:place] + f"{key:8}= {value:>20}".encode().ljust(80)[:80] + data[place + 80 :]
+    Path(target).write_bytes(data)
+
+
+def change(path, *names, **attributes):
+    """Attributes of datasets, or of good.h5 itself, as a.h5."""
+    write_hdf5("a.h5")
+    with h5py.File("a.h5", "a") as file:
+        for name in names:
+            del file[name]
+        (file if path == "/" else file[path]).attrs.update(attributes)
+
+
+def write_container(pols=STOKES_NAMES, axis=("freq", "pol", "pixel"), **datasets):
+    """A container of cora as a.h5; `datasets`, with __ for /, in place of its own, None for none."""
+    with h5py.File("a.h5", "w") as file:
+        cube = np.repeat(good_maps()[:, None], len(pols), axis=1) / 1e3
+        file.create_dataset("map", data=cube).attrs["axis"] = np.array(axis).astype("S5")
+        items = {"index_map/freq": FREQS, "index_map/pol": np.array(pols).astype("S5"), "index_map/x": 1}
+        for name, values in (items | {key.replace("__", "/"): v for key, v in datasets.items()}).items():
+            if values is not None:
+                file[name] = values
+
+
+BAD = {}
+"""{what is wrong: (words of the command, a part of the message, function that writes it or None)}."""
+
+
+def add(name, words, message, write=None, *given, **options):
+    assert name not in BAD, name
+    words = words.split() if isinstance(words, str) else words
+    BAD[name] = words, message, write and partial(write, *given, **options)
+
+
+# Frequencies in names and headers.
+NO_FREQS = "does not tell its frequencies"
+for names in (
+    ["map_971p137MHz", "map_972p137MHz"],
+    ["map_900_11MHz", "map_901_12MHz"],
+    ["900-910MHz", "910-920MHz"],
+    ["900MHz-910MHz", "910MHz-920MHz"],
+    ["900to910MHz", "910to920MHz"],
+    ["bw_20MHz_900MHz", "bw_20MHz_910MHz"],
+    ["bw20MHz_a", "bw21MHz_b"],
+    ["1.4e3MHz", "1.5e3MHz"],
+    ["900,5MHz", "901,5MHz"],
+    ["900000kHz", "901000kHz"],
+    ["900MHzish", "901MHzish"],
+    ["map_.900MHz", "map_.901MHz"],
+    ["2020-01-01_900MHz", "2020-01-01_910MHz"],
+):
+    add(f"file names {names[0]}", "folder", NO_FREQS, write_folder, "folder", names)
+for name in ("1,20.5 MHz", "900-910 MHz", "MHz", "900 MHz of 20 MHz", "900_11MHz"):
+    columns = {"column_names": [name, "910 MHz", "920 MHz"]}
+    add(f"a column {name}", "a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:3], **columns)
+for value in ("900.0 MHz", True, "", "nan"):
+    cards = [[("FREQ", value)], [("FREQ", 910.0)]]
+    add(f"FREQ {value!r}", "folder", "FREQ in a header must be a number", write_folder, "folder", "ab", cards)
+for values in ([900.0, 911.0], [9e8, 9.11e8], [910.0, 900.0]):
+    cards = [[("FREQ", value)] for value in values]
+    files = ["folder", ["900MHz", "910MHz"], cards]
+    add(f"FREQ {values} beside names", "folder", "names and headers", write_folder, *files)
+for names in (["a", "b"], ["a_900MHz", "b"]):
+    cards = [[("FREQ", 900.0)], []]
+    add(f"FREQ in one of {names}", "folder", NO_FREQS, write_folder, "folder", names, cards)
+
+# HDF5: what is a frequency, a unit, an order.
+for name in [
+    "freq_weights",
+    "freq_index",
+    "nu_flag",
+    "tsys_mhz",
+    "rms_mhz",
+    "bandwidth_mhz",
+    "freqoffset",
+    "freq_mask",
+    "nu_id",
+]:
+    add(f"a dataset {name}", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
+more = {"more": {"bandwidth": np.linspace(950, 960, 24)}, "freqs_name": None}
+add("a bandwidth alone", "a.h5", NO_FREQS, write_hdf5, "a.h5", **more)
+for said in ({"unit": "mK", "units": "K"}, {"unit": "mK", "order": "RING", "ordering": "NESTED"}):
+    add(f"attributes {list(said)}", "a.h5", "say different things", write_hdf5, "a.h5", said=said)
+add("two sets of frequencies", "a.h5", "--freqs-name", write_hdf5, "a.h5", more={"nu": FREQS + 1})
+add("other channels", "a.h5", "24 channels, and 25 frequencies", write_hdf5, "a.h5", freqs=np.arange(25.0))
+add(
+    "a name and a unit",
+    "a.h5",
+    "unit of its name",
+    lambda: (
+        write_hdf5("a.h5", freqs_name="freq_ghz"),
+        h5py.File("a.h5", "a")["freq_ghz"].attrs.update(unit="MHz"),
+    ),
+)
+for shape in ((N_PIX,), SHAPE, SHAPE[::-1]):
+    add(f"a mask {shape}", "a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
+for key, values in {
+    "_FillValue": ("none", [1.0, 2.0]),
+    "scale_factor": ("none", [1.0, 2.0], np.inf, 0.0),
+    "add_offset": ("none",),
+}.items():
+    for value in values:
+        add(f"{key} {value}", "a.h5", key, write_hdf5, "a.h5", **{key: value})
+for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "Jy/beam", "K" * 20_000):
+    add(f"unit {value!r:.20}", "a.h5", "unit", write_hdf5, "a.h5", said={"order": "RING"}, unit=value)
+for value in (np.bytes_(b"R\xcfNG"), "SPIRAL", 1, "RING" * 5000, "\x1b[31mRING"):
+    said = {"unit": "mK"}
+    add(f"order {value!r:.20}", "a.h5", "RING or NESTED", write_hdf5, "a.h5", said=said, order=value)
+for value in ("parsec", np.bytes_(b"\xb5Hz"), 7, "Hz" * 5000, "(" * 5000):
+    add(f"unit of frequencies {value!r:.20}", "a.h5", "Hz", change, "freqs", unit=value)
+for values in (["a"] * 24, np.arange(24), np.ones(24, bool), FREQS.astype(complex)):
+    values = np.asarray(values, dtype="S1") if isinstance(values, list) else values
+    add(f"frequencies of {values.dtype} in HDF5", "a.h5", "freq", write_hdf5, "a.h5", freqs=values)
+more = {"again": good_maps()}
+add("two cubes", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
+add("escape codes in names", "a.h5", "\\x1b[2J", write_hdf5, "a.h5", more={"\x1b[2J\x07": good_maps()})
+more = {f"{n}{'x' * 1000}": good_maps()[:2] for n in range(100)}
+add("long names", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
+add("no such dataset", "good.h5 --maps cubes", "has no dataset cubes")
+add("no such dataset of frequencies", "good.h5 --freqs-name nus", "has no dataset nus")
+add("no sphere in HDF5", "good.h5 --maps freqs", "must be (n_channels, n_pix)")
+for word in ("--maps", "--freqs-name"):
+    files = write_folder, "folder", ["900MHz", "910MHz"]
+    add(f"{word} of a folder", f"folder {word} x", "are for HDF5 files", *files)
+add("--maps of fits", "good.fits --maps x", "are for HDF5 files")
+add("--maps of npy", "good.npy --freqs nu.txt --unit mK --maps x", "are for HDF5 files")
+
+
+# HDF5: what leads elsewhere, or nowhere.
+def elsewhere(name, values):
+    Path("secret.txt").write_bytes(values.tobytes())
+    change("/", name)
+    with h5py.File("a.h5", "a") as file:
+        where = [("secret.txt", 0, h5py.h5f.UNLIMITED)]
+        file.create_dataset(name, values.shape, values.dtype, external=where)
+
+
+def behind_a_link():
+    change("/", "maps")
+    with h5py.File("a.h5", "a") as file:
+        file["maps"] = h5py.ExternalLink("good.h5", "maps")
+
+
+def virtual():
+    change("/", "maps")
+    layout = h5py.VirtualLayout(SHAPE, "f4")
+    layout[...] = h5py.VirtualSource("good.h5", "maps", SHAPE)
+    with h5py.File("a.h5", "a") as file:
+        file.create_virtual_dataset("maps", layout)
+
+
+def deep_groups():
+    with h5py.File("a.h5", "w") as file:
+        group = file
+        for _ in range(3000):
+            group = group.create_group("g")
+        group["maps"] = good_maps()
+
+
+def a_circle():
+    write_hdf5("a.h5", freqs_name=None)
+    with h5py.File("a.h5", "a") as file:
+        file.create_group("one")["two"] = file["/"]
+
+
+def many_groups():
+    with h5py.File("a.h5", "w") as file:
+        for n in range(10_001):
+            file.create_group(f"{n}")
+
+
+def large_hdf5(chunks):
+    change("/", "maps")
+    with h5py.File("a.h5", "a") as file:
+        if chunks:
+            file.create_dataset("maps", (24, 12 * 2**46), "f8", chunks=(1, 1024))
+        else:
+            plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            plist.set_alloc_time(h5py.h5d.ALLOC_TIME_LATE)
+            space = h5py.h5s.create_simple((24, 12 * 2**46))
+            h5py.h5d.create(file.id, b"maps", h5py.h5t.IEEE_F64LE, space, plist)
+
+
+def bytes_as_a_name():
+    write_hdf5("a.h5")
+    with h5py.File("a.h5", "a") as file:
+        file.id.links.create_soft(b"\xff\xfe", b"maps")
+        file.move("maps", b"\xe9\xff")
+
+
+add("maps in another file", "a.h5", "another file", elsewhere, "maps", good_maps())
+add("frequencies in another file", "a.h5", "another file", elsewhere, "freqs", FREQS)
+add("a link to another file", "a.h5 --maps maps", "another file", behind_a_link)
+add("a link to another file, unnamed", "a.h5", "maps in another file", behind_a_link)
+add("a virtual dataset", "a.h5", "another file", virtual)
+add("groups in groups", "a.h5", "groups", deep_groups)
+add("groups in a circle", "a.h5", NO_FREQS, a_circle)
+add("too many groups", "a.h5", "groups", many_groups)
+add("petabytes in chunks", "a.h5", "GB", large_hdf5, True)
+add("petabytes", "a.h5", "GB", large_hdf5, False)
+add("a name in bytes", "a.h5", "cannot be read as HDF5", bytes_as_a_name)
+
+# Containers of cora and draco.
+for pols in (["XX", "YY"], ["I", "I"]):
+    add(f"polarisations {pols}", "a.h5 --unit K", "must have I once", write_container, pols=pols)
+axis = ("pol", "freq", "pixel")
+add("other axes", "a.h5 --unit K", "must have the axes (freq, pol, pixel)", write_container, axis=axis)
+add("a container without a unit", "a.h5", "--unit", write_container)
+for n, (name, values, message) in enumerate(
+    (
+        ("index_map__freq", None, "no index_map/freq"),
+        ("index_map__pol", None, "no index_map/pol"),
+        ("index_map__pol", np.arange(4), "must be names of polarisations"),
+        ("index_map__pol", np.array([b"I"]), "must have 4 entries"),
+        ("index_map__freq", np.array([b"900"] * 24), "numbers, or a table with a column centre"),
+        ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "numbers, or a table with a column"),
+        ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
+        ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
+        ("others", good_maps(), "name the one that is meant with --maps"),
+    )
+):
+    add(f"container {n}: {message}", "a.h5 --unit K", message, write_container, **{name: values})
+
+
+# FITS tables.
+def in_two_tables():
+    columns = [
+        fits.Column(f"{freq:g} MHz", "E", "mK", array=m) for freq, m in zip(FREQS, good_maps(), strict=True)
+    ]
+    tables = [fits.BinTableHDU.from_columns(part) for part in (columns[:12], columns[12:])]
+    fits.HDUList([fits.PrimaryHDU(), *tables]).writeto("a.fits")
+
+
+def part(pixels, n_maps=24):
+    columns = [fits.Column("PIXEL", "J", array=np.asarray(pixels, dtype=np.int32))]
+    ones = np.arange(1.0, 1 + len(pixels))
+    columns += [fits.Column(f"{freq:g} MHz", "E", "mK", array=ones) for freq in FREQS[:n_maps]]
+    write_table(columns, INDXSCHM="EXPLICIT", OBJECT="PARTIAL")
+
+
+def columns_of(form):
+    values = {"M": np.ones(N_PIX, complex), "4A": np.full(N_PIX, "word"), "8X": np.ones((N_PIX, 8), bool)}
+    lists = np.array([np.ones(2, np.float32)] * N_PIX + [None], dtype=object)[:-1]
+    write_table([fits.Column(f"{f:g} MHz", form, "mK", array=values.get(form, lists)) for f in FREQS[:3]])
+
+
+def columns_of_two_lengths():
+    one, two = np.ones((3, 64), np.float32), np.ones((3, 128), np.float32)
+    write_table(
+        [fits.Column("900 MHz", "64E", "mK", array=one), fits.Column("910 MHz", "128E", "mK", array=two)]
+    )
+
+
+add("channels in two tables", "a.fits", "maps in 2 tables", in_two_tables)
+for pixels in ([-1, 2, 3], [1, 2, N_PIX], [1, 2, 2]):
+    add(f"pixel numbers {pixels}", "a.fits", "pixel", part, pixels)
+add("pixel numbers alone", "a.fits", "no column with a map", part, np.arange(5), 0)
+for form in ("M", "4A", "8X", "PE()"):
+    add(f"columns of {form}", "a.fits", "maps are real numbers", columns_of, form)
+add("columns of two lengths", "a.fits", "must have one length", columns_of_two_lengths)
+add("another nside", "a.fits", "it says NSIDE = 8", change_cards, "good.fits", "a.fits", NSIDE=8)
+units = {"column_units": ["mK", "K", "K"], "column_names": ["900 MHz", "910 MHz", "920 MHz"]}
+add("two units", "a.fits", "one unit, got mK, K", write_fits, "a.fits", good_maps()[:3], **units)
+for cards in ({"NAXIS2": 10**12}, {"NAXIS1": 10**15}, {"NSIDE": 2**26}, {"NAXIS2": -5}):
+    source = "part.fits" if "NSIDE" in cards else "good.fits"
+    add(f"large FITS {cards}", "a.fits", "a.fits", change_cards, source, "a.fits", **cards)
+add("Stokes parameters of one map", "a.fits", "Stokes parameters of one map", write_fits, "a.fits",
+    good_maps()[:3])  # fmt: skip
+
+# Images with world coordinates.
+for name, axes, cards, message in (
+    ("no FREQ axis", (*SKY["SIN"], ("LAYER", 1, 1, 1, "")), {}, "no axis FREQ"),
+    ("velocities", (*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")), {"RESTFRQ": 1.42e9}, "axis VRAD, and FREQ"),
+    ("no sky", (("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ), {}, "two axes of the sky"),
+    ("flux", (*SKY["SIN"], FREQ), {"BUNIT": "Jy/beam"}, "brightness_temperature"),
+    ("images without unit", (*SKY["SIN"], FREQ), {"BUNIT": ""}, "give unit="),
+    ("another unit of images", (*SKY["SIN"], FREQ), {"BUNIT": "m/s"}, "must be brightness temperatures"),
+    ("a sheared cube", (*SKY["SIN"], FREQ), {"PC3_1": 0.1, "PC1_3": 0.0}, "FREQ changes along axis 1 too"),
+    ("no telescope", (*SKY["SIN"], ("FREQ", 1, 1, 1, "Hz")), {}, "looks like another unit"),
+):
+    images = power_law_images(np.random.default_rng(1))
+    add(name, "a.fits", message, write_image, "a.fits", images, axes=axes, **cards)
+for name, given, words, message in (
+    ("polarisations in an image", np.stack([images] * 4), "", "4 values along STOKES"),
+    ("one image", images[None, :1], "", "needs two channels"),
+    ("nothing seen in images", np.nan * images[None], "", "two channels with seen pixels"),
+    ("an order of images", images[None], "--order RING", "an image has no order"),
+    ("a unit of images", images[None], "--unit K", "the file says mK"),
+):
+    add(name, f"a.fits {words}", message, write_image, "a.fits", given, axes=(*SKY["SIN"], FREQ, STOKES))
+add("an image of no sky", "a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(
+    np.ones((24, 10, 10))).writeto("a.fits"))  # fmt: skip
+add("an image cut short", "a.fits", "cannot be read as an image cube", lambda: Path("a.fits").write_bytes(
+    Path("image.fits").read_bytes()[:9000]))  # fmt: skip
+
+
+# Numbers in .npy and in text.
+def save(name, values):
+    np.save(name, values, allow_pickle=True)
+
+
+READING = ["--freqs", "nu.txt", "--unit", "mK"]
+NPY = ["a.npy", *READING]
+npy = "{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}".format
+for shape in ("(24, 12884901888)", f"({10**17},)", f"({10**15}, 192)"):
+    add(f"petabytes in npy {shape}", NPY, "a.npy", npy_with_header, "a.npy", npy("<f8", shape))
+for shape in ("(-24, 192)", "'words'", "((24, 192),)", "(24.0, 192)", f"({'9' * 300}, 2)"):
+    add(f"a shape in npy {shape:.20}", NPY, "a.npy", npy_with_header, "a.npy", npy("<f4", shape))
+for header in (
+    "",
+    "[1, 2]",
+    "{'descr'",
+    "{'descr': '<f4', 'fortran_order': False}",
+    npy("nothing", "(24, 192)"),
+    "{'descr': 7, 'fortran_order': False, 'shape': (24, 192)}",
+    npy("|O", "(24, 192)"),
+    "(" * 2000,
+    "__import__('os').mkdir('owned')",
+    "\0\0\0",
+):
+    add(f"a header of npy {header!r:.30}", NPY, "a.npy", npy_with_header, "a.npy", header)
+for array in (
+    np.zeros(SHAPE, "M8[s]"),
+    np.zeros(SHAPE, "m8[s]"),
+    np.full(SHAPE, "a"),
+    np.full(SHAPE, b"a"),
+    np.ones(SHAPE, bool),
+    np.ones(SHAPE, complex),
+    np.zeros(SHAPE, [("a", "f4")]),
+    np.zeros(SHAPE, "V4"),
+    np.ones((24, 2, N_PIX)),
+    np.float64(3),
+    np.ones(24 * N_PIX),
+    np.ones((24, N_PIX - 1)),
+    np.ones((24, 0)),
+):
+    message = "a.npy must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2"
+    add(f"an array of {array.dtype} {array.shape}", NPY, message, save, "a.npy", array)
+add("one channel", NPY, "there must be one frequency for each", save, "a.npy", np.ones((1, N_PIX)))
+add("nothing seen", NPY, "two channels with seen pixels", save, "a.npy", np.full(SHAPE, np.nan))
+add("a pickle", NPY, "no .npy file of plain numbers", save, "a.npy", np.array([{"a": 1}], dtype=object))
+add("an archive", NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.rename("a.npz", "a.npy")))
+for numbers in (
+    np.full(24, "a"),
+    np.zeros(24, [("a", "f4"), ("b", "f4")]),
+    np.ones(24, complex),
+    np.zeros(24, "M8[s]"),
+    np.ones(24, bool),
+    np.array([None] * 24),
+    np.zeros(0),
+    np.float64(1.5),
+    np.ones((24, 3, 3)),
+    np.full(24, np.nan),
+    np.full(24, np.inf),
+    np.full(24, -1.0),
+    np.full((24, 12), np.nan),
+    np.ones((24, 0)),
+):
+    name = f"beams of {numbers.dtype} {numbers.shape} {numbers.ravel()[:1]}"
+    add(name, "good.h5 --beam b.npy", "b.npy", save, "b.npy", numbers)
+for numbers, message in (
+    (np.full(24, "a"), "f.npy"),
+    (np.zeros(24, [("a", "f4")]), "f.npy"),
+    (np.ones(24, complex), "f.npy"),
+    (np.zeros(24, "M8[s]"), "f.npy"),
+    (np.ones(24, bool), "f.npy"),
+    (np.zeros(0, int), "f.npy"),
+    (np.full(24, np.nan), "freq"),
+    (-FREQS, "freqs must be positive"),
+    (FREQS[:3], "one frequency for each of the 24 channels, got 3"),
+    (1e6 * FREQS, "looks like another unit"),
+    (np.full(24, 1000.0), "two channels have the frequency 1000 MHz"),
+    (np.stack([FREQS, FREQS]), "one frequency a line"),
+    (FREQS.reshape(2, 3, 4), "table of shape (2, 3, 4)"),
+    (FREQS.reshape(12, 2), "one frequency a line"),
+    (np.array([FREQS, np.full(24, 5.0)]).T, "one frequency a line"),
+    (np.array([np.arange(1, 25), FREQS]).T, "one frequency a line"),
+    (np.array([np.arange(24), EDGES[:-1], EDGES[1:]]).T, "one frequency a line"),
+    (np.array([EDGES[:-1], EDGES[1:] - 0.1]).T, "one frequency a line"),
+    (np.array([EDGES[1:], EDGES[:-1]]).T, "one frequency a line"),
+    (np.array([EDGES[:-1], EDGES[1:]]).T - 2e3, "one frequency a line"),
+    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS]).T, "one frequency a line"),
+    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS, FREQS]).T, "one frequency a line"),
+):
+    name = f"frequencies of {numbers.dtype} {numbers.shape} {numbers.ravel()[:2]} {numbers.ravel()[-1:]}"
+    add(name, "good.npy --unit mK --freqs f.npy", message, save, "f.npy", numbers)
+for content in (b"9\xe9\n", bytes(100), b"", b"1 2\n3\n", b"a\n", bytes(range(256))):
+    for option, more in (("--freqs", "good.npy --unit mK"), ("--beam", "good.h5")):
+        write = partial(Path("f.txt").write_bytes, 24 * content)
+        add(f"{option} {content!r:.20}", f"{more} {option} f.txt", "f.txt", write)
+add("petabytes in beams", "good.h5 --beam b.npy", "b.npy", npy_with_header, "b.npy",
+    npy("<f8", f"(24, {10**13})"))  # fmt: skip
+
+# Masks, weights and flags.
+for content in (b"no mask", b""):
+    add(f"a mask {content!r}", "good.h5 --mask m.fits", "m.fits", Path("m.fits").write_bytes, content)
+add("a mask in HDF5", "good.h5 --mask good.h5", "must be a FITS file")
+add("a mask that is not there", "good.h5 --mask away.fits", "away.fits")
+spot = (np.arange(N_PIX) < 5).astype(np.float32)
+for name, mask, message in (
+    ("of another nside", np.ones(768), "has nside 8, and the cube 4"),
+    ("of weights", 0.5 * spot, "values from 0 to 0.5"),
+    ("that keeps nothing", 0 * spot, "keeps no pixel"),
+    ("that keeps too little", spot, "fewer than the 24 channels"),
+):
+    add(f"a mask {name}", "good.h5 --mask m.fits", message, write_fits, "m.fits", mask, column_units=None)
+words = "good.h5 --mask m.fits --method beam_subspace --beam evolving"
+add("a mask and multipoles", words, "24 channels need as many", write_fits, "m.fits", spot)
+add("a mask of what is not seen", "part.fits --mask m.fits", "no pixel that the cube sees", write_fits,
+    "m.fits", spot[::-1])  # fmt: skip
+add("a mask without an order", "good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits",
+    ORDERING="''")  # fmt: skip
+add("weights without an order", "good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits",
+    "m.fits", ORDERING="''")  # fmt: skip
+
+
+def bad(value):
+    out = np.ones(SHAPE)
+    out.flat[5] = value
+    return out
+
+
+for word, values, message in (
+    ("weights", bad(-1), "the weights must be finite and 0 or more; 0 means not seen; 1 are not"),
+    ("weights", bad(np.nan), "finite and 0 or more"),
+    ("weights", bad(np.inf), "finite and 0 or more"),
+    ("flags", bad(2), "True (or 1) where a voxel is bad and False (or 0) where it is good; 1 are not"),
+    ("flags", bad(0.5), "1 are not"),
+    ("flags", bad(np.nan), "1 are not"),
+    ("weights", np.ones(768), "of the pixels of the cube, (192,), or of its voxels, (24, 192), all"),
+    ("weights", np.ones((23, N_PIX)), "all channels in its file included; got (23, 192)"),
+    ("flags", np.ones((24, 24)), "n_pix = 12 nside^2, got"),
+    ("flags", np.ones(SHAPE), "needs two channels with seen pixels, got 0 of 24"),
+    ("weights", np.zeros(N_PIX), "needs two channels with seen pixels, got 0 of 24"),
+    ("weights", np.full(N_PIX, "a"), "must be real numbers"),
+):
+    name = f"{word} of {values.dtype} {values.shape} {values.ravel()[5]}"
+    add(name, f"good.h5 --{word} w.npy", message, save, "w.npy", values)
+ones, images = np.ones(SHAPE), np.ones((N_CHANNELS, N_Y, N_X), "f4")
+descending = {"column_names": [f"{freq:g} MHz" for freq in FREQS[::-1]]}
+for word in ("weights", "flags"):
+    both = {f"{place}/{word}": np.arange(n) for n, place in enumerate("ab", 3)}
+    for file, message, write in (
+        ("there.npy", f"there is no file of {word}", None),
+        ("good.h5", f"must have one dataset called {word}; it has", None),
+        ("w.h5", f"it has a/{word}, b/{word}", partial(write_hdf5, "w.h5", more=both)),
+        ("nu.txt", "must be a .h5, .fits or .npy file", None),
+        ("w.npy", "is no .npy file", partial(npy_with_header, "w.npy", "")),
+        ("w.fits", "must have the channels of the cube", partial(write_fits, "w.fits", ones, **descending)),
+    ):
+        add(f"{word} in {file}", f"good.h5 --{word} {file}", message, write)
+    alike = "must be one image with the axes of the cube"
+    for n, (file, message, write) in enumerate(
+        (
+            ("w.fits", alike, partial(write_image, "w.fits", images[0].T, axes=SKY["SIN"])),
+            ("w.fits", alike, partial(write_image, "w.fits", images[0], axes=SKY["CAR"])),
+            (
+                "w.fits",
+                "must have the axes of the sky of the cube",
+                partial(write_image, "w.fits", images, axes=(*SKY["CAR"], FREQ)),
+            ),
+            ("w.fits", "cannot be read as an image in FITS", partial(npy_with_header, "w.fits", "")),
+            ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
+            ("none.fits", f"there is no file of {word} 'none.fits'", None),
+            ("w.npy", "the shape of an image of the cube, (12, 16)", partial(save, "w.npy", images[0].T)),
+            ("w.npy", "must be of the pixels of the cube", partial(save, "w.npy", images[:3])),
+        )
+    ):
+        add(f"{word} of images {n}", f"image.fits --{word} {file}", message, write)
+
+
+# Truths, outputs, names of files and other words of commands.
+TRUTH = "the truth is the cube itself"
+add("the cube as its truth", "good.h5 --truth good.h5", TRUTH)
+add("the cube in another file as its truth", ["good.h5", "--truth", "good.npy", *READING], TRUTH)
+add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the channels",
+    write_hdf5, "a.h5", np.ones((24, 768)))  # fmt: skip
+
+
+def over_frequencies():
+    os.rename("nu.txt", "nu.html")
+    os.remove("nu.npy")
+
+
+over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"
+for command in ("clean", "suggest", "sensitivity", "transfer"):
+    output = "nu.h5" if command == "clean" else "nu.html"
+    add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", over_frequencies)
+add("over its mask", "good.h5 --mask mask.fits -o mask.fits --overwrite", "made from")
+add("over its weights", "good.h5 --weights bl.npy -o bl.npy --overwrite", "made from")
+prior = "good.h5 --method gnilc -p prior=good.npy -o good.npy --overwrite"
+add("over its prior", prior, "made from")
+add("over its cube", "good.h5 -o good.h5 --overwrite", "made from")
+add("over its truth", "good.h5 --truth good.npy -o good.npy --overwrite", "made from")
+add("over its cube by another name", ["link.npy", *READING, "-o", "good.npy", "--overwrite"], "made from",
+    os.symlink, "good.npy", "link.npy")  # fmt: skip
+add("an output that is there", "good.h5 -o good.fits", "give --overwrite")
+add("an output of no kind", "good.h5 -o c.txt", "the output is a")
+for name in ("nowhere/c.h5", "c.hdf5", "", "..", "c\0.h5"):
+    add(f"an output {name!r}", ["good.h5", "-o", name], "")
+add("a folder as output", "good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
+
+LONG = "x" * 300 + ".h5"
+for option in ("", "--beam", "--freqs", "--mask", "--truth", "--mocks", "-o"):
+    add(f"a long name as {option}", f"{'good.h5 ' * bool(option)}{option} {LONG}", "xxx")
+    if option != "-o":
+        words = f"{'good.h5 ' * bool(option)}{option} loop.h5"
+        add(f"a loop of links as {option}", words, "loop.h5", os.symlink, "loop.h5", "loop.h5")
+for words in (
+    "pipe.h5",
+    "pipe.fits",
+    "pipe.npy --freqs nu.txt --unit mK",
+    "good.h5 --beam pipe.txt",
+    "good.npy --freqs pipe.txt --unit mK",
+    "good.h5 --mask pipe.fits",
+    "good.h5 --truth pipe.h5",
+    "good.h5 --mocks pipe.h5",
+    "good.h5 --method gnilc -p prior=pipe.npy",
+):
+    (name,) = (word.removeprefix("prior=") for word in words.split() if "pipe" in word)
+    add(f"a pipe in {words}", words, name, os.mkfifo, name)
+for option in ("--beam", "--freqs", "--mask"):
+    words = "good.npy --unit mK" if option == "--freqs" else "good.h5"
+    add(f"a folder as {option}", f"{words} {option} folder", "folder", os.mkdir, "folder")
+for make in (os.mkfifo, os.mkdir):
+    add(f"{make.__name__} in a folder", "folder", "920MHz.fits", lambda make=make: (
+        write_folder("folder", ["900MHz", "910MHz"]), make("folder/920MHz.fits")))  # fmt: skip
+add("an empty folder", "folder", "holds no .fits file", os.mkdir, "folder")
+add("two orders in a folder", "folder", "one order of pixels, got RING, NESTED", lambda: (
+    write_folder("folder", ["900MHz"]),
+    write_fits("folder/910MHz.fits", good_maps()[1], nest=True)))  # fmt: skip
+add("other columns than Stokes", "folder", "must hold one map", lambda: (os.mkdir("folder"), write_fits(
+    "folder/900MHz.fits", good_maps()[:3], column_names=["I", "Q", "weights"])))  # fmt: skip
+for name in ("a.h5", "a.fits", "a.npy", "a.txt"):
+    for content in ("", "no cube"):
+        words = [name, *(READING if name == "a.npy" else [])]
+        message = "a cube is a" if name == "a.txt" else name
+        add(f"{content or 'nothing'} in {name}", words, message, lambda name=name, content=content: Path(
+            name).write_text(content))  # fmt: skip
+add("no name", [""], "there is no file ''")
+add("no such file", "nothing.h5", "there is no file")
+add("no unit", "good.npy --freqs nu.txt", "K or mK")
+add("a wrong unit", "good.npy --freqs nu.txt --unit Jy", "brightness temperatures")
+add("no frequencies", "good.npy --unit mK", NO_FREQS)
+add("a wrong order", "good.h5 --order SPIRAL", "RING or NESTED")
+add("an order that contradicts the file", "good.h5 --order NESTED", "the file says RING, but the order")
+add("a unit that contradicts the file", "good.h5 --unit K", "the file says mK, but the unit given is K")
+add("frequencies that contradict the file", "good.h5 --freqs widths.txt", "but the list of frequencies")
+
+BEAM = "--method beam_subspace --beam"
+add("an unknown method", "good.h5 --method magic", "unknown method")
+add("an unknown parameter", "good.h5 -p n_sorces=3", "did you mean n_sources")
+add("a parameter called name", "good.h5 -p name=x", "name")
+for value in ("1000000000000", "0", "many", "2.5", "1e999"):
+    add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")
+add("more sources than channels", "good.h5 -p n_sources=30", "at most the number of channels")
+add("no noise", "good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
+add("no beam", "good.h5 --method beam_subspace", "give --beam")
+add("an unknown beam", f"good.h5 {BEAM} square", "unknown beam")
+add("a beam without its file", f"good.h5 {BEAM} file", "the path of the file itself")
+add("beams for other channels", f"good.h5 {BEAM} b.npy", "got (3,)", save, "b.npy", np.ones(3))
+add("a dish of no size", "good.h5 --beam evolving --dish 0", "diameter in m")
+add("a dish that is no number", "good.h5 --beam evolving --dish nan", "dish")
+add("a dish alone", "good.h5 --dish 3", "dish")
+for word in ("1000000000000", "0", "-3"):
+    add(f"{word} mocks", f"good.h5 --beam evolving --mocks {word}", "the number of mocks")
+for words in (f"--to {10**9}", f"--to {10**30}", "--from 0", "--from -5", "--to 1", "--from 24 --to 25"):
+    add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
+add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
+for command in ("claims", "readings"):
+    words = f"{command} -p n_sources_max=1000000000000"
+    add(f"{command} without end", words, "n_sources_max must be a whole number")
