@@ -18,9 +18,9 @@ from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
-from himap.outputs import whole_file
+from himap.core.outputs import whole_file
 from himap.paper import plan
-from himap.products.provenance import Provenance
+from himap.store.provenance import Provenance
 
 
 @click.command()

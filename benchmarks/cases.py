@@ -4,11 +4,11 @@ from functools import wraps
 
 import click
 
-from himap.companion.parameters import parse_texts
+from himap.app.parameters import parse_texts
+from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams import named
 from himap.paper import pipeline
 from himap.sky.galaxy import SOURCES, Galaxy
-from himap.survey import PRESETS, Survey
 
 __all__ = ["case_options"]
 

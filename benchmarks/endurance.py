@@ -24,9 +24,9 @@ import h5py
 import numpy as np
 
 from benchmarks.places import Place
-from himap.outputs import whole_file
-from himap.products.provenance import Provenance
-from himap.survey import PRESETS
+from himap.core.outputs import whole_file
+from himap.core.survey import PRESETS
+from himap.store.provenance import Provenance
 
 _N_CHANNELS, _NSIDE = 40, 32  # of the cube that is cleaned
 _SKY = ["--preset", "ci"]

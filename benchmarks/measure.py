@@ -8,9 +8,9 @@ from multiprocessing import get_context
 import psutil
 
 from benchmarks.steps import STEPS
+from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
-from himap.survey import Survey
 
 __all__ = ["Measured", "measured"]
 

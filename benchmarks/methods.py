@@ -24,13 +24,13 @@ import numpy as np
 from benchmarks.alternatives import Run, alternatives, timed
 from benchmarks.cases import case_options
 from himap import removal
+from himap.core.survey import Survey
 from himap.instrument.noise import noise_sigma
 from himap.paper import pipeline
 from himap.paper.methods import sdecgmca_for, table_1
 from himap.removal.base import SeparationWarning
 from himap.removal.peaks import mask_peaks
 from himap.removal.sdecgmca.method import SDecGMCA
-from himap.survey import Survey
 
 PRELOADED = ["benchmarks.alternatives"]  # with all that it imports
 

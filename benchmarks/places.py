@@ -15,8 +15,8 @@ from time import monotonic, sleep
 
 import psutil
 
-from himap.companion.notebooks import notebooks_folder
-from himap.products.provenance import VOLATILE
+from himap.app.notebooks import notebooks_folder
+from himap.store.provenance import VOLATILE
 
 __all__ = ["Place"]
 

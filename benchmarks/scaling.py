@@ -17,11 +17,11 @@ import numpy as np
 
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
+from himap.core.survey import PRESETS
 from himap.instrument.beams.oscillating import Oscillating
 from himap.maps import sphere
 from himap.paper import pipeline, plan
-from himap.products.provenance import Provenance
-from himap.survey import PRESETS
+from himap.store.provenance import Provenance
 
 SIZES = {
     "nside": [{"nside": n, "box_cells": 4 * n} for n in (32, 64, 128)],

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import click
 
-from himap.companion.figures import figures
-from himap.companion.notebook_files import STAMP, read_notebook
-from himap.errors import InputError
-from himap.outputs import whole_file
+from himap.app.figures import figures
+from himap.app.notebook_files import STAMP, read_notebook
+from himap.core.errors import InputError
+from himap.core.outputs import whole_file
 from himap.sky.galaxy import Galaxy
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine

@@ -17,7 +17,7 @@ class _WhenNumbaIsImported:
             return None
         from importlib.util import find_spec
 
-        from himap.compiled import keep_ours
+        from himap.core.compiled import keep_ours
 
         sys.meta_path.remove(self)
         spec = find_spec(name)
@@ -34,7 +34,7 @@ class _WhenNumbaIsImported:
 def _keep_what_numba_compiles():
     watch = _WhenNumbaIsImported()
     if watch.name in sys.modules:
-        from himap.compiled import keep_ours
+        from himap.core.compiled import keep_ours
 
         keep_ours(sys.modules[watch.name])
     else:

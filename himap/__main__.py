@@ -12,7 +12,7 @@ __all__ = ["start"]
 def start():
     """Run the command; an interruption ends it in one word, whenever it comes."""
     try:
-        from himap.cli.main import main
+        from himap.app.cli.main import main
 
         main(prog_name="himap")
     except KeyboardInterrupt:

@@ -43,15 +43,15 @@ from pathlib import Path
 
 from IPython.display import Markdown
 
-from himap.companion.stored import RESULTS, read_ledger
-from himap.companion.stored_curves import angular_ratios, stored_curves
-from himap.companion.stored_tables import ledgers_table, picture
+from himap.app.stored import RESULTS, read_ledger
+from himap.app.stored_curves import angular_ratios, stored_curves
+from himap.app.stored_tables import ledgers_table, picture
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.paper.conclusions import CONCLUSIONS, verdict
 from himap.paper.ledger_table import BADGES
-from himap.products.provenance import Provenance
+from himap.store.provenance import Provenance
 
 folder = Path(results or RESULTS)
 ledgers = [read_ledger(folder / f"{name}.json") for name in (several, f"claims_{large}")]

@@ -40,15 +40,15 @@ small_scales: bool = True  # add structure beyond the resolution of the template
 # %%
 import numpy as np
 
+from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
 from himap.maps import sphere
 from himap.paper import pipeline
-from himap.products.provenance import Provenance
 from himap.sky import point_sources
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
+from himap.store.provenance import Provenance
 
 sky = Survey.preset(preset, **survey)
 freqs = sky.freqs

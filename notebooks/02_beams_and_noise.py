@@ -38,6 +38,7 @@ ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_
 # %%
 import numpy as np
 
+from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
 from himap.instrument.beams.oscillating import Oscillating
@@ -45,9 +46,8 @@ from himap.instrument.noise import noise_sigma, system_temperature
 from himap.maps import sphere
 from himap.paper import pipeline
 from himap.paper.methods import paper_beams
-from himap.products.provenance import Provenance
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
+from himap.store.provenance import Provenance
 
 sky = Survey.preset(preset, **survey)
 beams = paper_beams(ripple=ripple)

@@ -52,10 +52,10 @@ import numpy as np
 from IPython.display import Markdown
 
 from himap import removal
-from himap.checks import whole_number
-from himap.companion.stored import read_ledger
-from himap.companion.stored_tables import ledgers_table, of_chapter
-from himap.errors import InputError
+from himap.app.stored import read_ledger
+from himap.app.stored_tables import ledgers_table, of_chapter
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show, show_table
 from himap.instrument.beams import named

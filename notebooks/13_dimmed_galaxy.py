@@ -58,8 +58,8 @@ import warnings
 import numpy as np
 from IPython.display import Markdown
 
-from himap.companion.stored import read_ledger
-from himap.companion.stored_tables import ledgers_table, of_chapter
+from himap.app.stored import read_ledger
+from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
 from himap.instrument.beams import named

@@ -58,9 +58,9 @@ import warnings
 
 from IPython.display import Markdown
 
-from himap.companion.notebooks import notebooks
-from himap.companion.stored import LEDGER, read_ledger
-from himap.companion.stored_tables import differing, failed_table, ledgers_table, verdicts_table
+from himap.app.notebooks import notebooks
+from himap.app.stored import LEDGER, read_ledger
+from himap.app.stored_tables import differing, failed_table, ledgers_table, verdicts_table
 from himap.figures.numbers import one_run, quote, show, show_table
 from himap.paper.claims.entries import entries
 from himap.paper.experiments.claims import EXPERIMENT, skies

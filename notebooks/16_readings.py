@@ -46,7 +46,7 @@ reference: str | None = None  # numbers of the authors' code; None: those of the
 import numpy as np
 from IPython.display import Markdown
 
-from himap.companion.stored import RESULTS
+from himap.app.stored import RESULTS
 from himap.figures import plotting
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

@@ -54,10 +54,10 @@ from pathlib import Path
 import healpy as hp
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggest
 from himap.cubes.report import compared, maps_figure, modes_figure, spectra_figure
 from himap.cubes.suggestion import advice, views_figure
-from himap.errors import InputError
 from himap.figures.numbers import show, show_table
 from himap.instrument.beams import named
 from himap.measures import diagnostics

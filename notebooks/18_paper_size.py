@@ -50,12 +50,12 @@ from pathlib import Path
 import numpy as np
 from IPython.display import Markdown
 
-from himap.companion.stored import RESULTS, read_ledger
-from himap.companion.stored_tables import differing, ledgers_table, pictures, verdicts_table
-from himap.errors import InputError
+from himap.app.stored import RESULTS, read_ledger
+from himap.app.stored_tables import differing, ledgers_table, pictures, verdicts_table
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
 from himap.figures.numbers import quote
 from himap.sky.cosmology import Cosmology, redshift
-from himap.survey import PRESETS
 
 folder = Path(results or RESULTS)
 ledgers, missing = [], []

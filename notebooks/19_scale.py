@@ -42,14 +42,14 @@ from dataclasses import replace
 
 from IPython.display import Markdown
 
-from himap.companion.stored import extrapolated, read_stored, times_of_all
-from himap.companion.stored_tables import endurance_table, growth_table, short, steps_table
+from himap.app.stored import extrapolated, read_stored, times_of_all
+from himap.app.stored_tables import endurance_table, growth_table, short, steps_table
+from himap.core.survey import PRESETS
 from himap.figures import plotting, styles
 from himap.figures.curve_names import label_ends
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.products.provenance import Provenance
-from himap.survey import PRESETS
+from himap.store.provenance import Provenance
 
 paper, laptop, scaling = (read_stored(name, results) for name in ("steps_paper", "steps_laptop", "scaling"))
 larger = {"nside": nside, "n_channels": n_channels, "box_cells": box_cells}

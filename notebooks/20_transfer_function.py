@@ -58,7 +58,7 @@ import warnings
 import numpy as np
 import pandas as pd
 
-from himap.companion.stored import RESULTS
+from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
 from himap.figures.tables import Table

@@ -56,7 +56,7 @@ lobes: list | None = None  # the same where the data have side lobes
 # %% tags=["hide-input"]
 import numpy as np
 
-from himap.companion.stored import RESULTS
+from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

@@ -56,7 +56,7 @@ results: list | None = None  # what `himap measure n_sources` wrote; null: that 
 import numpy as np
 import pandas as pd
 
-from himap.companion.stored import RESULTS
+from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

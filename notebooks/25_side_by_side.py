@@ -57,7 +57,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from himap.companion.stored import RESULTS
+from himap.app.stored import RESULTS
 from himap.figures import plotting
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

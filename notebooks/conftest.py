@@ -12,11 +12,11 @@ import re
 import nbval.kernel
 from nbval.plugin import IPyNbCell
 
-from himap.companion.kernel_manager import LocalKernelManager
-from himap.companion.notebook_files import has_code
+from himap.app.kernel_manager import LocalKernelManager
+from himap.app.notebook_files import has_code
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED, agree
-from himap.products.provenance import VOLATILE
+from himap.store.provenance import VOLATILE
 
 _compare_exactly = IPyNbCell.compare_outputs
 _run = IPyNbCell.runtest

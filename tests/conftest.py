@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 import himap
-from himap.cli.main import main
+from himap.app.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

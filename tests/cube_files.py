@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 from click.testing import CliRunner
 
-from himap.cli.main import main
+from himap.app.cli.main import main
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.products.store import product
+from himap.store.store import product
 
 SCALE = 2.0
 

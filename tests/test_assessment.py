@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cube_measures import correlation, line_errors
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating
 from himap.maps import sphere
 from himap.measures import diagnostics
@@ -16,7 +17,6 @@ from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomi
 from himap.removal.base import Separation
 from himap.removal.beam_projection import on_sky
 from himap.sky.dimming import Dimming
-from himap.survey import Survey
 
 SURVEY = Survey.preset("ci", nside=16, n_channels=24, box_cells=16)
 SHORT = {"n_sources": 3, "n_warmup": 10, "n_refinement": 3, "regularisation": 1e-2, "share": 0.7}

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from himap.cli.main import main
+from himap.app.cli.main import main
 from himap.cubes import cleaning
 
 COMMANDS = ("clean", "suggest", "sensitivity", "transfer", "claims", "readings")

@@ -7,8 +7,9 @@ import katbeam
 import numpy as np
 import pytest
 
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.cubes import beams_of, read_cube
-from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams import (
     Degraded,
@@ -25,7 +26,6 @@ from himap.instrument.beams.base import REGISTRY, Beam, GaussianBeam, diffractio
 from himap.instrument.beams.oscillating import RIPPLES
 from himap.maps import sphere
 from himap.paper import pipeline
-from himap.survey import Survey
 
 NAMES = beams.available()
 SURVEY = Survey(nside=16, n_channels=30, box_cells=16)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
-from himap.companion.staleness import stored_results
+from himap.app.staleness import stored_results
 
 ROOT = Path(__file__).resolve().parents[1]
 HEAVIEST = 3e6  # bytes of a page with all that it loads

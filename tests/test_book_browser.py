@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from himap.companion.captions import plain_caption
-from himap.companion.figures import figures
+from himap.app.captions import plain_caption
+from himap.app.figures import figures
 from himap.figures.numbers import quoted
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,9 +10,9 @@ import pytest
 from ledgers import entry
 from PIL import Image
 
-from himap.companion.notebooks import find
-from himap.companion.stored import RESULTS, extrapolated, read_ledger, read_stored, times_of_all
-from himap.companion.stored_tables import (
+from himap.app.notebooks import find
+from himap.app.stored import RESULTS, extrapolated, read_ledger, read_stored, times_of_all
+from himap.app.stored_tables import (
     differing,
     endurance_table,
     failed_table,
@@ -23,14 +23,14 @@ from himap.companion.stored_tables import (
     steps_table,
     verdicts_table,
 )
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
 from himap.paper.record import Record
-from himap.products.memory import estimate
-from himap.survey import PRESETS
+from himap.store.memory import estimate
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from himap.errors import InputError
-from himap.products import cache
-from himap.survey import PRESETS
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
+from himap.store import cache
 
 SURVEY = PRESETS["ci"]
 
@@ -238,7 +238,7 @@ def test_a_result_that_is_deleted_while_it_is_read_is_no_damage(lab, monkeypatch
 def test_a_deletion_that_is_killed_leaves_no_half_result(lab):
     lab.base(SURVEY)
     kill = "import os, shutil, signal; shutil.rmtree = lambda *a, **b: os.kill(os.getpid(), signal.SIGKILL)"
-    process = lab.start(f"{kill}\nfrom himap.products import cache\ncache.clear_cache()")
+    process = lab.start(f"{kill}\nfrom himap.store import cache\ncache.clear_cache()")
     assert process.wait() == -signal.SIGKILL
     assert [entry.product for entry in cache.cache_info()] == ["unfinished"]
     lab.base(SURVEY)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from himap.companion.captions import figure_order, named_figures, paper_figure, plain_caption
+from himap.app.captions import figure_order, named_figures, paper_figure, plain_caption
 
 WHOLE = "Pearson r, for six methods (the paper's Fig. A.1). Left: all."
 SHARE = "Angular power spectrum. (PCA's share of the paper's Fig. 1.)"

@@ -11,8 +11,8 @@ import nbformat
 import pytest
 from sphinx.application import Sphinx
 
-from himap.companion.notebooks import notebooks
-from himap.companion.stored import LEDGER, read_ledger
+from himap.app.notebooks import notebooks
+from himap.app.stored import LEDGER, read_ledger
 from himap.paper.claims import CLAIMS
 from himap.paper.ledger_table import BADGES
 

@@ -6,14 +6,14 @@ import astropy.units as u
 import numpy as np
 import pytest
 
-from himap.checks import checked_cube, evenly_spaced, real_array, whole_number
-from himap.errors import InputError
+from himap.core.checks import checked_cube, evenly_spaced, real_array, whole_number
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import Evolving
 from himap.instrument.observe import observe
 from himap.measures import power_spectra as spectra
 from himap.paper import pipeline
 from himap.removal.pca import PCA
-from himap.survey import Survey
 
 SURVEY = Survey(nside=4, n_channels=6, box_cells=16)
 N_PIX = SURVEY.n_pix

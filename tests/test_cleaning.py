@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, make_problem
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import PCA, BeamSubspace, FastICA, SmoothSpectra, analysis
 from himap.removal.cleaning import Cleaning, without_peaks

@@ -12,13 +12,13 @@ import pytest
 from click.testing import CliRunner
 
 import himap
-from himap.cli.main import main
-from himap.companion import notebooks, reproduce
-from himap.errors import InputError
-from himap.products import cache
-from himap.products.memory import LIMIT_VARIABLE
-from himap.products.parallel import DASK_VARIABLE, JOBS_VARIABLE
-from himap.survey import PRESETS
+from himap.app import notebooks, reproduce
+from himap.app.cli.main import main
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
+from himap.store import cache
+from himap.store.memory import LIMIT_VARIABLE
+from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
 TOY = """\
 # %% [markdown]
@@ -30,7 +30,7 @@ n_sources: int = 3  # components to remove
 survey: dict = {}
 
 # %%
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 if n_sources > 10:
     raise InputError("too many sources.")
@@ -40,7 +40,7 @@ if n_sources > 10:
 PRODUCTS = """\
 import numpy as np
 
-from himap.products.store import product
+from himap.store.store import product
 
 
 @product
@@ -159,7 +159,7 @@ def test_who_does_the_work(himap_command, monkeypatch):
         return Path("out.ipynb"), True
 
     monkeypatch.setattr(reproduce, "run", run)
-    monkeypatch.setattr("himap.cli.shared.check_scheduler", lambda: None)
+    monkeypatch.setattr("himap.app.cli.shared.check_scheduler", lambda: None)
     options = ["--jobs", "2", "--dask", "tcp://host:8786", "--max-memory", "16GB"]
     assert himap_command("run", "01_toy", *options)[0] == 0
     assert himap_command("run", "01_toy")[0] == 0
@@ -170,7 +170,7 @@ def test_who_does_the_work(himap_command, monkeypatch):
 def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command, runs, monkeypatch):
     """Given as an option or in the environment; whether anything is to be shared or not."""
     pytest.importorskip("distributed")
-    monkeypatch.setattr("himap.products.parallel._CHECK", 0.3)
+    monkeypatch.setattr("himap.store.parallel._CHECK", 0.3)
     code, _, error = himap_command("run", "01_toy", "--dask", "tcp://127.0.0.1:1")
     assert code == 2 and "there is no Dask scheduler at tcp://127.0.0.1:1" in " ".join(error.split())
     monkeypatch.setenv(DASK_VARIABLE, "tcp://127.0.0.1:2")
@@ -180,7 +180,7 @@ def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command
 
 def test_without_an_address_nobody_is_asked(himap_command, runs, monkeypatch):
     monkeypatch.delenv(DASK_VARIABLE, raising=False)
-    monkeypatch.setattr("himap.products.parallel._client", lambda seconds: pytest.fail("asked"))
+    monkeypatch.setattr("himap.store.parallel._client", lambda seconds: pytest.fail("asked"))
     assert himap_command("run", "01_toy")[0] == 0 and runs
 
 
@@ -306,7 +306,7 @@ def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
 def test_from_the_shell(himap_command, tmp_path):
     """The whole way once: a process of its own, a kernel, an InputError inside it."""
     script = (
-        "import pathlib; from himap.cli import main; from himap.companion import notebooks; "
+        "import pathlib; from himap.app.cli import main; from himap.app import notebooks; "
         f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
     )
     assert _python("-c", script, "run", "01_toy", "--preset", "ci", "-o", "good.ipynb") == (0, "good", "")
@@ -328,8 +328,8 @@ def trapped(tmp_path):
 
 JOBS = """
 import sys
-from himap.cli import shared, main
-from himap.products import parallel, store
+from himap.app.cli import shared, main
+from himap.store import parallel, store
 import os
 
 @main.main.command()
@@ -346,7 +346,7 @@ def test_modules_in_the_current_folder_do_not_run(himap_command, trapped, tmp_pa
     """Neither in the command, nor in a kernel, nor in a process that shares the work."""
     monkeypatch.chdir(trapped)
     script = (
-        "import pathlib; from himap.cli import main; from himap.companion import notebooks; "
+        "import pathlib; from himap.app.cli import main; from himap.app import notebooks; "
         f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
     )
     toy = tmp_path / "notebooks" / "01_toy.py"
@@ -355,7 +355,7 @@ def test_modules_in_the_current_folder_do_not_run(himap_command, trapped, tmp_pa
     assert _python("-m", "himap", "list")[0] in (0, 2) and not (tmp_path / "mark").exists()
     (tmp_path / "modules").mkdir()
     (tmp_path / "modules" / "trapped_work.py").write_text(
-        "import numpy as np\nfrom himap.products.store import product\n"
+        "import numpy as np\nfrom himap.store.store import product\n"
         "@product\ndef one(n):\n    return np.ones(n)\n"
     )
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
@@ -364,7 +364,7 @@ def test_modules_in_the_current_folder_do_not_run(himap_command, trapped, tmp_pa
     assert not (tmp_path / "mark").exists()
 
 
-@pytest.mark.parametrize("module", ["himap.cli.main", "numpy", "himap.cli.cubes"])
+@pytest.mark.parametrize("module", ["himap.app.cli.main", "numpy", "himap.app.cli.cubes"])
 def test_an_interruption_while_it_starts_is_one_word(module):
     code = f"""
 import sys
@@ -384,8 +384,9 @@ start()
 def test_notebooks_without_their_packages(himap_command, tmp_path):
     """The library is installed without what only notebooks need; the rest of the command works."""
     script = (
-        "import sys; sys.modules |= dict.fromkeys({missing!r}); import pathlib; from himap.cli import main; "
-        "from himap.companion import notebooks; "
+        "import sys; sys.modules |= dict.fromkeys({missing!r}); import pathlib; "
+        "from himap.app.cli import main; "
+        "from himap.app import notebooks; "
         f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
     )
     everything = ["papermill", "jupytext", "nbclient", "jupyter_client", "nbformat", "ipykernel", "IPython"]
@@ -407,8 +408,8 @@ def _python(*arguments):
 @pytest.mark.parametrize(
     ("module", "slow"),
     [
-        ("himap.cli.main", {"healpy", "sklearn", "camb", "numba"}),
-        ("himap.cubes", {"sklearn", "camb", "numba", "himap.paper", "himap.products", "himap.sky"}),
+        ("himap.app.cli.main", {"healpy", "sklearn", "camb", "numba"}),
+        ("himap.cubes", {"sklearn", "camb", "numba", "himap.paper", "himap.store", "himap.sky"}),
         ("himap.removal", {"healpy", "sklearn", "numba"}),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from ledgers import entry
 
 import himap
-from himap.companion import notebooks
+from himap.app import notebooks
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import EXPERIMENTS, find_experiment

@@ -5,14 +5,14 @@ import threading
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
-from himap.products import cache
-from himap.products.parallel import DASK_VARIABLE, check_scheduler, make_all
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.survey import Survey
+from himap.store import cache
+from himap.store.parallel import DASK_VARIABLE, check_scheduler, make_all
 
 distributed = pytest.importorskip("distributed")
 
@@ -105,7 +105,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
 @pytest.mark.filterwarnings("default")  # an error inside the loop of the client would stop it for ever
 def test_no_scheduler(monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    monkeypatch.setattr("himap.products.parallel._CONNECT", 0.5)
+    monkeypatch.setattr("himap.store.parallel._CONNECT", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         monkeypatch.setenv(DASK_VARIABLE, address)
         with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):

@@ -16,8 +16,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not 
 
 import collect_figures
 
-from himap.companion.figures import Figure, figures
-from himap.companion.notebook_files import STAMP, read_notebook, write_notebook
+from himap.app.figures import Figure, figures
+from himap.app.notebook_files import STAMP, read_notebook, write_notebook
 from himap.figures.numbers import QUOTED
 from himap.maps.healpix_files import write_maps
 

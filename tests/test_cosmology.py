@@ -5,7 +5,7 @@ import camb
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.sky.cosmology import FREQ_21CM, Cosmology, HIModel, redshift
 
 Z = np.array([0.0, 0.1, 0.3, 0.58, 1.0])

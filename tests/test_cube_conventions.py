@@ -11,15 +11,15 @@ from astropy.io import fits
 from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
 from click.testing import CliRunner
 
-from himap.cli.main import main
+from himap.app.cli.main import main
+from himap.core.errors import InputError
+from himap.core.memory import LIMIT_VARIABLE
+from himap.core.reading import read_numbers, regular_file
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.cube import read_truth
 from himap.cubes.masks import read_mask
 from himap.cubes.mocks import read_mocks
-from himap.errors import InputError
 from himap.maps.healpix_files import read_maps
-from himap.memory import LIMIT_VARIABLE
-from himap.reading import read_numbers, regular_file
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
 from himap.cubes.report import spectra_of
 from himap.cubes.views import SphereViews
-from himap.errors import InputError
 from himap.measures import how_many
 from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
 from himap.cubes.corrected_report import HEADER, corrected_rows, write_spectra
 from himap.cubes.mocks import made_mocks, mock_survey, read_mocks
 from himap.cubes.report import compared, spectra_of
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.measures.power_spectra import angular_power, frequency_power
 

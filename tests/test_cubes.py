@@ -10,8 +10,8 @@ from astropy.io import fits
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap import removal
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube, save_cleaned
-from himap.errors import InputError
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
 from himap.maps import sphere

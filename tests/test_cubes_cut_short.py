@@ -27,7 +27,7 @@ def replace(source, target):
 rename, os.replace = os.replace, replace
 """
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))"
-COMMAND = "\nfrom himap.cli.main import main\nmain()\n"
+COMMAND = "\nfrom himap.app.cli.main import main\nmain()\n"
 FILES = {
     "c.fits": {"c.fits", "c_foreground.fits", "c_mixing.txt", "c.html"},
     "c.npy": {"c.npy", "c_foreground.npy", "c_mixing.txt", "c.html"},

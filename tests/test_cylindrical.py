@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.measures.cylindrical import cell_of, cylindrical_power
 
 CELL = (3.0, 2.0, 2.5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.measures import diagnostics
 from himap.measures.results import Comparison
 

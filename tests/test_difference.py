@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cube_measures import correlation, line_errors
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps.modes import MapModes
 from himap.measures import difference as measures
 from himap.measures.power_spectra import frequency_power

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
 from himap.sky.dimming import Dimming
-from himap.survey import Survey
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
 

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Evolving
 from himap.instrument.observe import Observation
 from himap.maps import sphere
 from himap.paper import evidence, pipeline
 from himap.removal.peaks import PeakMasked
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
 
 SURVEY = Survey(nside=8, n_channels=30, box_cells=16)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Misjudged, Oscillating, Rippled
 from himap.measures.power_spectra import angular_power
 from himap.measures.transfer import JUDGED

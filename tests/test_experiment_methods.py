@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction, band_means, power_ratios
 from himap.paper.experiment_figures import labels_of, methods_figure, methods_table, signed
 from himap.paper.experiments import transfer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams import Evolving
 from himap.instrument.noise import noise_sigma
 from himap.measures import how_many

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments.transfer import EXPERIMENT, corrected_bands, skies

@@ -5,7 +5,7 @@ import pytest
 from sklearn.decomposition import FastICA as SklearnFastICA
 from sklearn.decomposition import fastica
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal.base import SeparationWarning
 from himap.removal.fastica import FastICA
 from himap.removal.pca import PCA

@@ -5,12 +5,12 @@ import textwrap
 
 import pytest
 
-from himap import errors, survey
-from himap.errors import InputError
-from himap.products import syntax
-from himap.products.accepted import moved
-from himap.products.fingerprint import CodeTree
-from himap.products.live import code_fingerprint, is_current
+from himap.core import errors, survey
+from himap.core.errors import InputError
+from himap.store import syntax
+from himap.store.accepted import moved
+from himap.store.fingerprint import CodeTree
+from himap.store.live import code_fingerprint, is_current
 
 FILES = {
     "__init__.py": "VERSION = 1",
@@ -31,7 +31,7 @@ FILES = {
     "removal/pca.py": "from toy.removal import base\nclass PCA: n = 1\nbase.KNOWN.append(PCA)",
     "removal/tools/__init__.py": "def tool(): ...",
     "pipeline.py": """
-        from himap.products.store import product
+        from himap.store.store import product
         import toy.spectra as spectra
         from toy import removal
         from toy.sky import hi
@@ -219,7 +219,9 @@ def test_the_cells_of_a_notebook():
     assert one == tree.source_fingerprint("x = 1  # help\ny = 2", "", "# only a comment", "z = x")
     assert one != tree.source_fingerprint("x = 1", "y = 2\nz = x")
     assert tree.source_fingerprint("%magic 1") != tree.source_fingerprint("%magic 2")
-    assert tree.source_fingerprint("import himap.survey") != tree.source_fingerprint("import himap.errors")
+    assert tree.source_fingerprint("import himap.core.survey") != tree.source_fingerprint(
+        "import himap.core.errors"
+    )
 
 
 def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
@@ -232,7 +234,7 @@ def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
 
 
 def test_live_objects():
-    assert code_fingerprint(survey.Survey) == CodeTree().fingerprint("himap.survey", "Survey")
+    assert code_fingerprint(survey.Survey) == CodeTree().fingerprint("himap.core.survey", "Survey")
     assert code_fingerprint(survey) != code_fingerprint(errors) and is_current(survey)
     with pytest.raises(InputError, match="top level of a source file"):
         code_fingerprint(lambda: 1)
@@ -323,7 +325,7 @@ def test_what_can_change_a_result_counts(written, one, other):
 
 
 def test_a_product_keeps_its_name_and_has_a_version(written):
-    text = "from himap.products.store import product\n{}\ndef {}(x): return x\ndef user(): return {}(1)"
+    text = "from himap.store.store import product\n{}\ndef {}(x): return x\ndef user(): return {}(1)"
     cases = {
         "plain": ("@product", "maps"),
         "renamed": ('@product(name="maps")', "cubes"),

@@ -13,10 +13,10 @@ import pytest
 from jupyter_client.session import Session
 
 import himap
-from himap import folders
-from himap.companion.kernel_manager import LocalKernelManager
-from himap.errors import InputError
-from himap.folders import is_abandoned, own_name, run_folder
+from himap.app.kernel_manager import LocalKernelManager
+from himap.core import folders
+from himap.core.errors import InputError
+from himap.core.folders import is_abandoned, own_name, run_folder
 
 ROOT = str(Path(himap.__file__).parents[1])
 
@@ -90,7 +90,7 @@ def test_what_a_killed_run_left_goes_at_the_next_start(fresh, monkeypatch, tmp_p
 
 
 def test_a_killed_process_is_followed_by_one_that_cleans(tmp_path):
-    code = "import os, signal; from himap.folders import run_folder; print(run_folder()); {}"
+    code = "import os, signal; from himap.core.folders import run_folder; print(run_folder()); {}"
     environment = os.environ | {"TMPDIR": str(tmp_path), "PYTHONPATH": ROOT}
     for end, status in (("os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL), ("pass", 0)):
         done = subprocess.run([sys.executable, "-c", code.format(end)], env=environment, capture_output=True)
@@ -119,7 +119,7 @@ def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(fresh, monk
 
 
 def test_names_that_are_too_long_for_sockets_are_not_used(fresh, monkeypatch, tmp_path):
-    monkeypatch.setattr("himap.companion.kernel_manager._LONGEST", 10)
+    monkeypatch.setattr("himap.app.kernel_manager._LONGEST", 10)
     manager = LocalKernelManager(kernel_name="python3")
     assert manager.transport == "tcp"
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 
 

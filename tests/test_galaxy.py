@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from skies import lognormal
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.sky.galaxy import Galaxy
 
 # PySM

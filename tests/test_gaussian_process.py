@@ -8,7 +8,7 @@ from scipy import linalg
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal import gaussian_process
 from himap.removal.base import SeparationWarning
 from himap.removal.covariance import channel_covariance

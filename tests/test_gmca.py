@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gmca_twin import mixing_error, plain_gmca, similarity
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import starlet_filters, starlets
 from himap.removal import gmca

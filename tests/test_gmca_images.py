@@ -7,8 +7,8 @@ from gmca_twin import mixing_error, plain_gmca, similarity
 from image_files import SKY, write_image
 from scipy import ndimage
 
+from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, suggest
-from himap.errors import InputError
 from himap.maps.plane_starlets import PlaneStarlets
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA

@@ -4,7 +4,7 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.needlets import cosine_needlets
 from himap.removal.data import Data

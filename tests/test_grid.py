@@ -2,7 +2,7 @@
 
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.paper import cleaned, grid, pipeline
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import Mock, own_recovery

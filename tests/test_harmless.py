@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.maps.blocked import centred
@@ -12,7 +13,6 @@ from himap.paper.harmless import corrected, foreseen, parts
 from himap.paper.losses import error_parts
 from himap.paper.mocks import own_recovery
 from himap.removal import PCA, BeamSubspace, SDecGMCA, SmoothSpectra
-from himap.survey import Survey
 
 CASE = pipeline.Case(survey=Survey.preset("ci", nside=8, n_channels=24, box_cells=16), beam=Oscillating())
 NEW = SmoothSpectra(n_sources=3, n_smooth=5)

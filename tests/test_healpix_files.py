@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import healpix_files
 from himap.maps.healpix_files import MILLIKELVIN, is_nested, read_maps, temperature_unit, write_maps
 

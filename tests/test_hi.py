@@ -7,11 +7,11 @@ import pytest
 from scipy import fft
 from scipy.special import spherical_jn
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.sky import box, hi, light_cone
 from himap.sky.cosmology import Cosmology, HIModel, redshift
-from himap.survey import Survey
 
 NARROW = Survey(nside=32, n_channels=4, freq_min=940, freq_max=960, box_cells=128, seed=7)
 

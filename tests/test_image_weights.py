@@ -6,8 +6,8 @@ from astropy.io import fits
 from cube_files import himap
 from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
+from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube
-from himap.errors import InputError
 from himap.removal.pca import PCA
 
 DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")

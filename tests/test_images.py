@@ -7,10 +7,10 @@ from astropy.wcs import WCS
 from cube_files import himap
 from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, header_of, power_law_images, write_image
 
+from himap.core.errors import InputError
 from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned, suggest
 from himap.cubes.report import check_truth, spectra_of
 from himap.cubes.views import PlaneSpectra
-from himap.errors import InputError
 from himap.measures.cylindrical import cell_of
 
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from skies import convolve
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving
 from himap.instrument.noise import noise_maps, noise_sigma, system_temperature
 from himap.instrument.observe import observe
 from himap.maps import sphere
 from himap.paper.methods import paper_beams
-from himap.survey import Survey
 
 SURVEY = Survey(nside=16, n_channels=4, box_cells=16)
 BEAMS = tuple(paper_beams().values())

@@ -9,10 +9,10 @@ import pytest
 from ledgers import entry, finding
 from pages import cells
 
-from himap.companion.notebook_files import read_notebook
-from himap.companion.notebooks import notebooks
-from himap.companion.stored import LEDGER, read_ledger
-from himap.errors import InputError
+from himap.app.notebook_files import read_notebook
+from himap.app.notebooks import notebooks
+from himap.app.stored import LEDGER, read_ledger
+from himap.core.errors import InputError
 from himap.figures.numbers import QUOTED
 from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.paper import cleaned, pipeline
 from himap.paper.losses import error_parts
 from himap.removal import PCA, BeamSubspace, SDecGMCA
-from himap.survey import Survey
 
 CASE = pipeline.Case(survey=Survey.preset("ci", nside=8, n_channels=12, box_cells=16), beam=Oscillating())
 SHORT = {"n_warmup": 4, "n_refinement": 2, "n_sources": 3}

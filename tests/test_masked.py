@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.removal import create, harmonic

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
 from himap.instrument.beams import Degraded
 from himap.paper import pipeline
 from himap.paper.study import Study
-from himap.products import memory
-from himap.products.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
-from himap.products.parallel import JOBS_VARIABLE
 from himap.removal import PCA
-from himap.survey import PRESETS
+from himap.store import memory
+from himap.store.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
+from himap.store.parallel import JOBS_VARIABLE
 
 PAPER = PRESETS["paper"]
 
@@ -73,9 +73,9 @@ def test_long_work_asks_first(monkeypatch, step):
 
 PEAK = """
 import re, pathlib
-from himap.products import memory
+from himap.store import memory
 from himap.paper import pipeline
-from himap.survey import Survey
+from himap.core.survey import Survey
 survey = Survey(nside=64, n_channels=100, box_cells=256)
 steps = memory.estimate(survey)
 pipeline.hi(Survey(nside=4, n_channels=20, box_cells=16))  # compiles

@@ -2,7 +2,7 @@
 
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Oscillating
 from himap.paper.methods import (
     BSS,

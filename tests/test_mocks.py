@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
@@ -14,7 +15,6 @@ from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recove
 from himap.removal import PCA, BeamSubspace, SDecGMCA
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
-from himap.survey import Survey
 
 SURVEY = Survey.preset("ci", nside=8, n_channels=16, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())

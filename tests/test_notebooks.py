@@ -11,8 +11,8 @@ import nbformat
 import pytest
 
 import himap
-from himap.companion import reproduce
-from himap.companion.notebooks import notebooks
+from himap.app import reproduce
+from himap.app.notebooks import notebooks
 from himap.figures.numbers import QUOTED
 
 ROOT = Path(himap.__file__).parents[1]

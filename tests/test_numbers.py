@@ -5,7 +5,7 @@ import math
 import pytest
 from pages import cells
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.figures.numbers import NOT_COMPARED, QUOTED, agree, one_run, quote, quoted, show, show_table
 
 

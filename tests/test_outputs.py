@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 import himap
-from himap.errors import InputError
-from himap.outputs import check_free, complete_left, whole_file, whole_files
+from himap.core.errors import InputError
+from himap.core.outputs import check_free, complete_left, whole_file, whole_files
 
 NAMES = ("a.txt", "b.txt", "c.txt")
 
 KILLED = """
 import os, signal
-from himap import outputs
+from himap.core import outputs
 
 calls = []
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.measures.power_spectra import angular_power, frequency_power
 from himap.paper import cleaned, masked, pipeline
 from himap.paper.masked import WAYS, Region, by_depth, compared, residual
 from himap.removal import PCA, BeamSubspace, SDecGMCA
-from himap.survey import Survey
 
 SURVEY = Survey.preset("ci", nside=16, n_channels=12, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())

@@ -8,13 +8,13 @@ import psutil
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
-from himap.products.parallel import JOBS_VARIABLE, make_all, n_jobs
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.survey import Survey
+from himap.store.parallel import JOBS_VARIABLE, make_all, n_jobs
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
@@ -106,7 +106,7 @@ def test_processes_end_with_the_one_that_asked(lab, monkeypatch, tmp_path):
     """Killed, it leaves nobody that goes on for hours."""
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     gate = str(tmp_path / "never")
-    code = "from himap.products.parallel import make_all\n"
+    code = "from himap.store.parallel import make_all\n"
     asking = lab.start(f"{code}make_all(lab.slow, [(1, {gate!r}), (2, {gate!r})], 'test')")
     _wait_until(lambda: lab.computed() == ["slow", "slow"])
     working = psutil.Process(asking.pid).children(recursive=True)

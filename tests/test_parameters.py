@@ -2,8 +2,8 @@
 
 import pytest
 
-from himap.companion.parameters import check_parameters, describe_parameters, parse_texts, read_parameters
-from himap.errors import InputError
+from himap.app.parameters import check_parameters, describe_parameters, parse_texts, read_parameters
+from himap.core.errors import InputError
 
 CELL = """
 preset: str = "quick"  # the preset

@@ -6,7 +6,7 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import least_squares
 
 from himap import removal
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal import parametric
 from himap.removal.base import SeparationWarning
 from himap.removal.data import Data

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.figures.patches import patch_maps
 from himap.maps import sphere
 from himap.measures.power_spectra import angular_power, frequency_power
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits
-from himap.survey import Survey
 
 NSIDE = 32
 FIELD = Patch()

@@ -7,11 +7,11 @@ import pytest
 from astropy.wcs import WCS
 from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import clean_cube, patches, read_cube
 from himap.cubes.cube import make_cube
 from himap.cubes.layout import Layout, SpherePixels
 from himap.cubes.patches import patch_power
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import cell_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal import peaks
 from himap.removal.peaks import mask_peaks, smooth_baselines
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cube_measures import correlation, line_errors
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Degraded
 from himap.instrument.beams.evolving import Evolving
 from himap.instrument.beams.oscillating import Oscillating
@@ -19,7 +20,6 @@ from himap.removal import PCA, SDecGMCA
 from himap.sky.foregrounds import foreground_maps
 from himap.sky.galaxy import Galaxy
 from himap.sky.point_sources import point_sources
-from himap.survey import Survey
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
 CASE = pipeline.Case(survey=SMALL)

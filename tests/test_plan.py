@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
+from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating
 from himap.paper import cleaned, evidence, pipeline, plan
 from himap.paper.pipeline import Case
-from himap.products import cache
 from himap.removal import PCA, SDecGMCA
-from himap.survey import Survey
+from himap.store import cache
 
 SURVEY = Survey(nside=8, n_channels=20, box_cells=16)
 CASES = [Case(survey=SURVEY, beam=beam) for beam in (Degraded(), Oscillating())]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps.plane_starlets import PlaneStarlets
 
 SHAPE = 19, 26

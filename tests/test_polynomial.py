@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap import removal
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal.polynomial import Polynomial
 
 FREQS = np.linspace(902.5, 1397.5, 100)

@@ -6,7 +6,7 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import masks, sphere
 from himap.maps.modes import MapModes
 from himap.measures import power_spectra as spectra

@@ -11,7 +11,7 @@ import termios
 
 import pytest
 
-from himap.progress import TERMINAL_VARIABLE, progress
+from himap.core.progress import TERMINAL_VARIABLE, progress
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def terminal():
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
     """Bars appear at once, not only when work takes its time."""
-    monkeypatch.setattr("himap.progress._DELAY", 0)
+    monkeypatch.setattr("himap.core.progress._DELAY", 0)
 
 
 def test_silent_without_a_terminal(capfd, monkeypatch, tmp_path):
@@ -65,7 +65,7 @@ def test_steps_by_hand(terminal, monkeypatch):
 def test_what_is_quick_has_no_bar(terminal, monkeypatch):
     path, read = terminal
     monkeypatch.setenv(TERMINAL_VARIABLE, path)
-    monkeypatch.setattr("himap.progress._DELAY", 60)
+    monkeypatch.setattr("himap.core.progress._DELAY", 60)
     assert list(progress(range(3), "quick")) == [0, 1, 2]
     with open(path, "w") as screen:
         screen.write("the end")
@@ -75,7 +75,7 @@ def test_what_is_quick_has_no_bar(terminal, monkeypatch):
 def test_no_thread_looks_after_bars():
     """tqdm's own warns on standard error if bars begin and end while it looks, in notebooks too."""
     code = (
-        "import threading; from himap.progress import progress; "
+        "import threading; from himap.core.progress import progress; "
         "list(progress(range(3))); print(threading.active_count())"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "1\n"

@@ -18,10 +18,10 @@ import pytest
 import yaml
 
 from himap import __version__
-from himap.cli.main import main
-from himap.companion.notebooks import find
-from himap.companion.parameters import check_parameters, parse_texts
-from himap.survey import PRESETS
+from himap.app.cli.main import main
+from himap.app.notebooks import find
+from himap.app.parameters import check_parameters, parse_texts
+from himap.core.survey import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "book").glob("*.md"))]
@@ -189,13 +189,13 @@ def requirements(*extras):
 
 ROOMS = {
     "himap": (),
-    "himap/companion": ("notebooks",),
+    "himap/app": ("notebooks",),
     "notebooks": ("test",),
     "tests": ("test",),
     "benchmarks": ("test",),
     "book/_ext": ("book",),
 }
-LAZY = {"himap/figures/numbers.py": {"ipython"}, "himap/products/parallel.py": {"distributed"}}
+LAZY = {"himap/figures/numbers.py": {"ipython"}, "himap/store/parallel.py": {"distributed"}}
 
 
 @pytest.mark.parametrize("folder", ROOMS)
@@ -209,7 +209,7 @@ def test_every_import_is_required(folder):
     owners = packages_distributions()
     for path in (ROOT / folder).rglob("*.py"):
         place = path.relative_to(ROOT).as_posix()
-        if folder == "himap" and place.startswith("himap/companion/"):
+        if folder == "himap" and place.startswith("himap/app/"):
             continue
         for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
             # What is not installed is a module that a test writes, or the import itself fails.

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import himap
-from himap.products import provenance
-from himap.products.provenance import VOLATILE, Provenance
-from himap.survey import PRESETS, Survey
+from himap.core.survey import PRESETS, Survey
+from himap.store import provenance
+from himap.store.provenance import VOLATILE, Provenance
 
 ROOT = Path(himap.__file__).parents[1]
 

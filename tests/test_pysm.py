@@ -9,8 +9,8 @@ from astropy import units as u
 from click.testing import CliRunner
 from skies import lognormal
 
-from himap.cli.main import main
-from himap.errors import InputError
+from himap.app.cli.main import main
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import read_maps
 from himap.sky import pysm

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from outcomes import outcome, run
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper import pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
@@ -17,7 +18,6 @@ from himap.paper.methods import sdecgmca_for
 from himap.paper.readings import BANDS, outcomes, readings
 from himap.paper.realisation import Realisation
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
-from himap.survey import Survey
 
 SURVEY = {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0}
 TINY = {"preset": "ci", "survey": SURVEY, "n_sources_max": 2}

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures.power_spectra import AngularPower, FrequencyPower
@@ -14,7 +15,6 @@ from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA
 from himap.sky.dimming import Dimming
-from himap.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.paper import record as record_module
 from himap.paper.experiments import EXPERIMENTS, find_experiment
 from himap.paper.record import Experiment, Record, measuring_code
-from himap.products.fingerprint import CodeTree
+from himap.store.fingerprint import CodeTree
 
 ABOUT = {
     "preset": "ci",

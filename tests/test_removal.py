@@ -11,7 +11,7 @@ import pytest
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap import removal
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal.base import REGISTRY, ForegroundRemover, Separation, SeparationWarning
 from himap.removal.covariance import channel_covariance

@@ -17,8 +17,8 @@ from PIL import Image
 
 import himap
 from himap import __version__
-from himap.companion import notebook_files, notebooks, reproduce
-from himap.errors import InputError
+from himap.app import notebook_files, notebooks, reproduce
+from himap.core.errors import InputError
 from himap.figures.numbers import QUOTED
 
 TOY = """\
@@ -51,8 +51,8 @@ survey: dict = {}  # Survey fields that differ from the preset
 # %%
 import os
 
-from himap.errors import InputError
-from himap.survey import Survey
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 
 made = Survey.preset(preset, **survey)
 if mode == "bad":
@@ -226,7 +226,11 @@ def test_refreshing_executes_once_and_writes_the_same_file_again(folder, tmp_pat
         ("# %%\n# A cell of comments only.\n", "", "its text changed"),
         ("# %%\nprint(made", '# %% tags=["hide-input"]\nprint(made', "its text changed"),
         ("scale: float = 1.0", "scale: float = 2.0", "its code, or code that it uses, changed"),
-        ("from himap.errors", "import himap\nfrom himap.errors", "its code, or code that it uses, changed"),
+        (
+            "from himap.core.errors",
+            "import himap\nfrom himap.core.errors",
+            "its code, or code that it uses, changed",
+        ),
     ],
 )
 def test_an_edit_of_the_source(folder, old, new, why):

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import himap
-from himap.products import cache
+from himap.store import cache
 
 ROOT = Path(himap.__file__).parents[1]
 
@@ -19,7 +19,7 @@ from himap.instrument.beams import Degraded, Oscillating
 from himap.paper import cleaned, pipeline
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.survey import Survey
+from himap.core.survey import Survey
 
 for beam in (Degraded(), Oscillating()):
     case = pipeline.Case(survey=Survey(nside=16, n_channels=40, box_cells=32), beam=beam)
@@ -39,7 +39,7 @@ n_sources: int = 2  # components to remove
 # %%
 from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
-from himap.survey import Survey
+from himap.core.survey import Survey
 
 case = pipeline.Case(survey=Survey.preset(preset, **survey))
 found = cleaned.assessment(case, PCA(n_sources=n_sources)).power_spectra
@@ -48,8 +48,8 @@ print(found.angular.mean.tolist(), found.frequency.power.tolist())
 
 COMMAND = """
 import sys, pathlib
-from himap.cli.main import main as cli
-from himap.companion import notebooks
+from himap.app.cli.main import main as cli
+from himap.app import notebooks
 notebooks._PACKAGE = pathlib.Path({package!r})
 cli.main()
 """

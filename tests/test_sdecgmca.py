@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, noisy
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.sdecgmca.method import SDecGMCA

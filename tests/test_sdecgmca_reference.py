@@ -11,7 +11,7 @@ import pytest
 import sdecgmca_twin as twin
 from scipy.linalg import subspace_angles
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.paper.authors_code import CHANGE, ITERATIONS, VARIANTS, AuthorsCode, difference
 from himap.removal import harmonic

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
 from himap.cubes.sensitivity import sensitivity_figure, sensitivity_rows
-from himap.errors import InputError
 from himap.instrument.beams import Evolving, Misjudged
 from himap.maps import sphere
 from himap.measures.power_spectra import masked_alms

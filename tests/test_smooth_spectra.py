@@ -5,7 +5,7 @@ import pytest
 from smooth_problem import BEAMS, FREQS, INDICES, LMAX, N_CHANNELS, WIDTH, hi_covariance, make_sky
 from sparse_problem import largest_angle
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.expected import expected_recovery
 from himap.removal.base import SeparationWarning

@@ -7,7 +7,7 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 
 NSIDE = 16

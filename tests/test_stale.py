@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 import himap
-from himap.companion.notebooks import notebooks
+from himap.app.notebooks import notebooks
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.products.accepted import moved
-from himap.products.fingerprint import CodeTree
+from himap.store.accepted import moved
+from himap.store.fingerprint import CodeTree
 
 HIMAP = Path(himap.__file__).resolve().parent
 
@@ -62,23 +62,23 @@ OTHERS = {
     ("instrument/noise.py", "noise_sigma"): OBSERVED,
     ("sky/pysm.py", "pysm_templates"): SKIES | STORED,
     ("sky/pysm.py", "write_templates"): set(),
-    ("survey.py", "Survey.rng"): CHAPTERS | STORED,  # its presets are in the line under every figure
+    ("core/survey.py", "Survey.rng"): CHAPTERS | STORED,  # its presets are in the line under every figure
     ("measures/transfer.py", "recovery"): {"20", "21", "22", "25"} | RECORDS,
     ("measures/expected.py", "expected_recovery"): {"23"},
     ("paper/mocks.py", "recovered"): {"20", "21", "22", "25"} | RECORDS,
     ("paper/evidence.py", "masked_voxels"): JUDGED,
     ("paper/masked.py", "compared"): {"24"},
-    ("products/store.py", None): set(),
-    ("errors.py", None): set(),
-    ("cli/main.py", None): set(),
+    ("store/store.py", None): set(),
+    ("core/errors.py", None): set(),
+    ("app/cli/main.py", None): set(),
 }
 LOOKS = {
     ("paper/captions.py", "of_sdecgmca"): {"09"},
     ("paper/study_figures.py", "StudyFigures.mixing_figure"): SKIES - {"01", "02", "15"},
-    ("companion/stored_tables.py", "failed_table"): {"15"},
+    ("app/stored_tables.py", "failed_table"): {"15"},
     ("figures/plotting.py", None): CHAPTERS - {"15", "18"},
     ("figures/marks.py", "marks"): {"16"},
-    ("products/provenance.py", "Provenance.footer"): CHAPTERS,
+    ("store/provenance.py", "Provenance.footer"): CHAPTERS,
 }
 
 
@@ -147,19 +147,19 @@ def test_a_new_method_or_beam_makes_nothing_stale(stale, room, base):
 
 # What everything uses: (file, old, new)
 WORDS = [
-    ("checks.py", "must have", "has to have"),
-    ("checks.py", "finite where `kept` is True", "finite there"),
-    ("checks.py", "_count_bad", "_n_bad"),
+    ("core/checks.py", "must have", "has to have"),
+    ("core/checks.py", "finite where `kept` is True", "finite there"),
+    ("core/checks.py", "_count_bad", "_n_bad"),
     ("maps/sphere.py", "raise InputError(", 'raise InputError("No: " '),
     ("maps/sphere.py", '"analysis"', '"harmonics"'),
     ("maps/sphere.py", "_adjoint_synthesis", "_back"),
     ("maps/sphere.py", "rows", "lines"),
-    ("errors.py", "class InputError(", 'TEXT = "a longer text"\n\n\nclass InputError('),
-    ("survey.py", "number of", "how many"),
+    ("core/errors.py", "class InputError(", 'TEXT = "a longer text"\n\n\nclass InputError('),
+    ("core/survey.py", "number of", "how many"),
     ("paper/claims/smooth_beams.py", "All six methods recover C/C0", "Each method recovers C/C0"),
     ("paper/claims/smooth_beams.py", "Largest |C/C0 - 1|", "Most of |C/C0 - 1|"),
     ("paper/claims/smooth_beams.py", "The parametric fit is too high", "The fit is too high"),
-    ("survey.py", "def preset(cls, name", "def preset(cls, name: str"),
+    ("core/survey.py", "def preset(cls, name", "def preset(cls, name: str"),
     ("removal/base.py", "def _found(self, data)", "def _found(self, data: object)"),
     ("removal/base.py", "stopped after", "ended after"),
     ("removal/base.py", "found = self._separate(whole)", "found: object = self._separate(whole)"),
@@ -181,7 +181,7 @@ def test_a_number_makes_its_chapters_and_records_stale(stale):
 
 
 def test_comments_make_nothing_stale(stale):
-    files = [path for path in HIMAP.rglob("*.py") if path.parent.name != "products"]
+    files = [path for path in HIMAP.rglob("*.py") if path.parent.name != "store"]
     texts = {str(path.relative_to(HIMAP)): path.read_text() + "\n# One more comment.\n" for path in files}
     assert stale(texts) == (set(), set())
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from himap.companion.notebooks import find
-from himap.companion.staleness import stale_results, stored_results
+from himap.app.notebooks import find
+from himap.app.staleness import stale_results, stored_results
 from himap.paper.record import measuring_code
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"

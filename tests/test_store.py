@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from joblib.externals.loky import get_reusable_executor
 
-from himap.errors import InputError
-from himap.products import cache
-from himap.survey import PRESETS
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS
+from himap.store import cache
 
 SURVEY = PRESETS["ci"]
 
@@ -99,7 +99,9 @@ def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
     assert not cache.cache_info()
 
 
-@pytest.mark.parametrize("name", [["antigravity", "fly"], ["os", "system"], ["himap.errors", "InputError"]])
+@pytest.mark.parametrize(
+    "name", [["antigravity", "fly"], ["os", "system"], ["himap.core.errors", "InputError"]]
+)
 def test_reading_a_result_runs_and_imports_nothing(lab, name):
     """A class that is no dataclass of a loaded module: damaged, and computed again."""
     lab.pair(SURVEY)
@@ -130,7 +132,9 @@ def test_code_edited_under_a_running_process_is_not_cached(lab):
     with pytest.warns(UserWarning, match="changed on disk since it was loaded"):
         assert lab.base(SURVEY)[1] == 2.0
     assert len(cache.cache_info()) == 1
-    assert lab.start("from himap.survey import PRESETS\nassert lab.base(PRESETS['ci'])[1] == 3").wait() == 0
+    assert (
+        lab.start("from himap.core.survey import PRESETS\nassert lab.base(PRESETS['ci'])[1] == 3").wait() == 0
+    )
     assert len(cache.cache_info()) == 2
 
 
@@ -152,5 +156,5 @@ def test_the_code_of_a_dataclass_that_is_passed_counts(lab):
     path = Path(lab.__file__)
     path.write_text(path.read_text().replace("return 1", "return 2"))
     calls = "for options in [{}, {'method': lab.Method()}]: lab.base(PRESETS['ci'], options=options)"
-    assert lab.start(f"from himap.survey import PRESETS\n{calls}").wait() == 0
+    assert lab.start(f"from himap.core.survey import PRESETS\n{calls}").wait() == 0
     assert len(lab.computed()) == 3

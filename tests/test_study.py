@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.figures import plotting
 from himap.instrument.beams import Degraded
 from himap.maps.healpix_files import write_maps

@@ -46,16 +46,16 @@ def test_wrong_ways_are_seen(tmp_path):
     shutil.copytree(ROOT / "himap", tmp_path / "himap", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     wrong = {
-        "survey": "import himap.maps.sphere",
+        "core/survey": "import himap.maps.sphere",
         "instrument/noise": "from himap.sky import hi",
         "removal/pca": "def f():\n    from himap.sky.hi import hi_maps",
-        "products/store": "from himap.maps.sphere import analyse",
-        "cubes/cube": "from himap.products.store import product",
+        "store/store": "from himap.maps.sphere import analyse",
+        "cubes/cube": "from himap.store.store import product",
         "paper/study": "import matplotlib.pyplot as plt",
         "maps/masks": "from ducc0 import sht",
         "sky/hi": "import healpy as hp",
         "figures/numbers": "import jupytext",
-        "companion/notebooks": "import click",
+        "app/notebooks": "import click",
         "attic": '"""No place."""',
     }
     for name, line in wrong.items():
@@ -67,7 +67,7 @@ def test_wrong_ways_are_seen(tmp_path):
     assert {name.strip() for name in broken} == {one["name"] for one in contracts}
     for said in (
         "himap.attic",
-        "himap.survey -> himap.maps.sphere",
+        "himap.core.survey -> himap.maps.sphere",
         "himap.instrument.noise -> himap.sky.hi",
     ):
         assert said in outcome.stdout

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from himap.errors import InputError
-from himap.survey import PRESETS, Survey
+from himap.core.errors import InputError
+from himap.core.survey import PRESETS, Survey
 
 
 @pytest.mark.parametrize(

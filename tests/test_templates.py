@@ -8,7 +8,7 @@ import pytest
 from astropy.io import fits
 from skies import bands, lognormal, spectrum
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.sky import small_scales
 from himap.sky.galaxy import Galaxy

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import fft
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.modes import MapModes
 from himap.measures.power_spectra import frequency_power

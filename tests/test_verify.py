@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from himap.companion.notebooks import notebooks
+from himap.app.notebooks import notebooks
 from himap.paper import canonical
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.products import accepted, verify
-from himap.products.fingerprint import CodeTree
+from himap.store import accepted, verify
+from himap.store.fingerprint import CodeTree
 
 LAB = """
-from himap.products.store import product
+from himap.store.store import product
 
 def power(x):
     return (x - 1.0) ** 2

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial as NumpyPolynomial
 from scipy.optimize import minimize
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal import available, create, weighted_pca
 from himap.removal.base import REGISTRY
 from himap.removal.data import Data

@@ -12,13 +12,13 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.util.docutils import SphinxRole
 
-from himap.companion.notebook_files import STAMP, read_notebook
-from himap.companion.parameters import read_parameters
-from himap.companion.stored import read_ledger
+from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.parameters import read_parameters
+from himap.app.stored import read_ledger
+from himap.core.survey import Survey
 from himap.paper.ledger_table import BADGES
-from himap.products.memory import estimate
-from himap.products.provenance import duration
-from himap.survey import Survey
+from himap.store.memory import estimate
+from himap.store.provenance import duration
 
 LEDGER = "notebooks/15_claims"
 LARGE = "paper"  # the preset of the figures that are stored

@@ -10,9 +10,9 @@ from docutils import nodes
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
 
-from himap.companion.captions import figure_order, plain_caption
-from himap.companion.figures import figures
-from himap.companion.notebooks import notebooks
+from himap.app.captions import figure_order, plain_caption
+from himap.app.figures import figures
+from himap.app.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen
 

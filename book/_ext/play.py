@@ -14,8 +14,8 @@ import play_data
 import play_looks
 from docutils import nodes
 
-from himap.companion.figures import figures
-from himap.companion.notebook_files import STAMP, read_notebook
+from himap.app.figures import figures
+from himap.app.notebook_files import STAMP, read_notebook
 from himap.figures import styles
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import CURVES, outcomes, readings

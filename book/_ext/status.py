@@ -8,12 +8,12 @@ from docutils import nodes
 from docutils.statemachine import StringList
 from sphinx.util.docutils import SphinxDirective
 
-from himap.companion.notebook_files import STAMP, read_notebook
-from himap.companion.notebooks import notebooks
-from himap.companion.reproduce import stale
-from himap.companion.staleness import stale_results, stored_results
+from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebooks import notebooks
+from himap.app.reproduce import stale
+from himap.app.staleness import stale_results, stored_results
 from himap.figures.tables import Table
-from himap.products.provenance import duration, environment
+from himap.store.provenance import duration, environment
 
 RENDERERS = ("jupyter-book", "sphinx", "myst-nb", "matplotlib")
 

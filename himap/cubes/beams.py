@@ -1,7 +1,7 @@
 """The beams of a cube of one's own: b_l of its channels, from a beam by name, or from a file."""
 
-from himap.checks import checked_beams
-from himap.errors import InputError
+from himap.core.checks import checked_beams
+from himap.core.errors import InputError
 from himap.instrument.beams import available, named
 from himap.instrument.beams.base import DISH, REGISTRY, Beam
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes.cube import Cube
-from himap.errors import InputError
 from himap.removal import available, create
 from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
 from himap.removal.cleaning import Cleaning

@@ -7,7 +7,7 @@ table with a column `centre`, or plain numbers, both in MHz; `index_map/pol` the
 import h5py
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps import sphere
 
 __all__ = ["FREQS", "MAPS", "axes", "is_one"]

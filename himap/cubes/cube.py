@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes.files import read_file
 from himap.cubes.layout import Layout, same_freqs
 from himap.cubes.resolve import resolved
 from himap.cubes.seeing import cube_floats, look_at, own_freqs, seen_everywhere, seen_somewhere, wide
 from himap.cubes.weights import missing_remarks, own_datasets, voxel_weights
-from himap.errors import InputError
 from himap.maps.healpix_files import MILLIKELVIN
 from himap.removal.data import checked_mask, checked_weights
 

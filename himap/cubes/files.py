@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.core.reading import mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.layout import Layout, SpherePixels, check_cube_room, same_freqs
-from himap.errors import InputError
 from himap.maps.healpix_files import ENDINGS
 from himap.maps.shapes import pixels_last, sphere_sizes
-from himap.reading import mapped_array, read_array, read_numbers, regular_file
 from himap.removal.hi_prior import LINE
 
 __all__ = ["read_file", "read_freqs"]

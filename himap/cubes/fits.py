@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes.images import holds_image, read_image_fits
 from himap.cubes.layout import Layout, SpherePixels, check_cube_room, one_unit
-from himap.errors import InputError
 from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 from himap.maps.healpix_files import ENDINGS, read_maps
 

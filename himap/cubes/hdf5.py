@@ -9,9 +9,9 @@ import h5py
 import numpy as np
 from astropy import units as u
 
+from himap.core.errors import InputError
 from himap.cubes import containers
 from himap.cubes.layout import Layout, SpherePixels, as_input_error, check_cube_room
-from himap.errors import InputError
 from himap.maps.healpix_files import is_nested
 from himap.maps.shapes import pixels_last, sphere_sizes
 

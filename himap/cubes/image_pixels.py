@@ -8,8 +8,8 @@ import numpy as np
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from himap.errors import InputError
-from himap.reading import regular_file
+from himap.core.errors import InputError
+from himap.core.reading import regular_file
 
 __all__ = ["IMAGES", "ImagePart", "ImagePixels", "world_of"]
 

@@ -13,9 +13,9 @@ from astropy import units as u
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 
+from himap.core.errors import InputError
 from himap.cubes.image_pixels import IMAGES, ImagePart, world_of
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
-from himap.errors import InputError
 
 __all__ = ["has_frequencies", "holds_image", "read_image_fits"]
 

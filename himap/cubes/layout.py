@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.core.memory import PROCESS, check_room
 from himap.cubes.masks import read_mask
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, to_ring, write_maps
 from himap.maps.shapes import pixels_last, sphere_sizes
-from himap.memory import PROCESS, check_room
 
 __all__ = ["LARGEST", "Layout", "SpherePixels", "as_input_error", "check_cube_room", "one_unit", "same_freqs"]
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, read_maps, to_ring
-from himap.reading import regular_file
 
 __all__ = ["read_mask"]
 

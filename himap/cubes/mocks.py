@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from himap.checks import checked_noise, evenly_spaced, whole_number
+from himap.core.checks import checked_noise, evenly_spaced, whole_number
+from himap.core.errors import InputError
+from himap.core.progress import progress
+from himap.core.survey import Survey
 from himap.cubes.cube import read_truth
 from himap.cubes.report import check_truth
-from himap.errors import InputError
 from himap.maps import sphere
-from himap.progress import progress
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
-from himap.survey import Survey
 
 __all__ = ["made_mocks", "mock_survey", "read_mocks"]
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.cubes import page
 from himap.cubes.views import cylindrical_figure
-from himap.errors import InputError
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import cell_of, cylindrical_power
-from himap.progress import progress
 
 __all__ = ["patch_power", "patches_part"]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes import page
 from himap.cubes.views import spectra_figure, views_of
-from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.removal.covariance import channel_covariance

@@ -3,11 +3,11 @@
 from dataclasses import replace
 from operator import eq
 
-from himap.checks import real_array
+from himap.core.checks import real_array
+from himap.core.errors import InputError
 from himap.cubes.files import read_freqs
 from himap.cubes.layout import same_freqs
 from himap.cubes.weights import is_path
-from himap.errors import InputError
 from himap.maps.healpix_files import is_nested, temperature_unit
 
 __all__ = ["resolve", "resolved"]

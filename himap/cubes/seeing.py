@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from himap.checks import checked_freqs, evenly_spaced
+from himap.core.checks import checked_freqs, evenly_spaced
+from himap.core.errors import InputError
 from himap.cubes.layout import LARGEST
-from himap.errors import InputError
 from himap.maps.blocked import precision
 
 __all__ = ["cube_floats", "look_at", "own_freqs", "seen_everywhere", "seen_somewhere", "wide"]

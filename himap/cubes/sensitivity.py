@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.cubes import page
 from himap.cubes.beams import beams_of
 from himap.cubes.corrected_report import plain_band
-from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams import named
@@ -18,7 +19,6 @@ from himap.maps.modes import MapModes
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import band_means, power_ratios, recovery
-from himap.progress import progress
 
 __all__ = [
     "HEADER",

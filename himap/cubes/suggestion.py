@@ -21,14 +21,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.cubes import page
 from himap.cubes.cleaning import CleanedCube, cleaning_of, method_for
 from himap.cubes.report import views_of
-from himap.errors import InputError
 from himap.figures import plotting, styles
 from himap.instrument.beams.base import gaussian_widths
 from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
-from himap.progress import progress
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.checks import checked_cube
-from himap.errors import InputError
+from himap.core.checks import checked_cube
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.cubes import page
-from himap.errors import InputError
 from himap.figures import comparisons, planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power

@@ -4,13 +4,13 @@ import os
 
 import numpy as np
 
-from himap.checks import real_array
+from himap.core.checks import real_array
+from himap.core.errors import InputError
+from himap.core.reading import mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5, images
 from himap.cubes.layout import LARGEST, check_cube_room, same_freqs
-from himap.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, to_ring
-from himap.reading import mapped_array, read_array, regular_file
 
 __all__ = ["is_path", "missing_remarks", "own_datasets", "voxel_weights"]
 

@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 
 from himap import __version__
-from himap.errors import InputError
-from himap.outputs import check_free, whole_files
-from himap.reading import there_is
+from himap.core.errors import InputError
+from himap.core.outputs import check_free, whole_files
+from himap.core.reading import there_is
 
 __all__ = ["OUTPUTS", "check_cube_output", "check_page", "files_of", "save_cleaned", "write_cleaned"]
 

@@ -11,7 +11,7 @@ only its name, unit and form are compared.
 import math
 import re
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.figures.tables import Table
 
 __all__ = ["NOT_COMPARED", "QUOTED", "OneRun", "agree", "one_run", "quote", "quoted", "show", "show_table"]

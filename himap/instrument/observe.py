@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.checks import checked_cube
-from himap.errors import InputError
+from himap.core.checks import checked_cube
+from himap.core.errors import InputError
 from himap.maps import sphere
 
 __all__ = ["Observation", "observe"]

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from himap.progress import progress
+from himap.core.progress import progress
 
 __all__ = ["SplitCube", "blocks", "centred", "in_threads", "lean", "mixture", "precision", "projection"]
 

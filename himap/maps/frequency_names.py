@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = ["Stated", "agreed", "freq_in_header", "freqs_in"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_tables import maps_of_table, only_table
-from himap.reading import regular_file
 
 __all__ = [
     "ENDINGS",

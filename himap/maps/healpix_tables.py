@@ -8,9 +8,9 @@ import healpy as hp
 import numpy as np
 from astropy.io import fits
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.memory import check_room
 from himap.maps import sphere
-from himap.memory import check_room
 
 __all__ = ["maps_of_table", "only_table"]
 

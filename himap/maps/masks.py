@@ -4,8 +4,8 @@ import warnings
 
 import numpy as np
 
-from himap.checks import real_array
-from himap.errors import InputError
+from himap.core.checks import real_array
+from himap.core.errors import InputError
 from himap.maps import sphere
 
 __all__ = ["bin_matrix", "decoupled", "mask_weights"]

@@ -11,8 +11,8 @@ import ducc0
 import healpy as hp
 import numpy as np
 
-from himap.errors import InputError
-from himap.progress import progress
+from himap.core.errors import InputError
+from himap.core.progress import progress
 
 __all__ = [
     "alm_degree",

@@ -10,8 +10,8 @@ import numpy as np
 from scipy import fft
 from scipy.signal import windows
 
-from himap.checks import evenly_spaced, real_array
-from himap.errors import InputError
+from himap.core.checks import evenly_spaced, real_array
+from himap.core.errors import InputError
 
 __all__ = ["CylindricalPower", "cell_of", "cylindrical_power"]
 

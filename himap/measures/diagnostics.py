@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = [
     "BUMP",

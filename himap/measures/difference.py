@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps.blocked import blocks
 from himap.maps.modes import MapModes
 from himap.measures.power_spectra import FrequencyPower, checked_maps
-from himap.progress import progress
 
 __all__ = ["FAINT", "Moments", "difference", "line_errors"]
 

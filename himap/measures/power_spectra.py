@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from himap.checks import checked_cube, whole_number
-from himap.errors import InputError
+from himap.core.checks import checked_cube, whole_number
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import blocks
 from himap.maps.masks import bin_matrix, decoupled, mask_weights
-from himap.progress import progress
 
 __all__ = [
     "AngularPower",

@@ -13,10 +13,10 @@ from operator import add
 import numpy as np
 from scipy import fft
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.progress import progress
 
 __all__ = [
     "ANGULAR_BANDS",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal import harmonic
 from himap.removal.sdecgmca.iteration import iterations
 from himap.removal.sdecgmca.method import SDecGMCA

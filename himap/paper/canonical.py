@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from himap import removal
+from himap.core.survey import Survey
 from himap.instrument import beams
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.beams.evolving import Evolving
@@ -43,7 +44,6 @@ from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
 
 __all__ = ["CALLS", "RTOLS"]
 

@@ -9,9 +9,9 @@ from himap.measures import how_many
 from himap.measures.transfer import JUDGED, TransferFunction, band_means
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
-from himap.products.store import product
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
+from himap.store.store import product
 
 __all__ = ["SETTLED", "Views", "eigenvalues", "minka", "views_of"]
 

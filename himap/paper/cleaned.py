@@ -13,10 +13,10 @@ from himap.measures.difference import FAINT, Moments, line_errors
 from himap.measures.power_spectra import angular_power_pair, frequency_power, recovered_angular_power
 from himap.measures.results import Assessment, PowerSpectra
 from himap.paper import pipeline
-from himap.products.store import product
 from himap.removal.beam_projection import on_sky
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
+from himap.store.store import product
 
 __all__ = ["assessment", "cleaning", "data_of", "error", "error_of", "residual", "separation"]
 

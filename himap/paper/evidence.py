@@ -5,9 +5,9 @@ import numpy as np
 from himap.maps import sphere
 from himap.maps.blocked import blocks
 from himap.paper import pipeline
-from himap.products.store import product
 from himap.removal.peaks import smooth_baselines
 from himap.sky.emission import emission_maps
+from himap.store.store import product
 
 __all__ = ["HIGH_LATITUDE", "STANDING_OUT", "masked_voxels", "sky_brightness"]
 

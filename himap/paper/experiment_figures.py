@@ -7,7 +7,7 @@ from itertools import cycle
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.figures import plotting, styles
 from himap.measures.transfer import JUDGED
 from himap.paper.experiments.beam_errors import KINDS, worst_excess

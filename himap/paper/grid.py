@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass, replace
 
-from himap.checks import whole_number
-from himap.errors import InputError
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams import named
 from himap.paper import cleaned, pipeline, plan
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.mocks import make_mocks, own_recovery, recovered, transfer_functions
-from himap.products.parallel import make_all
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
+from himap.store.parallel import make_all
 
 __all__ = ["Sky", "cases_and_methods", "make_products", "measured_recoveries"]
 

@@ -13,9 +13,9 @@ from himap.measures.expected import expected_recovery
 from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction, cylindrical_power
 from himap.paper import cleaned, pipeline
 from himap.paper.losses import error_parts
-from himap.products.store import product
 from himap.removal.analysis import analysed
 from himap.removal.smooth_spectra import FilteredSeparation
+from himap.store.store import product
 
 __all__ = ["Parts", "corrected", "foreseen", "parts"]
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.checks import checked_fields, parameter
-from himap.errors import InputError
+from himap.core.checks import checked_fields, parameter
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.difference import Moments, difference, line_errors
 from himap.measures.power_spectra import angular_power_pair, frequency_power
 from himap.measures.results import Comparison, PowerSpectra
 from himap.paper import cleaned, pipeline
-from himap.products.store import product
 from himap.removal.data import scattered
 from himap.sky.dimming import Dimming
+from himap.store.store import product
 
 __all__ = ["WAYS", "Region", "by_depth", "compared", "residual", "separation"]
 

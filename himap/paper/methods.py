@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.beams.evolving import Evolving
 from himap.instrument.beams.oscillating import Oscillating

@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.checks import checked_fields, parameter
-from himap.errors import InputError
+from himap.core.checks import checked_fields, parameter
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.difference import FAINT
 from himap.measures.transfer import TransferFunction, recovery
 from himap.paper import cleaned, pipeline, plan
-from himap.products.parallel import make_all
-from himap.products.store import product
 from himap.removal import harmonic
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
+from himap.store.parallel import make_all
+from himap.store.store import product
 
 __all__ = ["Mock", "first_mocks", "mock_alms", "own_recovery", "recovered", "transfer_functions"]
 

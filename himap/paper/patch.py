@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from astropy.coordinates import SkyCoord
 
-from himap.checks import checked_fields, parameter
+from himap.core.checks import checked_fields, parameter
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures.power_spectra import angular_power, frequency_power

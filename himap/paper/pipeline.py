@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.noise import noise_maps
@@ -19,8 +20,6 @@ from himap.maps.blocked import centred, projection
 from himap.maps.modes import HarmonicModes
 from himap.measures.power_spectra import AngularPower, frequency_power
 from himap.measures.results import PowerSpectra
-from himap.products.memory import check_memory
-from himap.products.store import product
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed
 from himap.removal.beam_projection import on_sky, seen_through
@@ -29,7 +28,8 @@ from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps
-from himap.survey import Survey
+from himap.store.memory import check_memory
+from himap.store.store import product
 
 __all__ = [
     "Case",

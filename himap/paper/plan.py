@@ -7,8 +7,8 @@ need.
 from contextlib import contextmanager
 
 from himap.paper import cleaned, pipeline
-from himap.products.memory import check_memory
-from himap.products.parallel import dask_address, make_all, n_jobs
+from himap.store.memory import check_memory
+from himap.store.parallel import dask_address, make_all, n_jobs
 
 __all__ = [
     "make",

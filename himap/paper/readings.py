@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.measures.transfer import ANGULAR_BANDS
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries

@@ -5,7 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.degraded import Degraded
 from himap.instrument.beams.evolving import Evolving
@@ -18,7 +19,6 @@ from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
 
 __all__ = ["Realisation", "make"]
 

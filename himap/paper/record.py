@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from himap.errors import InputError
-from himap.outputs import whole_file
-from himap.products.accepted import moved
-from himap.products.fingerprint import CodeTree
-from himap.products.parallel import dask_address
-from himap.products.provenance import Provenance, environment
-from himap.reading import regular_file, there_is
+from himap.core.errors import InputError
+from himap.core.outputs import whole_file
+from himap.core.reading import regular_file, there_is
+from himap.store.accepted import moved
+from himap.store.fingerprint import CodeTree
+from himap.store.parallel import dask_address
+from himap.store.provenance import Provenance, environment
 
 __all__ = ["Experiment", "Record", "measuring_code"]
 

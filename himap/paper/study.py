@@ -7,7 +7,8 @@ A notebook makes one `Study` of its parameters, and asks it for cases, cleaned c
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.figures import styles
 from himap.measures import diagnostics
 from himap.measures.results import Comparison
@@ -15,7 +16,6 @@ from himap.paper import cleaned, pipeline, plan
 from himap.paper.study_figures import StudyFigures
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
 
 __all__ = ["Study"]
 

@@ -5,7 +5,7 @@ import numpy as np
 from himap.figures import comparisons, plotting, styles
 from himap.measures.results import Comparison
 from himap.paper import pipeline
-from himap.products.provenance import Provenance
+from himap.store.provenance import Provenance
 
 __all__ = ["StudyFigures"]
 

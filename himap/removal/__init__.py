@@ -3,7 +3,7 @@
 Every file of this package is found by itself, so a new method is one new file.
 """
 
-from himap.registry import Registry
+from himap.core.registry import Registry
 from himap.removal.base import REGISTRY
 
 __all__ = ["available", "create"]

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import projection
 from himap.maps.filling import continued_alm
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
 from himap.removal.data import scattered

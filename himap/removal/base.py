@@ -12,8 +12,8 @@ from typing import ClassVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from himap.checks import checked_fields, parameter
-from himap.errors import InputError
+from himap.core.checks import checked_fields, parameter
+from himap.core.errors import InputError
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data, check_channels, scattered
 from himap.removal.separation import Cleaned, Separation

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.modes import HarmonicModes, MapModes
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 from himap.removal.spectral_filter import filtered

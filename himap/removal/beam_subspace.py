@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.checks import checked_noise
-from himap.errors import InputError
+from himap.core.checks import checked_noise
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.beam_projection import through_beams

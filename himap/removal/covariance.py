@@ -4,8 +4,8 @@ import numpy as np
 from scipy import linalg
 from threadpoolctl import threadpool_limits
 
+from himap.core.progress import progress
 from himap.maps.blocked import blocks
-from himap.progress import progress
 
 __all__ = ["bright_axes", "channel_covariance", "common_axes", "principal_axes"]
 

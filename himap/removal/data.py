@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from himap.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
-from himap.errors import InputError
+from himap.core.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
+from himap.core.errors import InputError
 from himap.maps.blocked import centred, lean
 from himap.removal.covariance import channel_covariance
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.pca import principal_components
 from himap.removal.separation import ordered

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy import linalg, optimize
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered

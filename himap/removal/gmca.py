@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from himap.core.progress import progress
 from himap.maps.blocked import SplitCube, projection
-from himap.progress import progress
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.details import details_of

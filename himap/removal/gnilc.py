@@ -9,11 +9,11 @@ from typing import ClassVar
 import numpy as np
 from scipy import linalg
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import projection
 from himap.maps.needlets import cosine_needlets
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.hi_prior import band_covariance, expected_covariance, mock_covariances, read_mock

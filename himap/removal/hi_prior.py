@@ -3,11 +3,11 @@
 import numpy as np
 from scipy import linalg
 
-from himap.checks import checked_cube
-from himap.errors import InputError
+from himap.core.checks import checked_cube
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import centred
-from himap.progress import progress
 from himap.removal import harmonic
 
 __all__ = ["LINE", "band_covariance", "expected_covariance", "mock_covariances", "read_mock", "stationary"]

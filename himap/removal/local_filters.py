@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from himap.core.progress import progress
 from himap.maps import sphere
-from himap.progress import progress
 
 __all__ = ["local_difference"]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import exprel
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.maps.blocked import in_threads
 from himap.maps.modes import MapModes
 from himap.removal.base import ForegroundRemover, Separation, parameter

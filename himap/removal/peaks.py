@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.checks import checked_cube, checked_freqs, whole_number
-from himap.errors import InputError
+from himap.core.checks import checked_cube, checked_freqs, whole_number
+from himap.core.errors import InputError
 from himap.maps.blocked import in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_fits import weighted_clipping

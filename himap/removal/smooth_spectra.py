@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.faint_covariance import faint_covariance

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import projection
 from himap.maps.modes import MapModes
-from himap.progress import progress
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import linalg
 
+from himap.core.progress import progress
 from himap.maps.blocked import centred, in_threads, projection
-from himap.progress import progress
 from himap.removal.covariance import principal_axes
 from himap.removal.separation import Separation
 from himap.removal.weighted_fits import least_squares

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, prange
 from scipy import fft
 
-from himap.progress import progress
+from himap.core.progress import progress
 
 __all__ = ["cell_centres", "gaussian_modes", "radial_displacement", "real_field"]
 

@@ -12,7 +12,7 @@ from astropy import units as u
 from scipy.integrate import cumulative_simpson, quad
 from scipy.interpolate import CubicSpline
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = ["FREQ_21CM", "Z_MAX", "Cosmology", "HIModel", "redshift"]
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.checks import checked_fields, parameter
+from himap.core.checks import checked_fields, parameter
 from himap.maps import sphere
 
 __all__ = ["Dimming"]

@@ -5,7 +5,7 @@ from math import factorial
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = ["PowerLaw", "emission_maps", "emission_modes"]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.sky.pysm import pysm_templates, pysm_version
 from himap.sky.synthetic import synthetic_galaxy
 from himap.sky.templates import EXPECTED_FILES, digest_of, find_templates, nsides_of, read_templates

@@ -8,7 +8,7 @@ space by the linear velocity of the same box, and averaged over channels and pix
 import numpy as np
 from numba import njit, prange
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.sky import box, light_cone
 from himap.sky.cosmology import Z_MAX, HIModel, redshift
 

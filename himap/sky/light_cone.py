@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
+from himap.core.progress import progress
 from himap.maps import sphere
-from himap.progress import progress
 
 __all__ = ["Rays", "plan_rays", "trace"]
 

@@ -7,10 +7,10 @@ import json
 from dataclasses import fields
 from pathlib import Path
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.reading import is_file
+from himap.core.registry import Registry
 from himap.instrument.beams.base import REGISTRY
-from himap.reading import is_file
-from himap.registry import Registry
 
 __all__ = ["available", "create", "named"]
 

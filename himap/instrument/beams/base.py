@@ -12,8 +12,8 @@ import numpy as np
 from astropy import constants as const
 from astropy import units as u
 
-from himap.checks import checked_fields, checked_freqs, parameter
-from himap.errors import InputError
+from himap.core.checks import checked_fields, checked_freqs, parameter
+from himap.core.errors import InputError
 from himap.maps import sphere
 
 __all__ = [

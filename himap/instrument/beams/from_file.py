@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
+from himap.core.reading import is_file, read_numbers, regular_file
 from himap.instrument.beams.base import Beam, Windows, parameter
 from himap.maps import sphere
-from himap.reading import is_file, read_numbers, regular_file
 
 __all__ = ["FromFile"]
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams.base import GaussianBeam
 
 __all__ = ["MeerKAT", "model_of", "stokes_i"]

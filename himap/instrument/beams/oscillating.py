@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.instrument.beams.base import GaussianBeam, diffraction_fwhm, parameter
 
 __all__ = ["RIPPLES", "Oscillating"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim, Finding, Part
 from himap.paper.claims.verdicts import most_common
 

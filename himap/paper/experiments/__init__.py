@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = ["EXPERIMENTS", "find_experiment"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 from himap.figures import styles
 from himap.instrument.beams import named
 from himap.instrument.beams.misjudged import Misjudged
@@ -17,7 +17,7 @@ from himap.paper import cleaned, pipeline
 from himap.paper.grid import Sky, cases_and_methods, make_products
 from himap.paper.mocks import own_recovery
 from himap.paper.record import Experiment
-from himap.products.store import product
+from himap.store.store import product
 
 __all__ = [
     "EXPERIMENT",

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from himap.checks import whole_number
-from himap.errors import InputError
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
+from himap.core.survey import Survey
 from himap.instrument.beams.oscillating import Oscillating
 from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
@@ -16,7 +17,6 @@ from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
-from himap.survey import Survey
 
 __all__ = ["EXPERIMENT", "NUDGES", "JudgedSky", "judge", "measure", "realisations", "skies"]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from himap.checks import whole_number
-from himap.errors import InputError
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
 from himap.figures import styles
 from himap.measures import diagnostics
 from himap.measures.transfer import JUDGED, bands, power_ratios

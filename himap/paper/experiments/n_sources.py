@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from himap.checks import whole_number
-from himap.errors import InputError
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
 from himap.figures import styles
 from himap.paper import cleaned
 from himap.paper.choice import eigenvalues, minka, views_of

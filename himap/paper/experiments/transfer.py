@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from himap.checks import whole_number
+from himap.core.checks import whole_number
 from himap.figures import styles
 from himap.measures.transfer import DEFINITIONS, band_means, power_ratios
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries

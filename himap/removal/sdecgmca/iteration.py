@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.progress import progress
+from himap.core.progress import progress
 from himap.removal.harmonic import degrees
 
 __all__ = ["Step", "iterations", "last_sources"]

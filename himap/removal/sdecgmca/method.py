@@ -4,8 +4,8 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from himap.checks import checked_noise
-from himap.errors import InputError
+from himap.core.checks import checked_noise
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter

@@ -9,7 +9,7 @@ the book shows why.
 
 from dataclasses import dataclass
 
-from himap.errors import InputError
+from himap.core.errors import InputError
 
 __all__ = ["OPTIONS", "READINGS", "Option", "resolved"]
 

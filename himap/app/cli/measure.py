@@ -1,0 +1,171 @@
+"""`himap measure`: what is measured on many skies, written as records, checked and grown."""
+
+import time
+from dataclasses import asdict, replace
+
+import click
+
+from himap.app.cli.shared import check_alone, debug, json_output, named_values, overwrite_option, workers
+from himap.app.notebook_files import copy_name
+from himap.app.notebooks import find
+from himap.app.parameters import Parameter, check_parameters, parse_texts
+from himap.core.checks import whole_number
+from himap.core.errors import InputError
+from himap.figures.tables import Table
+from himap.store.fingerprint import CodeTree
+from himap.store.provenance import Provenance
+
+__all__ = ["claims", "measure", "readings", "record"]
+
+_MOST_SOURCES = 10_000
+_SKIES = {"n_realisations": ("int", 20, "skies, each with a seed of its own")}
+_OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
+_NEXT = "goes with the next release"
+
+_OPTIONS = (
+    click.option("--preset", help="ci, quick, laptop or paper."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter."),
+    click.option("-o", "--output", help="The JSON to write; default in results/."),
+    overwrite_option,
+    click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
+    click.option("--grow", metavar="FILE", help="Add the skies that a record does not have."),
+)
+
+
+def _with_options(command):
+    command = debug(workers(command))
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("name")
+@_with_options
+def measure(name, **options):
+    """Measure the experiment NAME on many skies, print a summary, and write its record.
+
+    \b
+    beam_errors  what it costs a method to assume a wrong beam      (21_beam_errors)
+    claims       every claim of the paper, with a verdict           (15_claims)
+    methods      all methods side by side, through each beam        (25_side_by_side)
+    n_sources    how often a criterion finds the number of sources  (22_how_many)
+    readings     every claim under every reading of SDecGMCA        (15_claims)
+    transfer     how well transfer functions correct signal loss    (20_transfer_function)
+
+    `himap list` shows the parameters of these chapters. What was interrupted goes on where it stopped.
+
+    \b
+    himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
+    """
+    _measure(name, **options)
+
+
+def _measure(name, *, pairs, preset, output, overwrite, check, grow):
+    # Imported here: other commands need not wait for what does the work.
+    from himap.paper.experiments import find_experiment
+    from himap.paper.record import Record
+
+    experiment = find_experiment(name)
+    chosen, given = _parameters(experiment, pairs, preset)
+    record = None
+    if check is None and grow is None:
+        path = copy_name(name, chosen["preset"], given, suffix=".json")
+        path = json_output(output, path, overwrite=overwrite)
+    else:
+        path = _existing(check, grow, output, overwrite)
+        record = Record.load(experiment, path)
+    started = time.monotonic()
+    skies = experiment.skies(**chosen)
+    stated = {one: chosen[one] for one in experiment.stated}
+    stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
+
+    def about(since):
+        preset = chosen["preset"]
+        made = Provenance.of(
+            skies[0].survey, galaxy=skies[0].galaxy, preset=preset, parameters=stated, started=since
+        )
+        # The code that ran, whatever was edited in the hours since.
+        return asdict(made) | {"code": experiment.code(CodeTree(loaded=True))}
+
+    if check is not None:
+        rows = experiment.table(skies[:1])
+        record.check(rows, about(started)).save(path)
+        click.echo(f"{path}: {len(rows)} rows of one sky are the same with today's code.")
+        return
+    if record is None:
+        rows = experiment.table(skies)
+        record = Record(experiment=experiment, rows=rows, about=about(started))
+        record.save(path)
+    else:
+        for seed in record.missing([sky.survey.seed for sky in skies], about(started)):
+            since = time.monotonic()
+            rows = experiment.table([sky for sky in skies if sky.survey.seed == seed])
+            record = record.grow(rows, about(since))
+            record.save(path)  # at once: no sky is lost
+    click.echo(_table(experiment.summary(record.rows)))
+    click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+def _parameters(experiment, pairs, preset):
+    """{name: value} of all parameters of an experiment, and of those that were given."""
+    chapter = [one for one in find(experiment.chapter).parameters if one.name not in experiment.without]
+    more = {} if any(one.name == "n_realisations" for one in chapter) else _SKIES
+    declared = chapter + [Parameter(one, *rest) for one, rest in (more | dict(experiment.more)).items()]
+    declared = [replace(one, default=experiment.defaults.get(one.name, one.default)) for one in declared]
+    given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
+    for one in given.keys() & {"n_sources_min", "n_sources_max"}:
+        whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
+    return {one.name: one.default for one in declared} | given, given
+
+
+def _existing(check, grow, output, overwrite):
+    """The path of the record that is checked or grows."""
+    if check is not None and grow is not None:
+        raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
+    option, path = ("--check", check) if grow is None else ("--grow", grow)
+    check_alone(option, output, overwrite)
+    return path
+
+
+def _table(frame):
+    """A DataFrame of texts as a table; columns of numbers are at the right."""
+    rows = frame.to_numpy().tolist()
+    numbers = [
+        all(cell[:1] in "+-–.0123456789" for cell in column if cell) for column in zip(*rows, strict=True)
+    ]
+    return Table(frame.columns, rows, align="".join("r" if one else "l" for one in numbers))
+
+
+def _formerly(old, name):
+    """The command `old`, which is `himap measure NAME` now."""
+
+    def command(**options):
+        click.echo(f"`himap {old}` is `himap measure {name}` now, and {_NEXT}.", err=True)
+        _measure(name, **options)
+
+    words = f"Measure {name}; now `himap measure {name}`.\n\n\b\nhimap {old} --preset quick"
+    return click.command(old.rpartition(" ")[2], help=words, hidden=True)(_with_options(command))
+
+
+claims = _formerly("claims", "claims")
+readings = _formerly("readings", "readings")
+
+
+@click.group(hidden=True)
+@debug
+def record():
+    """Measure an experiment; now `himap measure`.
+
+    \b
+    himap record corrections --preset quick
+    """
+
+
+for _old, _name in (
+    ("corrections", "transfer"),
+    ("beam-errors", "beam_errors"),
+    ("side-by-side", "methods"),
+    ("suggestions", "n_sources"),
+):
+    record.add_command(_formerly(f"record {_old}", _name))

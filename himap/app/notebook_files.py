@@ -1,0 +1,192 @@
+"""Notebook files: what is kept of an executed notebook, its stamp, and how it is written.
+
+An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
+file only where the content changes, its stamp aside, and its pictures are packed. Its stamp holds the
+fingerprint of its code, the parameters that were passed, a digest of its text, which shows whether it was
+edited since, and when it was last executed: the commit, the time it took, the versions.
+"""
+
+import base64
+import copy
+import hashlib
+import io
+import json
+import re
+import tempfile
+
+from himap.core.errors import InputError
+from himap.core.outputs import check_free, whole_file
+
+__all__ = [
+    "KERNEL",
+    "STAMP",
+    "check_output",
+    "code_cells",
+    "copy_name",
+    "has_code",
+    "number_cells",
+    "read_notebook",
+    "stamped",
+    "text_digest",
+    "with_outputs",
+    "write_notebook",
+]
+
+STAMP = "himap_run"
+"""Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
+
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+"""The kernelspec of every notebook."""
+
+_JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
+"""For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
+
+_HEAVY = 1e5  # bytes of a picture
+_LARGEST_DATA = 2_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
+_VOLATILE_METADATA = ("papermill", "execution")
+_LONGEST_NAME = 120  # a file name may have 255 bytes
+
+
+def stamped(node, source, *, fingerprint, parameters, execution=None):
+    """The executed `node`, cleaned and with its stamp.
+
+    Parameters
+    ----------
+    node
+        The notebook; it is changed.
+    source
+        The notebook as read from its ``.py``, for the header.
+    fingerprint, parameters, execution
+        For the stamp; `execution` as `himap.store.provenance.environment` has it, with "seconds".
+    """
+    import nbformat  # slow, as below, and only what handles notebooks needs it
+
+    from himap.figures.data import DATA_TYPES
+
+    fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
+    node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
+    for cell in node.cells:
+        for key in _VOLATILE_METADATA:
+            cell.metadata.pop(key, None)
+        if not cell.metadata.get("tags"):
+            cell.metadata.pop("tags", None)
+        for output in cell.get("outputs", []):
+            data = output.get("data", {})
+            if "image/png" in data:
+                data["image/png"] = _smaller(data["image/png"])
+            for kind in DATA_TYPES:
+                if len(data.get(kind, "")) > _LARGEST_DATA:
+                    del data[kind]
+    number_cells(node)
+    stamp = {"fingerprint": fingerprint, "parameters": parameters, "text": text_digest(node)}
+    stamp |= {"execution": execution} if execution else {}
+    node.metadata[STAMP] = nbformat.from_dict(stamp)
+    return node
+
+
+def _smaller(png):
+    """A picture (base64) in 256 colours, a heavy one in half of that, so that a page of them loads quickly.
+
+    That is a third of the size, and the same to the eye.
+    """
+    from PIL import Image
+
+    with Image.open(io.BytesIO(base64.b64decode(png))) as picture:
+        if picture.mode == "P":
+            return png
+        paper = Image.new("RGB", picture.size, "white")
+        paper.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
+    packed = _packed(paper, 256)
+    return base64.b64encode(packed if len(packed) < _HEAVY else _packed(paper, 128)).decode()
+
+
+def _packed(paper, n_colours):
+    from PIL import Image
+
+    out = io.BytesIO()
+    paper.quantize(n_colours, kmeans=2, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def with_outputs(source, executed):
+    """The text of the ``.py`` with the outputs and the stamp of `executed`, whose code is the same."""
+    node = copy.deepcopy(source)
+    for cell, old in zip(code_cells(node), code_cells(executed), strict=True):
+        cell.outputs, cell.execution_count = old.outputs, old.execution_count
+    stamp = executed.metadata[STAMP]
+    made = {key: value for key, value in stamp.items() if key != "text"}
+    return stamped(node, source, **made)
+
+
+def code_cells(node):
+    """The code cells that do something: not those of blank lines and comments only."""
+    return [cell for cell in node.cells if cell.cell_type == "code" and has_code(cell.source)]
+
+
+def has_code(source):
+    """Whether a cell does something, beyond blank lines and comments."""
+    return any(line and not line.startswith("#") for line in map(str.strip, source.splitlines()))
+
+
+def number_cells(node):
+    """Give cells ids that depend on their content, so that they stay when other cells come and go."""
+    seen = {}
+    for cell in node.cells:
+        key = hashlib.sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:8]
+        seen[key] = seen.get(key, 0) + 1
+        cell["id"] = f"{key}-{seen[key]}"
+
+
+def text_digest(node):
+    """SHA-256 (hex) of what a reader sees of the source: all cells, their tags and captions, the header."""
+    shown = [
+        [cell.cell_type, cell.source, cell.metadata.get("tags") or [], cell.metadata.get("mystnb") or {}]
+        for cell in node.cells
+    ]
+    text = json.dumps([shown, node.metadata.get("himap", {})], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def read_notebook(path):
+    """The notebook in an ``.ipynb`` file; OSError or ValueError where there is none."""
+    import nbformat
+
+    return nbformat.read(path, as_version=4)
+
+
+def copy_name(notebook, preset, values, suffix=".ipynb"):
+    """File name of an executed copy: notebook, preset, and the other parameters that were passed."""
+    others = {**values, **values.get("survey", {})}
+    pairs = [f"{key}={others[key]}" for key in sorted(set(others) - {"preset", "survey"})]
+    label = re.sub(r"[^\w.=+-]+", "-", "_".join([notebook, *([preset] if preset else []), *pairs]))
+    if len(label) > _LONGEST_NAME:
+        label = f"{label[: _LONGEST_NAME - 9]}_{hashlib.sha256(label.encode()).hexdigest()[:8]}"
+    return f"{label}{suffix}"
+
+
+def check_output(path, suffix=".ipynb", *, overwrite=False):
+    """`path`, or an InputError now rather than after hours of work.
+
+    Raises
+    ------
+    InputError
+        Another ending, a place that cannot be written to, or a file that is there, without `overwrite`.
+    """
+    if path.suffix != suffix:
+        raise InputError(f"the output is the path of a file, something{suffix}; got {str(path)!r}.")
+    try:  # what the permissions promise is not always so
+        parent = next(folder for folder in path.absolute().parents if folder.exists())
+        with tempfile.TemporaryFile(dir=parent):
+            pass
+    except OSError as error:
+        raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
+    check_free([path], overwrite=overwrite)
+    return path
+
+
+def write_notebook(node, path):
+    """Write a notebook under another name, then rename it: whole or not at all."""
+    import nbformat
+
+    with whole_file(path) as temporary:
+        temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")

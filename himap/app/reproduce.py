@@ -1,0 +1,234 @@
+"""Running the notebooks: with other parameters, or again because something they depend on changed.
+
+An executed notebook carries a stamp: the fingerprint of its code, that of every product, method and beam
+that this reaches in himap, and the parameters that were passed. A notebook whose stamp is that of today's
+code, or of former code whose numbers are accepted for those of today's (`himap.store.accepted`), is fresh.
+What only looks has a fingerprint of its own: where no more than that moved, a notebook is drawn again, and is
+not stale.
+"""
+
+import copy
+import json
+import os
+import time
+from pathlib import Path
+
+from himap.app.kernels import kernel_environment, terminal
+from himap.app.notebook_files import (
+    KERNEL,
+    STAMP,
+    check_output,
+    code_cells,
+    copy_name,
+    read_notebook,
+    stamped,
+    text_digest,
+    with_outputs,
+    write_notebook,
+)
+from himap.app.notebooks import find, notebooks
+from himap.app.parameters import check_parameters
+from himap.core.errors import InputError
+from himap.store.accepted import moved
+from himap.store.provenance import environment
+
+__all__ = ["NotebookError", "refresh", "run", "stale"]
+
+_KERNEL_OPTIONS = ("--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True")
+
+
+class NotebookError(RuntimeError):
+    """A notebook that stopped at an error; the message says where."""
+
+
+def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True, overwrite=False):
+    """Execute a notebook with other parameters.
+
+    Parameters
+    ----------
+    name
+        As in `find`.
+    preset
+        Name of the preset; default: the notebook's.
+    parameters
+        {name: value}; fields of `Survey` may be among them.
+    output
+        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
+        other parameters that were passed in the name too, so that another run does not replace this one. What
+        is there is replaced if himap wrote it and nobody edited it since.
+    again
+        Whether to execute it also where the output is there, of today's code and these parameters.
+    overwrite
+        Whether to write over whatever is there.
+
+    Returns
+    -------
+    Path
+        Of the executed notebook, which is written whole or not at all.
+    bool
+        Whether it was executed now.
+
+    Raises
+    ------
+    InputError
+        A bad name, parameter or output, an output that is there, or bad input found by the notebook itself.
+    NotebookError
+        The notebook stopped at any other error.
+    """
+    notebook = find(name, folder)
+    values = check_parameters(notebook.parameters, parameters or {}, preset)
+    is_ours = output is None
+    if is_ours:
+        defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
+        preset = values.get("preset", defaults.get("preset"))
+        output = Path("results") / copy_name(notebook.name, preset, values)
+    output = Path(output)
+    if os.path.realpath(output) in {os.path.realpath(other.executed) for other in notebooks(folder)}:
+        raise InputError(
+            f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
+        )
+    if not again and _is_done(notebook, values, output):
+        return output, False
+    check_output(output, overwrite=overwrite or (is_ours and _is_unedited(output)))
+    write_notebook(_execute(notebook, values, Path.cwd()), output)
+    return output, True
+
+
+def _is_done(notebook, parameters, path):
+    """Whether the notebook at `path` was executed with today's code and these parameters."""
+    try:
+        stamp = read_notebook(path).metadata.get(STAMP, {})
+    except (OSError, ValueError):
+        return False
+    same = stamp.get("parameters") == json.loads(json.dumps(parameters))  # as a file holds them
+    return same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
+
+
+def _is_unedited(path):
+    """Whether the notebook at `path` is as himap wrote it."""
+    try:
+        node = read_notebook(path)
+        return text_digest(node) == node.metadata[STAMP]["text"]
+    except (OSError, ValueError, AttributeError, KeyError, TypeError):
+        return False
+
+
+def stale(folder=None, *, looks=False):
+    """The notebooks whose executed file is not that of today's code: {name: why}.
+
+    With `looks`, those too of which only the looks are others.
+    """
+    states = {notebook.name: _state(notebook) for notebook in notebooks(folder)}
+    return {name: state for name, state in states.items() if state and (looks or state != _LOOKS_CHANGED)}
+
+
+def refresh(names=None, folder=None, *, report=None):
+    """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
+
+    Those of which only the looks changed are executed too.
+
+    Parameters
+    ----------
+    names
+        Which, as in `find`; default all. Fresh ones are left alone.
+    report
+        Called as ``report(name, why)`` before each.
+
+    Returns
+    -------
+    dict
+        {name: why} of what was done.
+
+    Raises
+    ------
+    InputError
+        An ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost.
+    NotebookError
+        A notebook stopped at an error; it is as it was before.
+    """
+    chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
+    todo = {notebook: state for notebook in chosen if (state := _state(notebook))}
+    edited = [notebook.executed.name for notebook, state in todo.items() if state == _EDITED]
+    if edited:
+        raise InputError(
+            f"{', '.join(edited)} was edited in Jupyter and differs from its .py; take the edits over with "
+            "`jupytext --to py:percent` or delete the file, then run this again."
+        )
+    for notebook, state in todo.items():
+        if report:
+            report(notebook.name, state)
+        if state == _TEXT_CHANGED:
+            write_notebook(with_outputs(notebook.node, read_notebook(notebook.executed)), notebook.executed)
+        else:
+            write_notebook(_execute(notebook, {}, notebook.path.parent), notebook.executed)
+    return {notebook.name: state for notebook, state in todo.items()}
+
+
+_EDITED = "edited in Jupyter, unlike its .py"
+_TEXT_CHANGED = "its text changed"
+_LOOKS_CHANGED = "only its looks changed"
+
+
+def _state(notebook):
+    """Why the executed notebook is stale; empty if it is fresh."""
+    try:
+        node = read_notebook(notebook.executed)
+    except (OSError, ValueError):
+        return "there is no executed notebook"
+    stamp = node.metadata.get(STAMP, {})
+    text, source = text_digest(node), text_digest(notebook.node)
+    if stamp and text not in (stamp.get("text"), source):
+        return _EDITED
+    if not stamp or any(cell.execution_count is None for cell in code_cells(node)):
+        return "it was never executed"
+    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
+    if stamp.get("parameters"):
+        return "it was executed with other parameters"
+    if changed == ["look"]:
+        return _LOOKS_CHANGED
+    if changed:
+        others = ", ".join(name for name in changed if name not in ("code", "look"))
+        if "code" not in changed:
+            return f"{others} changed"
+        return "its code, or code that it uses, changed" + (f", and {others}" if others else "")
+    return "" if text == source == stamp.get("text") else _TEXT_CHANGED
+
+
+def _execute(notebook, parameters, folder):
+    """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+    import ipykernel  # noqa: F401 - of the kernel, and to be missed here and not there
+    import papermill  # slow, and most commands do without
+    from nbclient.exceptions import DeadKernelError
+
+    from himap.app.kernel_manager import AsyncLocalKernelManager
+
+    fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
+    node = copy.deepcopy(notebook.node)
+    node.metadata["kernelspec"] = dict(KERNEL)
+    started = time.monotonic()
+    watched = terminal()
+    bar = {"desc": notebook.name, "leave": False} if watched else False
+    try:
+        with kernel_environment(watched):
+            done = papermill.execute_notebook(
+                node,
+                None,
+                parameters,
+                cwd=folder,
+                progress_bar=bar,
+                extra_arguments=list(_KERNEL_OPTIONS),
+                kernel_manager_class=AsyncLocalKernelManager,
+            )
+    except papermill.PapermillExecutionError as error:
+        if error.ename == InputError.__name__:
+            raise InputError(error.evalue) from error
+        number = error.exec_count - bool(parameters)  # papermill adds a cell for them
+        raise NotebookError(
+            f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
+        ) from error
+    except DeadKernelError as error:
+        raise NotebookError(
+            f"the kernel of {notebook.name} died, most often because memory ran out; try a smaller preset."
+        ) from error
+    execution = environment() | {"seconds": round(time.monotonic() - started, 1)}
+    return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)

@@ -1,0 +1,123 @@
+"""Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
+
+Records and figures carry the fingerprint of the code that made them, without parameters, which are stored
+with it; what only looks does not count, and accepted code is as good (`himap.store.accepted`). Timings
+carry none: they are those of one machine and one day. A stale result is reported, not made again.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from himap.app.notebooks import notebooks
+from himap.app.stored import RESULTS
+from himap.paper.experiments import EXPERIMENTS
+from himap.paper.record import measuring_code
+from himap.store.accepted import ACCEPTED, PROBES, moved
+from himap.store.fingerprint import CodeTree
+
+__all__ = ["StoredResult", "stale_results", "stored_results"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredResult:
+    """One file of results.
+
+    Attributes
+    ----------
+    path
+        Of the JSON.
+    preset, galaxy
+        What it was made with.
+    commits
+        {(short commit, whether there were edits)} that it was made at.
+    seconds
+        What it took.
+    codes
+        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a record the
+        name of its experiment, of a folder of figures their names, of timings nothing.
+    checked
+        Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
+        fingerprint is of that code then.
+    """
+
+    path: Path
+    preset: str
+    galaxy: str
+    commits: set[tuple[str, bool]]
+    seconds: float
+    codes: dict[str, dict | None]
+    checked: str = ""
+
+    @property
+    def name(self):
+        """The name of the file, or of the folder of figures."""
+        return self.path.parent.name if self.path.stem == "figures" else self.path.stem
+
+
+def stored_results(folder=None):
+    """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
+    folder = folder or RESULTS
+    files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
+    files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
+    return sorted(map(_read, files), key=lambda result: result.name)
+
+
+def stale_results(folder=None, notebooks_folder=None):
+    """The stored results that today's code may not give: {name: why}.
+
+    Parameters
+    ----------
+    folder, notebooks_folder
+        Where the results and the notebooks are, if not in this checkout.
+    """
+    tree = CodeTree()
+    today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
+    for notebook in notebooks(notebooks_folder):
+        code = notebook.fingerprint(tree)
+        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
+        today |= {figure["name"]: code for figure in cells if "name" in figure}
+    states = {result.name: _state(result, today) for result in stored_results(folder)}
+    return {name: state for name, state in states.items() if state}
+
+
+def _state(result, today):
+    """Why a result is stale; empty if it is fresh, or a timing."""
+    if None in result.codes.values():
+        return "made before fingerprints were kept"
+    gone = [name for name in result.codes if name not in today]
+    if gone:
+        return f"no notebook has {', '.join(gone)} any more"
+    changed = {name: moved(code, today[name]) for name, code in result.codes.items()}
+    parts = dict.fromkeys(part for name in changed for part in changed[name] if part != "code")
+    which = f": {', '.join(parts)}" if parts else ""
+    return (
+        f"the code behind {', '.join(filter(changed.get, changed))} changed{which}"
+        if any(changed.values())
+        else ""
+    )
+
+
+def _read(path):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if "figures" not in content:
+        about = content["about"]
+        checked = about.get("checked", {})
+        code = checked.get("code", about.get("code"))
+        codes = {content["experiment"]: code} if "experiment" in content else {}
+        return replace(_result(path, about, [about], codes), checked=checked.get("commit", ""))
+    rows = content["figures"]
+    made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
+    runs = {json.dumps(row["execution"]): row["execution"] for row in rows}  # figures of a notebook share one
+    return _result(path, made, runs.values(), {row["name"]: row.get("code") for row in rows})
+
+
+def _result(path, made, runs, codes):
+    return StoredResult(
+        path=path,
+        preset=made["preset"],
+        galaxy=made["galaxy"],
+        commits={(run["commit"], run["dirty"]) for run in runs},
+        seconds=sum(run["seconds"] for run in runs),
+        codes=codes,
+    )

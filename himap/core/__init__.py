@@ -1,0 +1,1 @@
+"""What every room stands on: errors, checks, the survey, files and progress."""

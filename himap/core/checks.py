@@ -1,0 +1,176 @@
+"""Checks of what users pass in; each raises `InputError` with what came and the way out."""
+
+import numbers
+from dataclasses import MISSING, field, fields
+
+import numpy as np
+
+from himap.core.errors import InputError
+
+__all__ = [
+    "checked_beams",
+    "checked_cube",
+    "checked_field",
+    "checked_fields",
+    "checked_freqs",
+    "checked_noise",
+    "evenly_spaced",
+    "parameter",
+    "real_array",
+    "whole_number",
+]
+
+_LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
+_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
+
+
+def real_array(label, values):
+    """`values` as an array of real numbers; not masked, not ragged, not complex."""
+    if np.ma.is_masked(values):
+        raise InputError(f"{label} has masked values; fill them first, as with values.filled(...).")
+    try:
+        values = np.asarray(values)
+    except ValueError:
+        raise InputError(f"{label} must be one array, got rows of unequal length.") from None
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{label} must be real numbers, got {values.dtype}.")
+    return values
+
+
+def checked_cube(label, maps, *, min_channels=1, kept=None):
+    """`maps` as an array (n_channels, n_pix), float32 or float64, finite where `kept` is True.
+
+    `kept` is (n_pix,) or (n_channels, n_pix), None for everywhere. float32 stays as it is, without a copy;
+    everything else becomes float64.
+    """
+    maps = real_array(label, maps)
+    if maps.ndim != 2 or len(maps) < min_channels or maps.shape[1] < 1:
+        channels = f" with {min_channels} or more channels" if min_channels > 1 else ""
+        raise InputError(f"{label} must have shape (n_channels, n_pix){channels}, got {maps.shape}.")
+    if maps.dtype != np.float32:
+        maps = maps.astype(np.float64, copy=False)
+    if kept is None:
+        n_bad = sum(map(_count_bad, maps))
+    else:
+        rows = np.broadcast_to(kept, maps.shape)
+        n_bad = sum(_count_bad(channel[row]) for channel, row in zip(maps, rows, strict=True))
+    if n_bad:
+        raise InputError(
+            f"{label} must be finite everywhere, got {n_bad} NaN, infinite or UNSEEN pixels; fill or cut "
+            "them first."
+        )
+    return maps
+
+
+def _count_bad(pixels):
+    return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST)))
+
+
+def checked_freqs(freqs, n_channels):
+    """Channel centres in MHz, (n_channels,) float64, positive and ascending; takes astropy quantities."""
+    freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
+    if freqs.shape != (n_channels,):
+        raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
+    if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
+        raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
+    if not 10 < freqs[0] <= freqs[-1] < 1e5:
+        raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
+    return freqs
+
+
+def evenly_spaced(freqs):
+    """Whether channels (n_channels,), two or more, ascending, are as far apart everywhere, to 1 %."""
+    steps = np.diff(freqs)
+    return steps.max() <= _UNEVEN * steps.min()
+
+
+def checked_beams(label, beams, n_channels):
+    """b_l of every channel, (n_channels, lmax + 1) float64, finite and above zero."""
+    beams = real_array(label, beams).astype(float)
+    if beams.ndim != 2 or len(beams) != n_channels:
+        raise InputError(f"{label} must be b_l of shape ({n_channels}, lmax + 1), got {beams.shape}.")
+    bad = np.argwhere(~((beams > 0) & np.isfinite(beams)))
+    if len(bad):
+        channel, degree = bad[0]
+        raise InputError(
+            f"{label} must be finite and above zero, got {beams[channel, degree]} in channel {channel} at "
+            f"l = {degree} and {len(bad) - 1} more like it; end the b_l below that l."
+        )
+    return beams
+
+
+def checked_noise(label, noise, n_channels=None):
+    """`noise` per pixel, mK, finite and above zero: a float, a tuple with one for each channel, or None."""
+    if noise is None:
+        return None
+    values = real_array(label, noise)
+    if values.ndim > 1 or not ((values > 0) & (values < np.inf)).all():
+        raise InputError(f"{label} must be above zero, in mK per pixel, got {noise!r}.")
+    if values.ndim and n_channels not in (None, len(values)):
+        raise InputError(
+            f"{label} must be one value or {n_channels}, one for each channel, got {len(values)}."
+        )
+    return tuple(values.tolist()) if values.ndim else float(values)
+
+
+def whole_number(label, value, low, high):
+    """`value` as an int between `low` and `high`, both included."""
+    is_whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if not is_whole or not low <= value <= high:
+        raise InputError(f"{label} must be a whole number between {low} and {high}, got {value!r}.")
+    return int(value)
+
+
+def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=()):
+    """A dataclass field with a help text, and what it may be.
+
+    Parameters
+    ----------
+    default, help
+        A field without default must be given.
+    minimum, maximum
+        Limits of a number, both inclusive; `above`: the lower one is not.
+    choices
+        The values that there are.
+    """
+    limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
+    return field(default=default, metadata={"help": help, **limits})
+
+
+def checked_fields(instance):
+    """Put every field of a frozen dataclass, each a `parameter`, through `checked_field`."""
+    for item in fields(instance):
+        object.__setattr__(instance, item.name, checked_field(item, getattr(instance, item.name)))
+
+
+def checked_field(item, value):
+    """`value` as the type of the dataclass field `item`, a `parameter`, within its limits or choices.
+
+    Fields of other types than int and float, without choices, are for their class to check.
+    """
+    if item.metadata["choices"]:
+        return _chosen(item, value)
+    if item.type not in (int, float):
+        return value
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not number or not abs(value) < np.inf or (item.type is int and value != int(value)):
+        kind = {int: "a whole number", float: "a number"}[item.type]
+        raise InputError(f"{item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
+    low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))
+    too_low = low is not None and (value < low or (above and value == low))
+    if too_low or (high is not None and value > high):
+        bounds = [f"{'above' if above else 'at least'} {low}"] * (low is not None)
+        bounds += [f"at most {high}"] * (high is not None)
+        raise InputError(
+            f"{item.name} ({item.metadata['help']}) must be {' and '.join(bounds)}, got {value}."
+        )
+    return item.type(value)
+
+
+def _chosen(item, value):
+    choices = item.metadata["choices"]
+    for choice in choices:
+        if type(value) is type(choice) and value == choice:
+            return value
+    *others, last = map(str, choices)
+    raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")

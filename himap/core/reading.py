@@ -1,0 +1,113 @@
+"""Files to read, and plain numbers from them. Nothing that is read can run code, or wait for ever."""
+
+import os
+import stat
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from himap.core.errors import InputError
+from himap.core.memory import check_room
+
+__all__ = ["is_file", "mapped_array", "read_array", "read_numbers", "regular_file", "there_is"]
+
+_LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
+_ROOM = 10  # bytes in memory for each of such a text
+
+
+def there_is(path):
+    """Whether there is a file or folder of this name; False for a name that none can have."""
+    try:
+        return os.path.lexists(path)
+    except ValueError:  # a null byte
+        return False
+
+
+def is_file(path):
+    """Whether `path` leads to a file that is no folder; False for a name that none can have."""
+    try:
+        return not stat.S_ISDIR(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def regular_file(path, kind="file"):
+    """`path`, a file that can be read at once, as a `Path`; `kind` is what an error calls it.
+
+    Raises
+    ------
+    InputError
+        There is none, it may not be read, or it is a folder, a pipe or a device.
+    """
+    try:
+        if not str(path):
+            raise FileNotFoundError
+        mode = os.stat(path).st_mode
+        if stat.S_ISREG(mode):
+            with open(path, "rb"):
+                return Path(path)
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileNotFoundError) and not there_is(path):
+            raise InputError(f"there is no {kind} {str(path)!r}.") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"the {kind} {path} cannot be read ({reason}).") from None
+    came = "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+    raise InputError(f"the {kind} {path} must be a file that is on disk, got {came}.")
+
+
+def mapped_array(path):
+    """The array of a .npy file, read where it is looked at; object arrays, which could run code, are refused.
+
+    Raises
+    ------
+    InputError
+        It is no such file, or shorter than it says.
+    """
+    path = regular_file(path)
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # numpy evaluates the header, which raises nearly anything
+        raise InputError(
+            f"{path} is no .npy file of plain numbers ({type(error).__name__}: {error})."
+        ) from None
+    if not isinstance(array, np.ndarray):
+        array.close()
+        raise InputError(f"{path} is an archive of arrays (.npz); save the one that is meant as .npy.")
+    return array
+
+
+def read_array(path):
+    """The array of a .npy file, in memory; errors as of `mapped_array`, and one that does not fit."""
+    mapped = mapped_array(path)
+    check_room(str(path), mapped.nbytes)
+    return np.array(mapped)
+
+
+def read_numbers(path):
+    """The numbers of a .npy file, or of a text file with columns parted by blanks or commas, float64.
+
+    Raises
+    ------
+    InputError
+        No such file, or one that does not hold real numbers, at least one.
+    """
+    path = regular_file(path)
+    values = read_array(path) if path.suffix == ".npy" else _table(path)
+    if values.dtype.kind not in "fiu" or not values.size:
+        came = f"{values.dtype}" if values.size else "none"
+        raise InputError(f"{path} must hold real numbers, got {came}.")
+    return values.astype(float)
+
+
+def _table(path):
+    size = path.stat().st_size
+    if size > _LARGEST_TEXT:
+        raise InputError(f"{path} has {size / 1e6:.4g} MB of text; write that many numbers as .npy.")
+    check_room(str(path), _ROOM * size)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without numbers
+            return np.loadtxt(path.read_text(encoding="utf-8").replace(",", " ").splitlines(), ndmin=1)
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path} is no table of numbers ({error}).") from None

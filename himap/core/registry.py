@@ -1,0 +1,73 @@
+"""Classes that are found by themselves: a package with one class in each file, registered under a name."""
+
+import difflib
+import importlib.util
+import pkgutil
+from dataclasses import fields
+from importlib import import_module
+
+from himap.core.errors import InputError
+
+__all__ = ["Registry"]
+
+
+class Registry:
+    """The classes that the files of a package register.
+
+    Parameters
+    ----------
+    kind
+        What they are, for messages.
+    package, path
+        ``__name__`` and ``__path__`` of the package.
+    classes
+        {name: class}, which the base class of them all fills in ``__init_subclass__``.
+    """
+
+    def __init__(self, kind, package, path, classes):
+        self._kind, self._package, self._path, self._classes = kind, package, path, classes
+
+    def names(self):
+        """The names, sorted; every file of the package is imported."""
+        for module in pkgutil.iter_modules(self._path):
+            import_module(f"{self._package}.{module.name}")
+        return sorted(self._classes)
+
+    def holds(self, name):
+        """Whether there is a class called `name`.
+
+        It is looked for in the file of that name, then in all: a new file changes nothing for others.
+        """
+        if not isinstance(name, str):
+            return False
+        if name.isidentifier() and importlib.util.find_spec(f"{self._package}.{name}"):
+            import_module(f"{self._package}.{name}")
+        return name in self._classes or name in self.names()
+
+    def create(self, name, **parameters):
+        """An object of the class called `name`.
+
+        Raises
+        ------
+        InputError
+            An unknown name or parameter (the message lists what exists), or a bad value.
+        """
+        if not self.holds(name):
+            raise InputError(f"unknown {self._kind} {name!r}; there are {', '.join(self.names())}.")
+        kind = self._classes[name]
+        known = {item.name: item.metadata["help"] for item in fields(kind)}
+        for key in sorted(set(parameters) - set(known)):
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            listing = "; ".join(f"{item}: {help}" for item, help in known.items()) or "none"
+            raise InputError(f"{name} has no parameter {key!r}{hint}; its parameters are {listing}.")
+        return kind(**parameters)
+
+    def attribute(self, name):
+        """The class that is *called* `name` in its file, such as PCA, for the package's ``__getattr__``."""
+        if name[:1].isupper():  # what is written small is a file, which Python finds
+            self.names()
+            for kind in self._classes.values():
+                if kind.__name__ == name and kind.__module__.startswith(f"{self._package}."):
+                    return kind
+        raise AttributeError(f"module {self._package!r} has no attribute {name!r}")

@@ -1,0 +1,116 @@
+"""Results on disk as arrays and JSON: to be mapped, to be opened by anybody, and no pickle to be run.
+
+A folder has ``value.json``, the tree of what there is, and every array of it as a ``.npy`` file. A dataclass
+is the name of its class and its fields; when it is read back that class is looked up among the modules that
+are loaded and made of its fields; nothing is imported.
+"""
+
+import json
+import re
+import sys
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+
+from himap.core.errors import InputError
+
+__all__ = ["TREE", "read_value", "write_value"]
+
+TREE = "value.json"
+_KINDS = "biufc"  # of arrays: numbers and bools
+_ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"
+
+
+def write_value(value, folder):
+    """Write a result into a `Path`: arrays of numbers, dataclasses, lists, tuples, dicts, text and numbers.
+
+    Returns
+    -------
+    list
+        The names of the files.
+
+    Raises
+    ------
+    InputError
+        Something else is in it.
+    """
+    arrays = []
+    tree = _taken_apart(value, arrays)
+    names = [f"{n}.npy" for n in range(len(arrays))]
+    for name, array in zip(names, arrays, strict=True):
+        np.save(folder / name, array, allow_pickle=False)
+    (folder / TREE).write_text(json.dumps(tree, indent=1))
+    return [TREE, *names]
+
+
+def read_value(folder):
+    """What `write_value` wrote; its arrays are mapped from disk and read-only.
+
+    Raises
+    ------
+    ValueError
+        A class that is not loaded, or another tree than what `write_value` writes.
+    """
+    return _put_together(json.loads((folder / TREE).read_text()), folder)
+
+
+def _taken_apart(value, arrays):
+    """The tree of a value; its arrays are appended to `arrays`."""
+    if type(value) in (np.ndarray, np.memmap) and value.dtype.kind in _KINDS:
+        arrays.append(value)
+        return {_ARRAY: f"{len(arrays) - 1}.npy"}
+    if isinstance(value, np.generic):
+        value = value.item()
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind is list:
+        return [_taken_apart(item, arrays) for item in value]
+    if kind is tuple:
+        return {_TUPLE: [_taken_apart(item, arrays) for item in value]}
+    if kind is dict:
+        # Pairs, for the keys of JSON are text.
+        return {_DICT: [[_taken_apart(part, arrays) for part in pair] for pair in value.items()]}
+    if _is_kept(kind):
+        own = {item.name: _taken_apart(getattr(value, item.name), arrays) for item in fields(value)}
+        return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
+    name = f"{kind.__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
+    raise InputError(
+        "the result of a product is an array of numbers, or a dataclass of a module, list, tuple or dict of "
+        f"these, of text and of real numbers, got {name}."
+    )
+
+
+def _put_together(tree, folder):
+    if isinstance(tree, list):
+        return [_put_together(item, folder) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    if _ARRAY in tree:
+        if not re.fullmatch(r"\d+\.npy", tree[_ARRAY]):
+            raise ValueError(f"{tree[_ARRAY]} is no array of this folder")
+        return np.load(folder / tree[_ARRAY], mmap_mode="r", allow_pickle=False)
+    if _TUPLE in tree:
+        return tuple(_put_together(tree[_TUPLE], folder))
+    if _DICT in tree:
+        return dict(_put_together(pair, folder) for pair in tree[_DICT])
+    own = {name: _put_together(item, folder) for name, item in tree["fields"].items()}
+    return _class_of(*tree[_CLASS])(**own)
+
+
+def _class_of(module, name):
+    """The dataclass of that name, if its module is loaded."""
+    kind = _found(module, name)
+    if not (isinstance(kind, type) and is_dataclass(kind)):
+        raise ValueError(f"there is no class {name} in {module} any more")
+    return kind
+
+
+def _found(module, name):
+    return getattr(sys.modules.get(module), name, None)
+
+
+def _is_kept(kind):
+    """Whether a class is a dataclass that can be found and made again from its fields."""
+    there = is_dataclass(kind) and _found(kind.__module__, kind.__qualname__) is kind
+    return there and all(item.init for item in fields(kind))

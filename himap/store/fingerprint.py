@@ -1,0 +1,339 @@
+"""Fingerprints of code: which result depends on which lines.
+
+A fingerprint is a digest of the text of code (`himap.store.writing`: what can change a number, and nothing
+else) and of all that this names: definitions of its own module, what it imports of others, and what a package
+offers under a name. A definition counts by its text and by the digests of what it names, in their order, not
+by its name or place: to rename or move it changes nothing. Definitions that name each other in a circle get
+digests that say how they do. What each module on the way, and each package that it is in, does when it is
+imported counts too, and the imports of a package that are neither used there nor offered in ``__all__``, so
+that they are there for what they do (say, to register).
+
+Products, and classes with a fixed ``name`` such as methods and beams, have a digest of their own, and count
+elsewhere by that name. So the fingerprint of a notebook or a record is a dict: "code", "look", and the digest
+of every product and named class that it reaches, by its name. Where code names ``__path__`` and so looks into
+the folder of a package, it reaches all named classes there; one that is added later was not used, and
+`himap.store.accepted.moved` asks only for the names that were listed.
+
+What only shows numbers (`himap.store.syntax.LOOKS`) counts in "look", what that names elsewhere in "code".
+Code of other packages counts by its name alone: a new numpy does not make a notebook stale. All is read from
+the source: nothing is imported.
+"""
+
+from collections import defaultdict
+from graphlib import TopologicalSorter
+from pathlib import Path
+from typing import NamedTuple
+
+from himap.store.accepted import accepted as known
+from himap.store.sources import ROOT, read
+from himap.store.syntax import RUN, digest_of, is_ignored, is_look, parse, parse_cells
+from himap.store.writing import IMPORTS, bound_name
+
+__all__ = ["CodeTree"]
+
+_FOLDER, _CELLS = "__path__", "<cells>"
+
+
+class _Unit(NamedTuple):
+    """Something that can be named: digest of its text; what each hole leads to, [(units, attribute)]; and
+    all units that it leads to, those that it may look for and what runs on import among them."""
+
+    text: str
+    targets: tuple = ()
+    edges: tuple = ()
+
+
+class _Summary(NamedTuple):
+    code: str
+    look: str
+    parts: tuple
+    reached: tuple
+
+
+class CodeTree:
+    """The source of one or more packages, as the graph of what depends on what.
+
+    Parameters
+    ----------
+    loaded
+        Take the source as this process loaded it, not as it is on disk when it is first asked for.
+    himap
+        The folder of himap, where it is not this one.
+    texts
+        {path of a file: text} that counts in its place.
+    accepted
+        {digest of a definition: the one that it counts as}; default: that of `himap.store.accepted`.
+    former
+        {place of a definition (see `digests`): former digest that it is to count as}; what follows is
+        in the attribute `accepts`, a dict as `accepted`.
+    roots
+        Name of another package (or single module) -> its folder (or file).
+    """
+
+    def __init__(self, *, loaded=False, himap=ROOT, texts=None, accepted=None, former=None, **roots):
+        self.loaded, self.texts = loaded, texts or {}
+        self._accepted = known() if accepted is None else accepted
+        self._former, self.accepts = former or {}, {}
+        self.roots = {name: Path(path) for name, path in {"himap": himap, **roots}.items()}
+        packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
+        self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
+        self._files, self._codes, self._units = {}, {}, {}
+        self._fixed_names, self._digests, self._summaries = {}, {}, {}
+
+    def fingerprint(self, module, name=None):
+        """{"code", "look", products and named classes: digest} of a module, or of `name` in it."""
+        return self._fingerprint((_CELLS, module, name), [(((module, name),), None)])
+
+    def source_fingerprint(self, *sources):
+        """The same of pieces of code, such as the cells of a notebook, and of what they import."""
+        code, part = parse_cells(sources)
+        return self._fingerprint((_CELLS, sources), self._targets(code, part, None), part.digest)
+
+    def files(self, module, name=None):
+        """The files that a fingerprint was read from."""
+        self.fingerprint(module, name)
+        units = {unit for root in self._all((_CELLS, module, name)) for unit in self._summary(root).reached}
+        return {self._file(unit[0]) for unit in units} - {None}
+
+    def digests(self, module):
+        """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
+
+        The place is ``module:name``, or the fixed name.
+        """
+        self.fingerprint(module)
+        parts = self._all((_CELLS, module, None))[1:]
+        return {
+            self._fixed_name(part): {
+                self._at(unit): self._digests[unit]
+                for unit in self._summary(part).reached
+                if self._file(unit[0])
+            }
+            for part in parts
+        }
+
+    def _at(self, unit):
+        return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
+
+    def _fingerprint(self, root, targets, text=""):
+        edges = [unit for units, _ in targets for unit in units]
+        self._units.setdefault(root, _Unit(text, tuple(targets), tuple(edges)))
+        found = defaultdict(list)
+        for part in self._all(root)[1:]:
+            found[self._fixed_name(part)].append(self._summary(part).code)
+        whole = self._summary(root)
+        named = {
+            name: one if not more else digest_of(sorted([one, *more])) for name, (one, *more) in found.items()
+        }
+        return {"code": whole.code, "look": whole.look} | dict(sorted(named.items()))
+
+    def _all(self, root):
+        """`root`, and the units with a fixed name that it reaches, also through each other."""
+        found = [root]
+        for unit in found:
+            found += [part for part in self._summary(unit).parts if part not in found]
+        return found
+
+    def _summary(self, root):
+        """What `root` reaches without going beyond units with a fixed name, and the digests of that."""
+        if root in self._summaries:
+            return self._summaries[root]
+        reached, parts, numbers, looks = [root], {}, set(), set()
+        seen = {root}
+        for unit in reached:
+            for other in self._unit(unit).edges:
+                if self._fixed_name(other):
+                    parts[other] = None
+                elif other not in seen:
+                    seen.add(other)
+                    reached.append(other)
+        self._digest_all(reached)
+        for unit in reached:
+            edges, is_shown = self._unit(unit).edges, is_look(unit[0])
+            if unit == root or (unit[1] == RUN and self._unit(unit)[:2] != ("", ())):
+                (looks if is_shown else numbers).add(self._digests[unit])
+            if is_shown:
+                numbers |= {self._digests[one] for one in edges if one in seen and not self._is_shown(one)}
+            elif shown := [self._digests[one] for one in edges if is_look(one[0])]:
+                looks.add(digest_of(shown))
+        code, look = digest_of(sorted(numbers)), digest_of(sorted(looks))
+        self._summaries[root] = _Summary(code, look, tuple(parts), tuple(reached))
+        return self._summaries[root]
+
+    def _is_shown(self, unit):
+        """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""
+        return is_look(unit[0]) or not self._file(unit[0])
+
+    def _digest_all(self, units):
+        """Fill the digests of units, those before that others name; circles of them together."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        units = [unit for unit in units if unit not in self._digests]
+        places = {unit: n for n, unit in enumerate(units)}
+        edges = {
+            (places[one], places[other]) for one in units for other in self._named_by(one) if other in places
+        }
+        rows, columns = zip(*edges, strict=True) if edges else ((), ())
+        graph = coo_array(([1] * len(edges), (rows, columns)), shape=(len(units), len(units)))
+        labels = connected_components(graph, connection="strong")[1].tolist()
+        circles, after = defaultdict(list), {label: set() for label in labels}
+        for unit, label in zip(units, labels, strict=True):
+            circles[label].append(unit)
+        for row, column in edges:
+            after[labels[row]] |= {labels[column]} - {labels[row]}
+        for label in TopologicalSorter(after).static_order():
+            self._digests |= dict.fromkeys(circles[label], "circle")
+            for _ in circles[label]:  # after as many rounds as there are units each knows all of the circle
+                self._digests |= {unit: self._digest(unit) for unit in circles[label]}
+            self._digests |= {unit: self._counted(unit) for unit in circles[label]}
+
+    def _counted(self, unit):
+        """The digest of a unit, or the former one that it counts as."""
+        own = self._digests[unit]
+        if not self._unit(unit).text:  # another name, or nothing
+            return own
+        digest = self._accepted.get(own, own)
+        former = self._former.get(self._at(unit), digest)
+        if former != digest:
+            self.accepts[own] = former
+        return former
+
+    def _named_by(self, unit):
+        """The units by whose digests this one counts: of its kind, and without a fixed name."""
+        kind = is_look(unit[0])
+        named = [one for units, _ in self._unit(unit).targets for one in units if not self._fixed_name(one)]
+        return [one for one in named if (self._is_shown(one) if kind else not is_look(one[0]))]
+
+    def _digest(self, unit):
+        text, targets, _ = self._unit(unit)
+        known, pieces = set(self._named_by(unit)), []
+        for units, attribute in targets:
+            kinds = [one for one in units if is_look(unit[0]) or not is_look(one[0])]
+            digests = [self._fixed_name(one) or (self._digests[one] if one in known else "") for one in kinds]
+            pieces.append(f"{'|'.join(sorted(digests))}.{attribute or ''}")
+        if unit[0] != _CELLS and unit[1] is None:
+            pieces.sort()
+        if not text and len(pieces) == 1 and pieces[0].endswith("."):
+            return pieces[0][:-1]  # another name of that
+        return digest_of([text, *pieces])
+
+    def _unit(self, unit):
+        if unit not in self._units:
+            self._units[unit] = self._made(*unit)
+        return self._units[unit]
+
+    def _made(self, module, name):
+        if not self._file(module):
+            return _Unit(f"{module}.{name or ''}")
+        code, parts = self._read(module), module.split(".")
+        before = [".".join(parts[:n]) for n in range(2, len(parts))] + [module]
+        run = [(one, RUN) for one in before if self._file(one)]
+        if name == _FOLDER:
+            return _Unit(_FOLDER, edges=(*self._inside(module), *run))
+        if name is None:  # private names count by what they are
+            names = {
+                one: code.defines(one) and one[0] != "_" for one in code.index if one not in code.ignored
+            }
+            text, targets = "module", tuple((((module, one),), one * names[one]) for one in sorted(names))
+        else:
+            part = code.part(name)
+            text, targets = part.digest, self._targets(code, part, module)
+        return _Unit(text, targets, tuple([unit for units, _ in targets for unit in units] + run))
+
+    def _fixed_name(self, unit):
+        if unit not in self._fixed_names:
+            module, name = unit[0], unit[1]
+            is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and self._file(module)
+            self._fixed_names[unit] = self._read(module).fixed_name(name) if is_ours else None
+        return self._fixed_names[unit]
+
+    def _targets(self, code, part, module):
+        """What the holes of a part lead to: [(units, attribute of them that is taken)]."""
+        targets = []
+        for hole in part.holes:
+            units, rest = [] if hole.nodes else [(module, _FOLDER)], None
+            for node in hole.nodes:
+                if isinstance(node, IMPORTS):
+                    found, taken = self._imported(node, hole, code)
+                else:
+                    found, taken = [(module, hole.name)], False
+                units += found
+                rest = rest if taken else hole.attribute
+            units = [unit for unit in dict.fromkeys(units) if not is_ignored(unit[0])]
+            targets.append((tuple(units), rest))
+        return tuple(targets)
+
+    def _imported(self, node, hole, code):
+        """The units behind an import, and whether the attribute of the hole is one of them."""
+        alias = next(one for one in node.names if bound_name(one) == hole.name)
+        *parent, place = code.source(node, alias)
+        if parent and not self._file(place):
+            return self._named(parent[0], alias.name), False
+        is_bound = bool(parent) or alias.asname or "." not in place  # import a.b.c binds a
+        if hole.attribute and is_bound:
+            return self._named(place, hole.attribute), True
+        return [(place, None)], False
+
+    def _named(self, module, name):
+        """The units behind `name` of a module, whose own or which a package offers."""
+        if not self._file(module):
+            return [(module, name)]
+        code = self._read(module)
+        units = [(module, name)] if name in code.index or (code.is_package and name == _FOLDER) else []
+        if code.is_package and self._file(f"{module}.{name}"):
+            units.append((f"{module}.{name}", None))
+        if code.is_package and not units and "__getattr__" in code.index:
+            units = self._offered(module, name) or [(module, "__getattr__")]
+        return units or [(module, None)]
+
+    def _offered(self, package, name):
+        """The definitions of `name` in the modules of a package, and those that its sub-packages offer."""
+        units = []
+        for module in self._modules(package):
+            code = self._read(module)
+            if code.defines(name) or (code.is_package and name in code.index):
+                units.append((module, name))
+            elif code.is_package and "__getattr__" in code.index:
+                units += self._offered(module, name)
+        return units
+
+    def _inside(self, package):
+        """The classes with a fixed name in the folder of a package, and in those of its sub-packages."""
+        units = []
+        for module in self._modules(package):
+            code = self._read(module)
+            units += [(module, name) for name in code.index if code.fixed_name(name)]
+            units += self._inside(module) if code.is_package else []
+        return units
+
+    def _modules(self, package):
+        """Names of the modules and sub-packages in the folder of a package."""
+        folder = self._file(package).parent
+        names = {path.stem for path in self._there if path.parent == folder}
+        names |= {path.parent.name for path in self._there if path.parent.parent == folder}
+        modules = [f"{package}.{name}" for name in sorted(names - {"__init__"})]
+        return [module for module in modules if self._file(module)]
+
+    def _file(self, module):
+        """The source file of a module of ours, else None."""
+        if module not in self._files:
+            self._files[module] = self._find(module)
+        return self._files[module]
+
+    def _find(self, module):
+        top, *rest = module.split(".")
+        root = self.roots.get(top)
+        if root is None or root.suffix == ".py":
+            return None if rest else root
+        path = root.joinpath(*rest)
+        candidates = [path / "__init__.py"] + [path.with_suffix(".py")] * bool(rest)
+        return next((one for one in candidates if one in self._there), None)
+
+    def _read(self, module):
+        if module not in self._codes:
+            file = self._file(module)
+            text = self.texts[file] if file in self.texts else read(file, loaded=self.loaded)
+            is_package = file.name == "__init__.py"
+            package = module if is_package else module.rpartition(".")[0]
+            self._codes[module] = parse(text, package, is_package, is_look(module))
+        return self._codes[module]

@@ -1,0 +1,92 @@
+"""Fingerprints of functions, classes and modules of this process, and whether their source changed since."""
+
+import inspect
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+from himap.core.errors import InputError
+from himap.store import sources
+from himap.store.accepted import accepted, moved
+from himap.store.fingerprint import CodeTree
+
+__all__ = ["code_fingerprint", "is_current", "note", "tree_of"]
+
+
+def code_fingerprint(obj):
+    """The fingerprint (see `CodeTree`) of a function, class or module as this process loaded it.
+
+    Raises
+    ------
+    InputError
+        `obj` is not defined at the top level of a source file (a lambda, a nested function, or
+        something typed into a notebook).
+    """
+    (top, root), *where = _place(obj)
+    return _tree(top, root).fingerprint(*where)
+
+
+def note(obj):
+    """Note the source of what is not himap's, of the package that `obj` is in, as this process loads it."""
+    (_, root), *_ = _place(obj)
+    if root != sources.ROOT:
+        sources.note([root] if root.suffix == ".py" else root.rglob("*.py"))
+
+
+def is_current(obj):
+    """Whether the code of a function, class or module on disk is, but for words, what this process loaded.
+
+    It looks at the times and sizes of the files that the fingerprint was read from, some dozens, and reads
+    again only where one has changed.
+    """
+    (top, root), *where = _place(obj)
+    files = _files_of(top, root, *where)
+    if all(map(sources.is_unchanged, files)):
+        return True
+    now = _tree_now(top, root, sources.version(files)).fingerprint(*where)
+    return not moved(code_fingerprint(obj), now)
+
+
+@lru_cache(maxsize=1024)
+def _place(obj):
+    """(name of its package, root of that), name of its module, its own name."""
+    is_module = inspect.ismodule(obj)
+    module = obj.__name__ if is_module else getattr(obj, "__module__", None)
+    name = None if is_module else getattr(obj, "__qualname__", "")
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or (name is not None and not name.isidentifier()):
+        raise InputError(
+            f"{obj!r} has no fingerprint: it must be a module, or a function or class defined at the top "
+            "level of a source file; move it into a module and import it from there."
+        )
+    top, *rest = module.split(".")
+    path = Path(file).resolve()
+    depth = len(rest) + (path.name == "__init__.py")
+    return (top, path.parents[depth - 1] if depth else path), module, name
+
+
+def tree_of(obj, **options):
+    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
+    (top, root), *_ = _place(obj)
+    return CodeTree(loaded=True, **{top: root}, **options)
+
+
+def _tree(top, root):
+    known = accepted()
+    if _TREES.get((top, root), (None,))[0] is not known:
+        _TREES[top, root] = known, CodeTree(loaded=True, accepted=known, **{top: root})
+    return _TREES[top, root][1]
+
+
+_TREES = {}  # the last of each package
+
+
+@lru_cache(maxsize=4)
+def _tree_now(top, root, version):
+    """The source on disk; `version` is what changes when it does."""
+    return CodeTree(**{top: root})
+
+
+@lru_cache(maxsize=1024)
+def _files_of(top, root, module, name):
+    return _tree(top, root).files(module, name)

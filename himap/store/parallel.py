@@ -1,0 +1,224 @@
+"""Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
+
+import contextlib
+import logging
+import os
+import threading
+import time
+import warnings
+from functools import cache as cache_calls
+
+import joblib
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from himap.core.errors import InputError
+from himap.core.folders import note_worker, run_folder
+from himap.core.progress import progress
+from himap.store import cache
+
+__all__ = ["DASK_VARIABLE", "JOBS_VARIABLE", "check_scheduler", "dask_address", "make_all", "n_jobs"]
+
+JOBS_VARIABLE = "HIMAP_JOBS"
+"""Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
+
+DASK_VARIABLE = "HIMAP_DASK"
+"""Environment variable with the address of a Dask scheduler; `himap run --dask` sets it."""
+
+_TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
+_CONNECT = 30  # s to reach the scheduler
+_CHECK = 5  # s the same before any work, when somebody waits: enough for one that is starting
+_LOOK = 1  # s between looks for the process that started this one
+_RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
+
+
+def n_jobs():
+    """How many processes work at once, 1 unless the variable HIMAP_JOBS says otherwise.
+
+    Raises
+    ------
+    InputError
+        HIMAP_JOBS is no whole number above 0.
+    """
+    text = os.environ.get(JOBS_VARIABLE, "1")
+    if not text.isdecimal() or int(text) < 1:
+        raise InputError(f"{JOBS_VARIABLE} must be a whole number of processes above 0, got {text!r}.")
+    return int(text)
+
+
+def dask_address():
+    """Address of the Dask scheduler that the variable HIMAP_DASK names, or None."""
+    return os.environ.get(DASK_VARIABLE) or None
+
+
+def check_scheduler():
+    """Refuse, before any work, an address in HIMAP_DASK where no scheduler answers; without one do nothing.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if dask_address():
+        with _told_here("distributed.client"):
+            _client(_CHECK).close()
+
+
+def make_all(product, calls, description):
+    """Make sure that products are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
+
+    What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
+    do not travel: each process keeps what it computes in the cache folder, and reads from there.
+
+    Parameters
+    ----------
+    product
+        A `himap.store.store.Product`.
+    calls
+        The arguments of each call, a list of tuples.
+    description
+        A word or two in front of the bar, which shows the time left.
+
+    Returns
+    -------
+    int
+        How many were made now.
+
+    Raises
+    ------
+    InputError
+        A process that was killed; a Dask scheduler that does not answer, or no longer, workers that die again
+        and again, or that write to another cache folder.
+    """
+    missing = [call for call in calls if not product.is_cached(*call)]
+    if not missing:
+        return 0
+    if dask_address():
+        done = _on_cluster(product, missing)
+    elif n_jobs() > 1 < len(missing):
+        done = _in_processes(product, missing)
+    else:
+        done = (_made(product, call) for call in missing)
+    for caught in progress(done, description, total=len(missing)):
+        for message, category in caught:
+            warnings.warn(message, category, stacklevel=2)
+    return len(missing)
+
+
+def _made(product, call):
+    product(*call)
+    return []
+
+
+def _in_processes(product, missing):
+    """The warnings of each piece of work, as they are done; the cores are shared out among the processes."""
+    jobs = min(n_jobs(), len(missing))
+    # joblib tells this to every other package with threads. New processes read it when they begin.
+    own_choice = os.environ.get(_TRANSFORM_THREADS)
+    os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
+    try:
+        # The processes live on for the next call, so each piece of work brings the settings of this one.
+        folder = run_folder()
+        work = (joblib.delayed(_make)(product, call, _settings(), folder, os.getpid()) for call in missing)
+        options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
+        yield from joblib.Parallel(n_jobs=jobs, **options)(work)
+    except TerminatedWorkerError:
+        raise InputError(
+            f"one of {jobs} processes was killed as it made {product.name}, most likely for want of memory. "
+            "What was done is kept: run the same again with fewer --jobs, or on a machine with more memory."
+        ) from None
+    finally:
+        if own_choice is None:
+            del os.environ[_TRANSFORM_THREADS]
+
+
+@cache_calls
+def _end_with(asking):
+    """End this process when the one that started it, `asking`, is gone: nobody waits for what it makes."""
+
+    def watch():
+        while os.getppid() == asking:
+            time.sleep(_LOOK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _client(seconds):
+    """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
+    address = dask_address()
+    try:
+        return Client(address, timeout=seconds)
+    except Exception as error:  # what answers there may be no scheduler, and say anything
+        raise InputError(
+            f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler` and give "
+            "the address that it prints, such as tcp://host:8786."
+        ) from None
+
+
+def _on_cluster(product, missing):
+    """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
+    address, client = dask_address(), _client(_CONNECT)
+    from distributed import KilledWorker, as_completed
+
+    settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
+    settings.pop(DASK_VARIABLE)
+    with client, _told_here("distributed.client"):
+        futures = [
+            client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
+        ]
+        for future in as_completed(futures):
+            if future.cancelled():
+                raise InputError(
+                    f"the Dask scheduler at {address} is gone. What was done is kept: start one, and run the "
+                    "same again."
+                )
+            try:
+                yield future.result()
+            except KilledWorker as error:
+                raise InputError(
+                    f"{error.allowed_failures + 1} workers of {address} died one after the other making "
+                    f"{product.name}, most likely for want of memory. What was done is kept: run the same "
+                    "again with more memory for each worker."
+                ) from None
+    if not all(product.is_cached(*call) for call in missing):
+        raise InputError(
+            f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
+            "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
+        )
+
+
+@contextlib.contextmanager
+def _told_here(logger):
+    """Without what a package logs of errors that become ours."""
+    log = logging.getLogger(logger)
+    before, log.disabled = log.disabled, True
+    try:
+        yield
+    finally:
+        log.disabled = before
+
+
+def _settings():
+    """The variables of himap, {name: value}."""
+    return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
+
+
+def _make(product, call, settings, folder=None, asking=None):
+    """Compute and keep; the warnings, for the process that asked.
+
+    One that started this process gives its `run_folder` and its number, `asking`.
+    """
+    if folder is not None:
+        note_worker(folder)
+        _end_with(asking)
+    for name in _settings().keys() - settings.keys():
+        del os.environ[name]
+    os.environ.update(settings)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        product(*call)
+    return [(str(warning.message), warning.category) for warning in caught]

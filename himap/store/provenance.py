@@ -1,0 +1,163 @@
+"""Where a figure comes from: the line under it that says how to make it again."""
+
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as package_version
+from pathlib import Path
+
+from himap import __version__
+from himap.core.survey import PRESETS
+
+__all__ = ["PACKAGES", "VOLATILE", "Provenance", "duration", "environment"]
+
+PACKAGES = ("numpy", "scipy", "healpy", "ducc0", "camb", "astropy", "scikit-learn", "pysm3")
+"""Packages whose version can move a number in the last digits."""
+
+VOLATILE = r", commit \w+( with edits)?( · [\d.]+ (s|min|h))?"
+"""Regular expression of the part of a footer that differs from run to run, commit and time."""
+
+_HERE = Path(__file__).resolve().parents[1]
+_STARTED = time.monotonic()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """How a result was made.
+
+    Attributes
+    ----------
+    preset
+        Name of the preset.
+    overrides
+        Survey fields that differ from it, and the parameters that were passed to `of`.
+    galaxy
+        Which Galaxy: "synthetic", "templates (nside 64)", "pysm3", "none".
+    seed
+        Seed of all random streams.
+    commit, dirty
+        Short git commit of himap ("unknown" outside a checkout); whether library or notebooks have edits.
+    seconds
+        Wall time it took.
+    version, packages
+        Version of himap, and (name, version) of the packages in `PACKAGES` that are installed.
+    """
+
+    preset: str
+    overrides: tuple[tuple[str, object], ...]
+    galaxy: str
+    seed: int
+    commit: str
+    dirty: bool
+    seconds: float
+    version: str
+    packages: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, survey, *, galaxy, preset=None, parameters=None, started=None):
+        """The provenance of a result made now from `survey`.
+
+        Parameters
+        ----------
+        survey
+            The `Survey`.
+        galaxy
+            Name of the Galaxy, or an object with a `label`.
+        preset
+            Name of the preset that `survey` is an override of; default: the nearest one.
+        parameters
+            Other parameters that differ from their defaults, {name: value}.
+        started
+            `time.monotonic()` when the work began; default: when himap was first used in this process.
+        """
+        preset = preset or _nearest_preset(survey)
+        commit, dirty = _commit()
+        return cls(
+            preset=preset,
+            overrides=(*_overrides(survey, preset).items(), *(parameters or {}).items()),
+            galaxy=str(getattr(galaxy, "label", galaxy)),
+            seed=survey.seed,
+            commit=commit,
+            dirty=dirty,
+            seconds=time.monotonic() - (_STARTED if started is None else started),
+            version=__version__,
+            packages=_packages(),
+        )
+
+    @classmethod
+    def of_stored(cls, about):
+        """The provenance that `asdict` had written with a result, whatever stands beside it."""
+        return cls(**{item.name: about[item.name] for item in fields(cls)})
+
+    def footer(self):
+        """One line for under a figure."""
+        changed = [f"{name} = {value}" for name, value in self.overrides]
+        edits = " with edits" if self.dirty else ""
+        himap = f"himap {self.version}, commit {self.commit}{edits}"
+        origin = [self.preset, *changed, f"{self.galaxy} Galaxy", f"seed {self.seed}"]
+        return " · ".join([*origin, himap, duration(self.seconds)])
+
+    __str__ = footer
+
+
+def _overrides(survey, preset):
+    """The fields of `survey` that differ from the preset, the seed aside."""
+    base = asdict(PRESETS[preset])
+    return {name: value for name, value in asdict(survey).items() if value != base[name] and name != "seed"}
+
+
+def _nearest_preset(survey):
+    return min(PRESETS, key=lambda name: len(_overrides(survey, name)))
+
+
+def environment():
+    """What results of this process are made with: {"himap", "commit", "dirty", "python", "packages"}."""
+    commit, dirty = _commit()
+    python = ".".join(map(str, sys.version_info[:3]))
+    return {
+        "himap": __version__,
+        "commit": commit,
+        "dirty": dirty,
+        "python": python,
+        "packages": dict(_packages()),
+    }
+
+
+def duration(seconds):
+    """A time as people say it: 1.2 s, 35 s, 12 min, 2.3 h."""
+    if seconds < 100:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+@lru_cache(maxsize=1)
+def _packages():
+    versions = []
+    for name in PACKAGES:
+        try:
+            versions.append((name, package_version(name)))
+        except PackageNotFoundError:
+            continue
+    return tuple(versions)
+
+
+@lru_cache(maxsize=1)
+def _commit():
+    """Short commit of the checkout that holds himap, and whether code in it has edits."""
+    if _git("ls-files", "--error-unmatch", "__init__.py") is None:  # installed inside somebody's repository
+        return "unknown", False
+    commit = _git("rev-parse", "--short", "HEAD")
+    edits = _git("status", "--porcelain", "--", ".", ":(top,glob)notebooks/*.py")
+    return (commit, bool(edits)) if commit else ("unknown", False)
+
+
+def _git(*arguments):
+    """What a git command prints in the package's folder; None where it fails."""
+    try:
+        process = subprocess.run(["git", *arguments], cwd=_HERE, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return process.stdout.strip() if process.returncode == 0 else None

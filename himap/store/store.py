@@ -1,0 +1,189 @@
+"""Heavy results, computed once and kept on disk.
+
+A function under `@product` is computed once for each set of arguments and each version of the code
+that it reaches (`himap.store.live`); after that its result is read from the cache folder
+(`himap.store.cache`), its arrays mapped from disk and read-only.
+"""
+
+import functools
+import inspect
+import time
+import warnings
+from dataclasses import fields, is_dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from himap.core.errors import InputError
+from himap.store import cache
+from himap.store.accepted import accepted
+from himap.store.live import code_fingerprint, is_current, note
+
+__all__ = ["Product", "product"]
+
+
+def product(function=None, *, name=None, version=None):
+    """Decorator: keep what a function returns on disk.
+
+    The function is at the top level of a module. Its arguments are small: numbers, strings,
+    bools, None, paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by
+    its content). A dataclass also counts with the code of its class, and an argument with a method
+    `digest()` with what that returns, for instance the hash of a file. The result is an array, or
+    a dataclass, list, tuple or dict of arrays, text and numbers; arrays are read-only.
+
+    Parameters
+    ----------
+    name
+        By which caches, stamps and records know it, wherever the function is; default: that of the function.
+        Who renames the function gives the former name, and nothing is made again.
+    version
+        A number to raise where the result changes for a reason that is not in the source, such as a newer
+        package.
+
+    Raises
+    ------
+    InputError
+        When called: arguments that do not fit the signature, or that have no such text; a result that
+        cannot be written.
+
+    >>> @product
+    ... def observation(survey, *, beam="degraded"): ...
+    """
+    return Product(function, name) if function else functools.partial(product, name=name, version=version)
+
+
+class Product:
+    """A function whose results are kept on disk; see `product`.
+
+    Attributes
+    ----------
+    name
+        Its fixed name.
+    """
+
+    def __init__(self, function, name=None):
+        functools.update_wrapper(self, function)
+        self.name = name or function.__qualname__
+        self._function = function
+        self._signature = inspect.signature(function)
+        self._codes = {}
+        note(function)
+
+    def __reduce__(self):
+        return self.__qualname__  # by name, as functions are: joblib's workers import it
+
+    def __repr__(self):
+        return f"<product {self.name}{self._signature}>"
+
+    def __call__(self, *args, **kwargs):
+        """The result, from the cache if it is there; see the function for arguments and result."""
+        bound = self._bind(args, kwargs)
+        key, current = self._key(bound)
+        if not current:
+            warnings.warn(
+                f"the code behind {self.name} has changed on disk since it was loaded, so its result is "
+                "neither read from the cache nor kept; restart Python or the kernel.",
+                stacklevel=2,
+            )
+            return self._function(*bound.args, **bound.kwargs)
+        if cache.holds(self.name, key):
+            try:
+                return cache.load(self.name, key)
+            except cache.Deleted:
+                pass  # by another process: nothing is wrong
+            except cache.Damaged as error:
+                text = f"the cached {self.name} is damaged and is computed again ({error})."
+                warnings.warn(text, stacklevel=2)
+        started = time.monotonic()
+        value = self._function(*bound.args, **bound.kwargs)
+        seconds = time.monotonic() - started
+        cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
+        try:
+            return cache.load(self.name, key)  # so that what it holds in memory can go
+        except cache.Damaged:  # another process has deleted it meanwhile
+            return value
+
+    def compute(self, *args, **kwargs):
+        """The result, computed now and not kept."""
+        return self._function(*args, **kwargs)
+
+    def once(self, *args, **kwargs):
+        """The result, from the cache if it is there, else computed and not kept: for what is kept itself."""
+        return (self if self.is_cached(*args, **kwargs) else self.compute)(*args, **kwargs)
+
+    def is_cached(self, *args, **kwargs):
+        """Whether a call with these arguments would be read from the cache."""
+        key, current = self._key(self._bind(args, kwargs))
+        return current and cache.holds(self.name, key)
+
+    def forget(self, *args, **kwargs):
+        """Delete the result from the cache, if it is there."""
+        key, _ = self._key(self._bind(args, kwargs))
+        cache.remove(self.name, key)
+
+    def _bind(self, args, kwargs):
+        try:
+            bound = self._signature.bind(*args, **kwargs)
+        except TypeError as error:
+            raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
+        bound.apply_defaults()
+        return bound
+
+    def _key(self, bound):
+        """What names the result on disk; and whether the code on disk is what this process runs."""
+        sources = {self._function, *_classes(bound.arguments)}
+        text = f"{self._code(frozenset(sources))} {_describe(bound.arguments)}"
+        return sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
+
+    def _code(self, sources):
+        """Digest of the code of function and classes."""
+        known = accepted()
+        if self._codes.get(sources, (None,))[0] is not known:
+            parts = {
+                f"{name} {digest}"
+                for source in sources
+                for name, digest in code_fingerprint(source).items()
+                if name != "look"
+            }
+            self._codes[sources] = known, sha256(" ".join(sorted(parts)).encode()).hexdigest()
+        return self._codes[sources][1]
+
+
+def _describe(value):
+    """Text that is the same for equal arguments and differs for others."""
+    extra = f"#{value.digest()}" if hasattr(value, "digest") else ""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, (bool, int, float, complex, str)):
+        return repr(value)
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        content = sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return f"array({value.dtype}, {value.shape}, {content})"
+    if isinstance(value, Path):
+        return repr(str(value)) + extra
+    if isinstance(value, (tuple, list)):
+        return "(" + ", ".join(_describe(item) for item in value) + ")"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_describe(value[key])}" for key in sorted(value)) + "}"
+    if is_dataclass(value) and not isinstance(value, type):
+        inner = ", ".join(f"{f.name}={_describe(getattr(value, f.name))}" for f in fields(value) if f.compare)
+        return f"{type(value).__qualname__}({inner}){extra}"
+    if extra:
+        return type(value).__qualname__ + extra
+    raise InputError(
+        "the arguments of a cached product are numbers, strings, bools, None, paths, tuples, lists, dicts, "
+        f"dataclasses of these, arrays, or objects with a digest(); got {type(value).__name__} {value!r}."
+    )
+
+
+def _classes(value):
+    """The classes of the dataclasses in an argument: their code counts."""
+    if isinstance(value, dict):
+        return [kind for item in value.values() for kind in _classes(item)]
+    if isinstance(value, (tuple, list)):
+        return [kind for item in value for kind in _classes(item)]
+    if is_dataclass(value):
+        inner = [kind for item in fields(value) for kind in _classes(getattr(value, item.name))]
+        return [type(value), *inner]
+    return []

@@ -1,0 +1,204 @@
+"""Whether code that changed gives the numbers of former code: small calls of it, against what is stored.
+
+``probes.json`` holds, of every product and named class, a digest of its code and a summary of what its calls
+gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
+now count as the former ones (``accepted.json``, `himap.store.accepted`), wherever they are used: but for
+those that something uses whose calls differ.
+"""
+
+import json
+import os
+import sys
+import tempfile
+import warnings
+from dataclasses import fields, is_dataclass
+from hashlib import sha256
+from unittest.mock import patch
+
+import numpy as np
+
+from himap.core.errors import InputError
+from himap.core.outputs import whole_file
+from himap.core.progress import progress
+from himap.store import accepted
+from himap.store.live import tree_of
+
+__all__ = ["RTOL", "accepted_names", "compared", "differences", "moved_names", "summary", "verify"]
+
+RTOL = 1e-5
+"""Relative difference up to which two numbers are equal."""
+
+_N_SAMPLES = 32  # of an array, and as many means of its squares
+_DIGITS = 8
+
+
+def verify(calls, *, rtols=None, renew=False, report=print):
+    """Call what changed, accept what gives the stored numbers, and store those of what has none.
+
+    Parameters
+    ----------
+    calls
+        {fixed name: functions without arguments} of all products and named classes.
+    rtols
+        {name: relative difference up to which its numbers are equal} where that is not `RTOL`.
+    renew
+        Store what differs, for what comes later to be compared with.
+    report
+        Called with a line for each product or class that changed.
+
+    Returns
+    -------
+    list of str
+        The names of those that give other numbers than the stored ones.
+
+    Raises
+    ------
+    InputError
+        There is no checkout, whose stored results those numbers are among.
+    """
+    if not accepted.ACCEPTED.parent.is_dir():
+        raise InputError(
+            f"there is no folder {accepted.ACCEPTED.parent}: verify code in a checkout of himap."
+        )
+    module, probes, others = _module(calls), _stored(accepted.PROBES), []
+    tree, names = tree_of(module), moved_names(calls)
+    if not names:
+        report("no product, method or beam changed")
+    for name, (given, differing) in compared(calls, names, rtols).items():
+        if differing:
+            others.append(name)
+        said = "; ".join(differing[:3]) or ("the stored numbers" if name in probes["calls"] else "new")
+        if renew or name not in probes["calls"]:
+            probes["calls"][name] = {"gives": given}
+        report(f"{name}: {said}{', stored' if differing and renew else ''}")
+    behind = tree.digests(module.__name__)
+    refused = {place for name in others for place in behind[name]}
+    agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
+    tree = tree_of(module, former=agreeing)
+    codes, places = tree.fingerprint(module.__name__), {}
+    for found in tree.digests(module.__name__).values():
+        places |= found
+    if not renew:
+        places |= {place: code for place, code in probes["places"].items() if place in refused}
+    calls_now = {name: probes["calls"][name] for name in sorted(calls)}
+    for name in calls_now.keys() - ([] if renew else others):
+        calls_now[name] = {"code": codes[name], "gives": calls_now[name]["gives"]}
+    _store(accepted.ACCEPTED, {**accepted.accepted(), **tree.accepts})
+    _store(accepted.PROBES, {"calls": calls_now, "places": places})
+    return others
+
+
+def compared(calls, names, rtols=None):
+    """{name: (a summary of what its calls give, where that differs from what is stored)}.
+
+    They have a cache of their own, so that nothing is read that former code made.
+    """
+    probes, found = _stored(accepted.PROBES)["calls"], {}
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of small maps
+        with patch.dict(os.environ, HIMAP_CACHE=folder):
+            for name in progress(names, "canonical calls"):
+                given = [summary(call()) for call in calls[name]]
+                stored = probes[name]["gives"] if name in probes else given
+                found[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
+    return found
+
+
+def moved_names(calls):
+    """Names whose code counts neither as that of the stored numbers, and those without any."""
+    codes = tree_of(_module(calls)).fingerprint(_module(calls).__name__)
+    probes = _stored(accepted.PROBES)["calls"]
+    return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
+
+
+def accepted_names(calls):
+    """Names with a definition behind them that is accepted for a former one."""
+    module = _module(calls)
+    codes, strict = (tree_of(module, **one).fingerprint(module.__name__) for one in ({}, {"accepted": {}}))
+    return [name for name in calls if codes[name] != strict[name]]
+
+
+def _module(calls):
+    """The module that the calls are in, which names all that they call."""
+    return sys.modules[next(iter(calls.values()))[0].__module__]
+
+
+def summary(value):
+    """What is stored of a value: numbers and text as they are, of an array some values and means of squares.
+
+    Samples see what changes everywhere, means of squares what is large somewhere.
+    """
+    if isinstance(value, np.ndarray) and value.ndim:
+        kind = f"{value.dtype} {list(value.shape)}"
+        if value.dtype.kind not in "fc":
+            return {"kind": kind, "sha256": sha256(np.ascontiguousarray(value).tobytes()).hexdigest()[:16]}
+        flat = np.ravel(value)
+        flat = flat.view(flat.real.dtype) if value.dtype.kind == "c" else flat
+        flat = flat.astype(float)
+        places = np.linspace(0, len(flat) - 1, min(_N_SAMPLES, len(flat))).astype(int)
+        squares = [np.sqrt(np.mean(part**2)) for part in np.array_split(flat, len(places)) if len(part)]
+        return {"kind": kind, "at": _rounded(flat[places]), "rms": _rounded(squares)}
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.item()
+    if isinstance(value, float):
+        return {"kind": "number", "at": _rounded([value])}
+    if is_dataclass(value):
+        return {item.name: summary(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, dict):
+        return {str(key): summary(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [summary(item) for item in value]
+    return value if value is None or isinstance(value, (bool, int, str)) else repr(value)
+
+
+def _rounded(values):
+    return [float(f"{value:.{_DIGITS}g}") for value in values]
+
+
+def differences(stored, given, rtol=RTOL, place=""):
+    """Where two summaries differ, and by how much: a list of texts."""
+    if isinstance(stored, dict) and isinstance(given, dict) and stored.keys() == given.keys():
+        if "at" in stored and stored["kind"] == given["kind"]:
+            is_lean = stored["kind"].startswith(("float32", "complex"))
+            worst = max(
+                _worst(stored[part], given[part], is_lean) for part in ("at", "rms") if part in stored
+            )
+            return [f"{place or 'result'} by {worst:.1e}"] if not worst <= rtol else []
+        pairs = [(f"{place}.{name}", stored[name], given[name]) for name in stored]
+    elif isinstance(stored, list) and isinstance(given, list) and len(stored) == len(given):
+        pairs = [(f"{place}[{n}]", *pair) for n, pair in enumerate(zip(stored, given, strict=True))]
+    else:
+        return (
+            [] if stored == given else [f"{place or 'result'}: {given!r:.60} in the place of {stored!r:.60}"]
+        )
+    return [text for where, one, other in pairs for text in differences(one, other, rtol, where.lstrip("."))]
+
+
+def _worst(stored, given, is_lean):
+    """Largest difference relative to a number, or to the median of all where that is larger.
+
+    Where `is_lean`, to their root mean square: small coefficients and numbers in single precision are rounded
+    as large ones are.
+    """
+    one, other = np.array(stored, dtype=float), np.array(given, dtype=float)
+    if one.shape != other.shape or not np.array_equal(np.isnan(one), np.isnan(other)):
+        return np.inf
+    known = ~np.isnan(one) & (one != other)
+    common = np.sqrt(np.nanmean(one**2)) if is_lean else np.nanmedian(np.abs(one))
+    scale = np.maximum(np.abs(one), common)[known]
+    with np.errstate(divide="ignore"):
+        return float(np.max(np.abs(one - other)[known] / scale, initial=0))
+
+
+def _stored(path):
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {"calls": {}, "places": {}}
+
+
+def _store(path, content):
+    """Write a dict of dicts, or of texts, with a line for each of the innermost but numbers."""
+    text = json.dumps(content, sort_keys=True, indent=0, separators=(",", ": "))
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n")

@@ -1,0 +1,280 @@
+"""The text of a definition: what can change a number, with holes where it names something of its module.
+
+It has no comments, docstrings or annotations (but in the body of a class, where dataclasses read them), no
+messages of ``raise``, ``assert`` and ``warn``, no help texts, no labels of progress bars, and no calls of
+what is ignored. It has no names that can be chosen freely: local variables are numbered in the order in which
+they come, and a name of the module, its own or imported, is a hole, filled by what that name leads to. Names
+of parameters, attributes, methods and fields, and strings, can be looked up, so they count; where a function
+looks up variables by name (``locals()`` and the like), those count too.
+"""
+
+import ast
+from typing import NamedTuple
+
+__all__ = ["DEFINITIONS", "IMPORTS", "WORDS", "Hole", "Writer", "assigns", "bound_name", "called", "is_text"]
+
+IMPORTS = (ast.Import, ast.ImportFrom)
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+
+_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+_SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
+_LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
+_CLASS = "<class>"
+
+_ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "sentence", "reading", None}
+WORDS = {
+    "parameter": (1, {"help"}),
+    "claim": (2, _ENTRY),
+    "method_claim": (2, _ENTRY),
+    "not_applicable": (0, _ENTRY),
+    "Finding": (0, {"sentence"}),
+}
+"""{function: (how many positional arguments count, keywords that are words)}; None is what ``**`` adds."""
+
+
+class Hole(NamedTuple):
+    """Something of the module that is named.
+
+    Attributes
+    ----------
+    nodes
+        The statements that make it; none for ``__path__``, the folder of a package.
+    name, attribute
+        Its name, and the attribute that is taken of it, if any.
+    """
+
+    nodes: list[ast.stmt]
+    name: str
+    attribute: str | None
+
+
+class Writer:
+    """Writes the text of one part of a module.
+
+    Parameters
+    ----------
+    code
+        The `himap.store.syntax.Code` of the module.
+    own
+        Name of the part; None for the cells of a notebook, whose variables count.
+    nodes
+        The statements of the part.
+
+    Attributes
+    ----------
+    holes
+        Those that it left, in order.
+    """
+
+    def __init__(self, code, own, nodes):
+        self.code, self.own, self.holes = code, own, []
+        self._scopes, self._n_locals = [], 0  # {name: its text, None before it has a number, or an import}
+        inside = (child for node in nodes for child in ast.walk(node))
+        self._keeps_names = own is None or any(map(_looks_up, inside))
+
+    def text(self, node):
+        """The text of a node, or of a list of them."""
+        if isinstance(node, list):
+            shown = [item for item in node if not (is_text(item) or self.is_silent(item))]
+            return "[" + ",".join(map(self.text, shown)) + "]"
+        if not isinstance(node, ast.AST):
+            return repr(node)
+        special = getattr(self, f"_{type(node).__name__}", None)
+        return special(node) if special else self._plain(node)
+
+    def is_silent(self, node):
+        """Whether a statement only warns, or calls what is ignored."""
+        call = node.value if isinstance(node, ast.Expr) else None
+        return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))
+
+    def _is_ignored(self, node):
+        while isinstance(node, ast.Attribute):
+            node = node.value
+        return isinstance(node, ast.Name) and node.id in self.code.ignored
+
+    def _plain(self, node, **changed):
+        fields = [(name, changed.get(name, value)) for name, value in ast.iter_fields(node)]
+        shown = [(name, value) for name, value in fields if name not in _SKIPPED_FIELDS]
+        texts = []
+        for name, value in shown:
+            is_name = name in ("name", "rest") and isinstance(value, str)  # of except, match and the like
+            if value not in (None, []):
+                texts.append(f"{name}={self._name(value) if is_name else self.text(value)}")
+        return f"{type(node).__name__}({','.join(texts)})"
+
+    def _name(self, name, attribute=None):
+        """A variable: its number, or as it is called; a hole for what the module has under this name."""
+        for scope in reversed(self._scopes):
+            if name in scope and (scope is self._scopes[-1] or _CLASS not in scope):
+                if isinstance(scope[name], ast.stmt):
+                    return self._hole([scope[name]], name, attribute)
+                if scope[name] is None:
+                    scope[name], self._n_locals = f"v{self._n_locals}", self._n_locals + 1
+                return scope[name]
+        if name == self.own:
+            return "own"
+        nodes = self.code.index.get(name, [])
+        if nodes and (self.own is not None or all(isinstance(node, IMPORTS) for node in nodes)):
+            return self._hole(nodes, name, attribute)
+        return self._hole([], name, None) if name == "__path__" else repr(name)
+
+    def _hole(self, nodes, name, attribute):
+        if name in self.code.ignored:
+            return f"ignored {attribute or name!r}"
+        self.holes.append(Hole(nodes, name, attribute))
+        return "@"
+
+    def _Name(self, node):
+        return self._name(node.id)
+
+    def _Attribute(self, node):
+        if not isinstance(node.value, ast.Name):
+            return f"{self.text(node.value)}.{node.attr}"
+        n_holes = len(self.holes)
+        value = self._name(node.value.id, node.attr)
+        is_taken = len(self.holes) > n_holes and self.holes[-1].attribute
+        return value if is_taken else f"{value}.{node.attr}"
+
+    def _JoinedStr(self, node):  # Python 3.12 leaves an empty piece in the format of some, others do not
+        values = [item for item in node.values if not (isinstance(item, ast.Constant) and item.value == "")]
+        return f"JoinedStr({self.text(values)})"
+
+    def _Raise(self, node):
+        return f"Raise({self.text(getattr(node.exc, 'func', node.exc))})"
+
+    def _Assert(self, node):
+        return self._plain(node, msg=None)
+
+    def _AnnAssign(self, node):
+        if (self._scopes and _CLASS in self._scopes[-1]) or node.value is None:
+            return self._plain(node)
+        return self._plain(ast.Assign([node.target], node.value))
+
+    def _Call(self, node):
+        args, keywords = node.args, node.keywords
+        if called(node) in WORDS:
+            n_args, words = WORDS[called(node)]
+            args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
+        elif self._is_ignored(node.func):
+            if called(node) == "progress" and args:
+                return self.text(args[0])
+            args = [item for item in args if not _is_string(item)]
+            keywords = [item for item in keywords if not _is_string(item.value)]
+        elif not self.code.keeps_labels:
+            keywords = [item for item in keywords if not (item.arg == "label" and _is_string(item.value))]
+        return self._plain(node, args=args, keywords=keywords)
+
+    def _Import(self, node):
+        """In a function it counts where the name is used."""
+        if not self._scopes:
+            self.holes += [Hole([node], bound_name(alias), None) for alias in node.names]
+        return ""
+
+    _ImportFrom = _Import
+
+    def _Global(self, node):
+        return f"Global({[self._name(name) for name in node.names]})"
+
+    _Nonlocal = _Global
+
+    def _FunctionDef(self, node):
+        decorators = [one for one in node.decorator_list if not self._is_bookkeeping(one)]
+        return f"Def({self._name(node.name)},{self.text(decorators)},{self._function(node, node.body)})"
+
+    _AsyncFunctionDef = _FunctionDef
+
+    def _is_bookkeeping(self, decorator):
+        given = {key.arg for key in getattr(decorator, "keywords", ())}
+        return self._is_ignored(getattr(decorator, "func", decorator)) and "version" not in given
+
+    def _Lambda(self, node):
+        return f"Lambda({self._function(node, [node.body])})"
+
+    def _function(self, node, body):
+        args = node.args
+        groups = [args.posonlyargs, args.args, [args.vararg], args.kwonlyargs, [args.kwarg]]
+        names = [[one.arg for one in group if one] for group in groups]
+        given = [self.text(one) if one else "none" for one in [*args.defaults, *args.kw_defaults]]
+        parameters = {name: repr(name) for group in names for name in group}
+        return f"{names},{self._inside(self._free(_bound_in(body)) | parameters, given, body)}"
+
+    def _free(self, names):
+        kept = {name: repr(name) for name in names} if self._keeps_names else {}
+        return {name: found or kept.get(name) for name, found in names.items()}
+
+    def _inside(self, names, before, *nodes):
+        """What is written of some nodes in a scope of its own, after what is written outside."""
+        self._scopes.append(names)
+        text = ",".join([*before, *map(self.text, nodes)])
+        self._scopes.pop()
+        return text
+
+    def _comprehension_of(self, node):
+        loops, first = node.generators, self.text(node.generators[0].iter)
+        stored = (n for one in loops for n in ast.walk(one.target) if isinstance(n, ast.Name))
+        parts = [
+            part for one in loops for part in (one.target, ast.Tuple(one.ifs), ast.Constant(one.is_async))
+        ]
+        made = [getattr(node, field) for field in ("key", "value", "elt") if hasattr(node, field)]
+        rest = [one.iter for one in loops[1:]]
+        names = self._free({n.id: None for n in stored})
+        return f"{type(node).__name__}({self._inside(names, [first], parts, rest, made)})"
+
+    _ListComp = _SetComp = _DictComp = _GeneratorExp = _comprehension_of
+
+    def _ClassDef(self, node):
+        before = [self._name(node.name), self.text([*node.decorator_list, *node.bases, *node.keywords])]
+        names = {name: repr(name) for name in _bound_in(node.body)} | {_CLASS: ""}
+        return f"Class({self._inside(names, before, node.body)})"
+
+
+def _bound_in(body):
+    """{name: None, or the import that binds it} of what the body of a function or class binds itself."""
+    found, elsewhere, todo = {}, set(), list(body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, IMPORTS):
+            found |= {bound_name(alias): node for alias in node.names}
+        elif isinstance(node, (ast.Global, ast.Nonlocal)):
+            elsewhere |= set(node.names)
+        elif isinstance(node, _COMPREHENSIONS):  # its own variables are in a scope of its own
+            todo += [child for child in ast.walk(node) if isinstance(child, ast.NamedExpr)]
+        elif not isinstance(node, ast.Lambda):
+            is_stored = isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
+            name = node.id if is_stored else getattr(node, "name", None) or getattr(node, "rest", None)
+            if isinstance(name, str):
+                found.setdefault(name)
+            todo += [] if isinstance(node, DEFINITIONS) else ast.iter_child_nodes(node)
+    return {name: import_ for name, import_ in found.items() if name not in elsewhere}
+
+
+def bound_name(alias):
+    return alias.asname or alias.name.partition(".")[0]
+
+
+def called(node):
+    """The last name of what is called, or of a bare decorator."""
+    node = getattr(node, "func", node)
+    return getattr(node, "attr", "") or getattr(node, "id", "")
+
+
+def assigns(node, name):
+    """Whether a statement gives a value to `name`."""
+    targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
+    return any(getattr(one, "id", "") == name for one in targets) and isinstance(node.value, ast.AST)
+
+
+def is_text(node):
+    """Whether a node is a docstring, a bare string, or the list of public names: they change nothing."""
+    if isinstance(node, ast.Expr):
+        return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    return assigns(node, "__all__")
+
+
+def _is_string(node):
+    return isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
+
+
+def _looks_up(node):
+    name = called(node) if isinstance(node, ast.Call) else ""
+    return name in _LOOK_UP or (name in ("vars", "dir") and not node.args)
