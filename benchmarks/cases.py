@@ -10,8 +10,6 @@ from himap.instrument.beams import named
 from himap.paper import pipeline
 from himap.sky.galaxy import SOURCES, Galaxy
 
-__all__ = ["case_options"]
-
 _OPTIONS = [
     click.option("--preset", type=click.Choice(list(PRESETS)), default="quick", show_default=True),
     click.option("--survey", "pairs", type=(str, str), multiple=True, help="Survey field and its value."),

@@ -7,8 +7,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["Machine", "Needs"]
-
 _BYTES = 2**28  # of an array far larger than the caches
 _SIDE = 1500  # of the matrices that are multiplied
 

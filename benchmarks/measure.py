@@ -12,8 +12,6 @@ from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
 
-__all__ = ["Measured", "measured"]
-
 _INTERVAL = 0.05  # s between looks at the memory
 
 

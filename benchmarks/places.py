@@ -18,8 +18,6 @@ import psutil
 from himap.app.notebooks import notebooks_folder
 from himap.store.provenance import VOLATILE
 
-__all__ = ["Place"]
-
 _SHARED_MEMORY = Path("/dev/shm")
 _PATIENCE = 20  # s in which processes notice that the one that started them is gone
 

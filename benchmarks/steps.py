@@ -25,8 +25,6 @@ from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 
-__all__ = ["STEPS", "Step", "prepare"]
-
 N_SAMPLES = 6  # channels that an alternative is timed on
 N_LINES = 64  # lines of sight
 

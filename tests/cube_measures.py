@@ -2,8 +2,6 @@
 
 import numpy as np
 
-__all__ = ["correlation", "line_errors"]
-
 
 def line_errors(recovered, true):
     """Mean squared error of every line of sight of two cubes less their channel means, (n_pix,), mK^2."""

@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["figure_order", "named_figures", "paper_figure", "plain_caption"]
-
 _REMARK = r"the paper's Fig\. ([\w.]*\w)"
 
 

@@ -11,8 +11,6 @@ from himap.app.notebook_files import read_notebook
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED
 
-__all__ = ["Figure", "figures"]
-
 
 @dataclass(frozen=True)
 class Figure:

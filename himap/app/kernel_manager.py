@@ -11,8 +11,6 @@ from jupyter_client import AsyncKernelManager, KernelManager
 
 from himap.core.folders import run_folder
 
-__all__ = ["AsyncLocalKernelManager", "LocalKernelManager"]
-
 _LONGEST = 100  # bytes of the name of a socket; some systems end at 103
 
 

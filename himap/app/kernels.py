@@ -9,8 +9,6 @@ from pathlib import Path
 from himap.core.folders import run_folder
 from himap.core.progress import TERMINAL_VARIABLE
 
-__all__ = ["changed_environment", "kernel_environment", "terminal"]
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 

@@ -17,21 +17,6 @@ import tempfile
 from himap.core.errors import InputError
 from himap.core.outputs import check_free, whole_file
 
-__all__ = [
-    "KERNEL",
-    "STAMP",
-    "check_output",
-    "code_cells",
-    "copy_name",
-    "has_code",
-    "number_cells",
-    "read_notebook",
-    "stamped",
-    "text_digest",
-    "with_outputs",
-    "write_notebook",
-]
-
 STAMP = "himap_run"
 """Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
 

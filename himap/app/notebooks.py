@@ -17,8 +17,6 @@ from himap.core.errors import InputError
 from himap.store.accepted import ACCEPTED, PROBES
 from himap.store.fingerprint import CodeTree
 
-__all__ = ["Notebook", "find", "notebooks", "notebooks_folder"]
-
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 

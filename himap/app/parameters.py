@@ -15,15 +15,6 @@ from dataclasses import dataclass, fields
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 
-__all__ = [
-    "Parameter",
-    "accepts",
-    "check_parameters",
-    "describe_parameters",
-    "parse_texts",
-    "read_parameters",
-]
-
 _KINDS = {
     "int": "a whole number",
     "float": "a number",

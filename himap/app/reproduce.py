@@ -32,8 +32,6 @@ from himap.core.errors import InputError
 from himap.store.accepted import moved
 from himap.store.provenance import environment
 
-__all__ = ["NotebookError", "refresh", "run", "stale"]
-
 _KERNEL_OPTIONS = ("--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True")
 
 

@@ -16,8 +16,6 @@ from himap.paper.record import measuring_code
 from himap.store.accepted import ACCEPTED, PROBES, moved
 from himap.store.fingerprint import CodeTree
 
-__all__ = ["StoredResult", "stale_results", "stored_results"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StoredResult:

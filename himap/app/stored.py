@@ -15,16 +15,6 @@ from himap.paper.experiments import find_experiment
 from himap.paper.record import Record
 from himap.store.memory import estimate
 
-__all__ = [
-    "LEDGER",
-    "RESULTS",
-    "read_ledger",
-    "extrapolated",
-    "read_stored",
-    "stored_figure",
-    "times_of_all",
-]
-
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
 """The folder of stored results, in a checkout."""
 

@@ -5,8 +5,6 @@ import numpy as np
 from himap.app.stored import stored_figure
 from himap.figures import styles
 
-__all__ = ["angular_ratios", "stored_curves"]
-
 _TRUTH = "HI + noise"
 _TOP = 200  # the largest l that is shown
 

@@ -11,20 +11,6 @@ from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE
 from himap.paper.ledger_table import BADGES, measured, summary
 from himap.store.provenance import Provenance
 
-__all__ = [
-    "differing",
-    "endurance_table",
-    "failed_table",
-    "growth_table",
-    "ledgers_table",
-    "of_chapter",
-    "picture",
-    "pictures",
-    "short",
-    "steps_table",
-    "verdicts_table",
-]
-
 _NO_BREAK = "\N{NO-BREAK SPACE}"
 _PARTS = 3  # of a claim that a cell can list
 _SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}

@@ -7,19 +7,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = [
-    "checked_beams",
-    "checked_cube",
-    "checked_field",
-    "checked_fields",
-    "checked_freqs",
-    "checked_noise",
-    "evenly_spaced",
-    "parameter",
-    "real_array",
-    "whole_number",
-]
-
 _LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
 _UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 

@@ -12,8 +12,6 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["keep_ours"]
-
 
 def keep_ours(module):
     """Put our cache in the place of numba's in ``numba.core.dispatcher``, for functions of himap."""

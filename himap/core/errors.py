@@ -1,7 +1,5 @@
 """The one exception that bad input raises."""
 
-__all__ = ["InputError", "plain_text", "shortened"]
-
 _LONGEST = 4000  # characters of a message, in which parameters of a notebook may be listed
 
 

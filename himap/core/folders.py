@@ -17,17 +17,6 @@ from pathlib import Path
 
 from himap.core.errors import InputError
 
-__all__ = [
-    "cache_folder",
-    "check_ours",
-    "is_abandoned",
-    "make_private",
-    "note_worker",
-    "own_name",
-    "run_folder",
-    "user_cache",
-]
-
 _RUN = "himap"
 _LONGEST = 60  # bytes of the name of a folder that leaves room for those of sockets
 _SEMAPHORES = Path("/dev/shm")  # where Linux has them

@@ -7,8 +7,6 @@ import psutil
 
 from himap.core.errors import InputError
 
-__all__ = ["LIMIT_VARIABLE", "PROCESS", "check_room", "memory_limit", "parse_size"]
-
 LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 """Environment variable with the memory that a run may use, such as 16GB; `--max-memory` sets it."""
 

@@ -15,8 +15,6 @@ from pathlib import Path
 from himap.core.errors import InputError
 from himap.core.folders import is_abandoned, own_name
 
-__all__ = ["check_free", "complete_left", "whole_file", "whole_files"]
-
 _PREFIX, _LIST = ".himap", ".whole"
 
 

@@ -12,8 +12,6 @@ from functools import lru_cache
 
 from tqdm import tqdm
 
-__all__ = ["TERMINAL_VARIABLE", "progress"]
-
 TERMINAL_VARIABLE = "HIMAP_TERMINAL"
 """Environment variable with the path of the terminal to draw on."""
 

@@ -10,8 +10,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.memory import check_room
 
-__all__ = ["is_file", "mapped_array", "read_array", "read_numbers", "regular_file", "there_is"]
-
 _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
 _ROOM = 10  # bytes in memory for each of such a text
 

@@ -8,8 +8,6 @@ from importlib import import_module
 
 from himap.core.errors import InputError
 
-__all__ = ["Registry"]
-
 
 class Registry:
     """The classes that the files of a package register.

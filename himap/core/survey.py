@@ -13,8 +13,6 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 
-__all__ = ["PRESETS", "Survey"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:

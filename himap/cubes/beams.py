@@ -5,8 +5,6 @@ from himap.core.errors import InputError
 from himap.instrument.beams import available, named
 from himap.instrument.beams.base import DISH, REGISTRY, Beam
 
-__all__ = ["beams_of"]
-
 
 def beams_of(cube, beam, *, dish=None):
     """b_l of every channel of a `Cube`, (n_channels, 3 nside), or as far as a file tells them.

@@ -12,8 +12,6 @@ from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.removal.peaks import least_channels
 
-__all__ = ["CleanedCube", "check_pixels", "clean_cube", "cleaning_of", "method_for", "with_enough_channels"]
-
 _LEAST_FOR_PEAKS = 8
 
 

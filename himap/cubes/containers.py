@@ -10,8 +10,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.maps import sphere
 
-__all__ = ["FREQS", "MAPS", "axes", "is_one"]
-
 MAPS = "map"
 FREQS = "index_map/freq"
 _POLS = "index_map/pol"

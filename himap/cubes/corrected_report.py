@@ -7,8 +7,6 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.transfer import bands
 
-__all__ = ["HEADER", "corrected_figure", "corrected_part", "corrected_rows", "plain_band", "write_spectra"]
-
 HEADER = ("band", "comes back", "error bar", "left / truth", "corrected / truth")
 """Columns of `corrected_rows`; the last two where there is a truth."""
 

@@ -13,8 +13,6 @@ from himap.cubes.weights import missing_remarks, own_datasets, voxel_weights
 from himap.maps.healpix_files import MILLIKELVIN
 from himap.removal.data import checked_mask, checked_weights
 
-__all__ = ["Cube", "make_cube", "read_cube", "read_truth"]
-
 _HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
 _BESIDE = 2  # of one beside another
 _WEIGHED = 3  # more of them where there are weights

@@ -12,8 +12,6 @@ from himap.maps.healpix_files import ENDINGS
 from himap.maps.shapes import pixels_last, sphere_sizes
 from himap.removal.hi_prior import LINE
 
-__all__ = ["read_file", "read_freqs"]
-
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 

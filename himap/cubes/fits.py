@@ -11,8 +11,6 @@ from himap.cubes.layout import Layout, SpherePixels, check_cube_room, one_unit
 from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 from himap.maps.healpix_files import ENDINGS, read_maps
 
-__all__ = ["read_fits", "read_folder"]
-
 _DIGITS = re.compile(r"(\d+)")
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),

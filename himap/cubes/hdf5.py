@@ -15,8 +15,6 @@ from himap.cubes.layout import Layout, SpherePixels, as_input_error, check_cube_
 from himap.maps.healpix_files import is_nested
 from himap.maps.shapes import pixels_last, sphere_sizes
 
-__all__ = ["ENDINGS", "read_dataset", "read_hdf5"]
-
 ENDINGS = (".h5", ".hdf5", ".hdf")
 
 _FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "nu", "nus"}

@@ -11,8 +11,6 @@ from astropy.wcs import WCS
 from himap.core.errors import InputError
 from himap.core.reading import regular_file
 
-__all__ = ["IMAGES", "ImagePart", "ImagePixels", "world_of"]
-
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
 """What an image is in, as astropy opens it."""
 

@@ -17,8 +17,6 @@ from himap.core.errors import InputError
 from himap.cubes.image_pixels import IMAGES, ImagePart, world_of
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
 
-__all__ = ["has_frequencies", "holds_image", "read_image_fits"]
-
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 

@@ -13,8 +13,6 @@ from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, to_ring, write_maps
 from himap.maps.shapes import pixels_last, sphere_sizes
 
-__all__ = ["LARGEST", "Layout", "SpherePixels", "as_input_error", "check_cube_room", "one_unit", "same_freqs"]
-
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
 

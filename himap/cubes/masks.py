@@ -7,8 +7,6 @@ from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, read_maps, to_ring
 
-__all__ = ["read_mask"]
-
 
 def read_mask(path, nside):
     """The mask in a FITS file, (n_pix,) bool, RING, True where kept.

@@ -12,8 +12,6 @@ from himap.maps import sphere
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
 
-__all__ = ["made_mocks", "mock_survey", "read_mocks"]
-
 _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
 _ROOM = 1.01  # of the box beyond the band
 

@@ -6,8 +6,6 @@ import io
 
 from himap import __version__
 
-__all__ = ["figure", "note", "page", "section"]
-
 _STYLE = """
 :root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }

@@ -11,8 +11,6 @@ from himap.cubes.views import cylindrical_figure
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import cell_of, cylindrical_power
 
-__all__ = ["patch_power", "patches_part"]
-
 _SIDE = np.deg2rad(14)  # of a patch: at its corner an angle is 0.3 % off the plane
 _FINER = 2  # cells along a pixel: the sky is sampled without gaps
 _LEAST, _MOST = 0.8, 48  # share of a patch that is seen, and patches

@@ -10,8 +10,6 @@ from himap.cubes.layout import same_freqs
 from himap.cubes.weights import is_path
 from himap.maps.healpix_files import is_nested, temperature_unit
 
-__all__ = ["resolve", "resolved"]
-
 
 def resolve(path, what, stated, given, *, same=eq, show=str, default=None, gap=""):
     """The value of `what` that the file `path` states, or the caller gives, or both, which must agree.

@@ -7,8 +7,6 @@ from himap.core.errors import InputError
 from himap.cubes.layout import LARGEST
 from himap.maps.blocked import precision
 
-__all__ = ["cube_floats", "look_at", "own_freqs", "seen_everywhere", "seen_somewhere", "wide"]
-
 
 def seen_everywhere(maps, order, remarks):
     """Of the channels in `order` those that see anything, and the pixels that all of these see."""

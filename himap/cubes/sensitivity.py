@@ -20,18 +20,6 @@ from himap.measures.difference import FAINT
 from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import band_means, power_ratios, recovery
 
-__all__ = [
-    "HEADER",
-    "RIPPLES",
-    "WIDTHS",
-    "Sensitivity",
-    "beam_sensitivity",
-    "misjudged_beams",
-    "sensitivity_figure",
-    "sensitivity_rows",
-    "write_sensitivity",
-]
-
 HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
 """Columns of `sensitivity_rows`."""
 

@@ -33,8 +33,6 @@ from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance
 
-__all__ = ["MOST_SOURCES", "Suggestion", "advice", "suggest", "views_figure", "write_suggestion"]
-
 MOST_SOURCES = 10
 """The largest number that is tried unless another is given."""
 

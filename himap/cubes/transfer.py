@@ -12,8 +12,6 @@ from himap.measures.power_spectra import masked_alms
 from himap.measures.transfer import TransferFunction, recovery, recovery_of_cubes
 from himap.removal.data import means_of
 
-__all__ = ["Corrected", "correct", "measure_transfer"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Corrected:

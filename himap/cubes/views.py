@@ -20,8 +20,6 @@ from himap.measures.power_spectra import (
 )
 from himap.measures.results import Comparison, PowerSpectra
 
-__all__ = ["ImageViews", "PlaneSpectra", "SphereViews", "cylindrical_figure", "spectra_figure", "views_of"]
-
 _WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
 _BANDS = {  # of ratios to the truth: (quantity, l or k above, up to)
     "C/C0, l < 10": ("angular", 0, 10),

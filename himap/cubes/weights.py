@@ -12,8 +12,6 @@ from himap.cubes.layout import LARGEST, check_cube_room, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, to_ring
 
-__all__ = ["is_path", "missing_remarks", "own_datasets", "voxel_weights"]
-
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
 _RIGHT = {  # what they are in words, and where they are that
     "weights": ("finite and 0 or more; 0 means not seen", lambda v: (v >= 0) & np.isfinite(v)),

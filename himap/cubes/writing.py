@@ -16,8 +16,6 @@ from himap.core.errors import InputError
 from himap.core.outputs import check_free, whole_files
 from himap.core.reading import there_is
 
-__all__ = ["OUTPUTS", "check_cube_output", "check_page", "files_of", "save_cleaned", "write_cleaned"]
-
 OUTPUTS = (".h5", ".fits", ".npy")
 
 _AROUND = 20_000  # bytes of HDF5 around the maps, and of the mixing matrix

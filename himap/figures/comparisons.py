@@ -2,8 +2,6 @@
 
 from himap.figures.styles import AXES
 
-__all__ = ["panel"]
-
 
 def panel(kind, curves, *, title="", true=None):
     """One panel: ``kind`` "angular" or "frequency".

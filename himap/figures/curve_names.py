@@ -1,7 +1,5 @@
 """What names the curves of a figure: one legend above all its panels, or labels at their ends."""
 
-__all__ = ["label_ends", "legend_above_all"]
-
 
 def legend_above_all(figure):
     """One legend of the curves of all panels, above them."""

@@ -12,8 +12,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["DATA_TYPES", "NSIDE", "with_curves", "with_image", "with_maps"]
-
 _CURVES, _ARRAYS = "text/csv", "application/x-npz"
 
 DATA_TYPES = {_CURVES: "csv", _ARRAYS: "npz"}

@@ -5,8 +5,6 @@ from matplotlib.patches import Rectangle
 
 from himap.figures.data import with_curves
 
-__all__ = ["marks"]
-
 _CELL = (0.36, 0.2)  # width and height, inches
 _SIDES = (3.1, 2.1)  # what the names of rows and columns take
 

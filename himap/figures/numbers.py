@@ -14,8 +14,6 @@ import re
 from himap.core.errors import InputError
 from himap.figures.tables import Table
 
-__all__ = ["NOT_COMPARED", "QUOTED", "OneRun", "agree", "one_run", "quote", "quoted", "show", "show_table"]
-
 _RECORD = "application/papermill.record/"  # what MyST-NB's glue puts before a kind that is not to be seen
 
 QUOTED = (_RECORD + "text/plain", _RECORD + "text/x-tolerance")

@@ -8,8 +8,6 @@ from himap.figures.data import with_maps
 from himap.figures.plotting import _RC, _finished
 from himap.maps import sphere
 
-__all__ = ["patch_maps"]
-
 _N_ROWS = 160  # of a picture
 
 

@@ -10,8 +10,6 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from himap.figures.data import with_image
 
-__all__ = ["power_planes", "sky_images"]
-
 _RC = {"figure.dpi": 110, "font.size": 10, "figure.constrained_layout.use": True}
 _NAMES = {"RA": "RA", "DEC": "Dec", "GLON": "Galactic longitude", "GLAT": "Galactic latitude"}
 _BLANK = "0.85"  # grey of what has no value

@@ -16,17 +16,6 @@ from himap.figures.curve_names import legend_above_all
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.maps import sphere
 
-__all__ = [
-    "image",
-    "lines",
-    "ratios",
-    "save",
-    "sky_map",
-    "sky_maps",
-    "spectrum",
-    "stamp",
-]
-
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
 _WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as large as text
 _PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers

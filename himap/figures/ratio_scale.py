@@ -7,8 +7,6 @@ inverse are as far from 1.
 
 import numpy as np
 
-__all__ = ["NEAR", "backward", "forward", "limits_of", "ticks"]
-
 NEAR = 0.1
 """Distance from 1, relative, within which the axis is even."""
 

@@ -7,27 +7,6 @@ all for the method that is not the paper's; lines differ in style too, so they s
 import matplotlib
 import numpy as np
 
-__all__ = [
-    "AXES",
-    "BEAM_STYLES",
-    "BLUE",
-    "CHANNELS",
-    "COLOURS",
-    "GREEN",
-    "INDIGO",
-    "METHOD_STYLES",
-    "ORANGE",
-    "PURPLE",
-    "SKY_BLUE",
-    "VERMILION",
-    "beam_style",
-    "method_style",
-    "numbered",
-    "of_methods",
-    "paler",
-    "sequence",
-]
-
 BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS = (
     "#0072B2",
     "#E69F00",

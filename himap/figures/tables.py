@@ -10,8 +10,6 @@ from itertools import zip_longest
 
 from tabulate import TableFormat, tabulate
 
-__all__ = ["HTML", "Table"]
-
 _SIDES = {"l": "left", "r": "right"}
 
 

@@ -5,8 +5,6 @@ from astropy import units as u
 
 from himap.instrument.beams.base import diffraction_fwhm
 
-__all__ = ["noise_maps", "noise_sigma", "system_temperature"]
-
 
 def system_temperature(freqs, t_instr):
     """T_sys = T_instr + 66 (300 MHz / nu)^2.55, K (Eq. 12); `freqs` in MHz."""

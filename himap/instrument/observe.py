@@ -8,8 +8,6 @@ from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.maps import sphere
 
-__all__ = ["Observation", "observe"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:

@@ -12,8 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
 
-__all__ = ["SplitCube", "blocks", "centred", "in_threads", "lean", "mixture", "precision", "projection"]
-
 _BLOCK = 16384  # pixels
 _ROUNDING = 2.0**-25  # relative, of float32: its rms in the mean over all numbers
 _HARMLESS = 1e-3  # mK: a hundredth of HI

@@ -10,8 +10,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["continued", "continued_alm"]
-
 _WIDEST = 60.0  # deg, FWHM at which the continuation begins
 _STEP = 2**-0.5  # from one FWHM to the next
 _NARROWEST = 0.75  # pixels

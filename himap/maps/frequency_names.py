@@ -12,8 +12,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = ["Stated", "agreed", "freq_in_header", "freqs_in"]
-
 _FACTOR = {"mhz": 1.0, "ghz": 1e3}
 _TOKEN = re.compile(r"(?<![^\W_])(?<![.,])([0-9]+(?:\.([0-9]+))?)[ _-]?(mhz|ghz)(?![^\W_])", re.IGNORECASE)
 _HERTZ = (1.0, 1e3, 1e-6)  # MHz in what a header may be in, if it does not say: MHz, GHz, Hz

@@ -14,17 +14,6 @@ from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_tables import maps_of_table, only_table
 
-__all__ = [
-    "ENDINGS",
-    "MILLIKELVIN",
-    "HealpixFile",
-    "is_nested",
-    "read_maps",
-    "temperature_unit",
-    "to_ring",
-    "write_maps",
-]
-
 ENDINGS = (".fits", ".fit", ".fits.gz", ".fits.fz")
 """What the names of FITS files end with."""
 

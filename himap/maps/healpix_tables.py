@@ -12,8 +12,6 @@ from himap.core.errors import InputError
 from himap.core.memory import check_room
 from himap.maps import sphere
 
-__all__ = ["maps_of_table", "only_table"]
-
 _NUMBERS = "BIJKED"  # letters of TFORM: integers and floats
 _UNSEEN = 1e-5  # relative: how close to healpy's UNSEEN a missing pixel is
 

@@ -8,8 +8,6 @@ from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.maps import sphere
 
-__all__ = ["bin_matrix", "decoupled", "mask_weights"]
-
 _MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from himap.maps.blocked import blocks, mixture
 
-__all__ = ["HarmonicModes", "MapModes"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class HarmonicModes:

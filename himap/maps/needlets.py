@@ -2,8 +2,6 @@
 
 import numpy as np
 
-__all__ = ["cosine_needlets"]
-
 
 def cosine_needlets(peaks, lmax):
     """Windows h_j(l) of cosine needlets, (n_peaks, lmax + 1).

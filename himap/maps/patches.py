@@ -4,8 +4,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["patch_centres", "patch_pixels"]
-
 _CANDIDATES = 8  # nside of the places that patches may be at
 
 

@@ -4,8 +4,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = ["PlaneStarlets"]
-
 _B_SPLINE = 6 / 16, 4 / 16, 1 / 16  # the cubic B-spline at 0, 1 and 2 steps from its middle
 
 

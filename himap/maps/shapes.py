@@ -2,8 +2,6 @@
 
 from himap.maps import sphere
 
-__all__ = ["pixels_last", "sphere_sizes"]
-
 
 def sphere_sizes(shape):
     """The numbers among `shape` that are those of the pixels of a sphere."""

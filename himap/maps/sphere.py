@@ -14,35 +14,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.progress import progress
 
-__all__ = [
-    "alm_degree",
-    "alm_index",
-    "alm_size",
-    "alms_padded",
-    "alms_upto",
-    "analyse",
-    "analyse_closely",
-    "analyse_grid",
-    "change_resolution",
-    "coupling_matrix",
-    "cut_cube",
-    "gaussian_alm",
-    "gaussian_beam",
-    "is_n_pix",
-    "lmax_of_size",
-    "multiply_beam",
-    "n_threads",
-    "nest_to_ring",
-    "nside_of",
-    "pixel_at",
-    "pixel_latitude",
-    "pixel_vectors",
-    "power_spectrum",
-    "synthesise",
-    "synthesise_cube",
-    "synthesise_grid",
-]
-
 N_ITER = 3
 """Refinements of the HEALPix quadrature, as in healpy's map2alm."""
 

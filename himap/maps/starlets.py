@@ -4,15 +4,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = [
-    "cubic_b_spline",
-    "noise_of_scales",
-    "starlet_bands",
-    "starlet_filters",
-    "starlet_low_passes",
-    "starlets",
-]
-
 
 def starlet_filters(n_scales, lmax):
     """Filters of the isotropic undecimated wavelets on the sphere, (n_scales + 1, lmax + 1).

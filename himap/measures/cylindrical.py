@@ -13,8 +13,6 @@ from scipy.signal import windows
 from himap.core.checks import evenly_spaced, real_array
 from himap.core.errors import InputError
 
-__all__ = ["CylindricalPower", "cell_of", "cylindrical_power"]
-
 _PER_DECADE = 8  # bins
 
 

@@ -4,20 +4,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = [
-    "BUMP",
-    "MSE_DEFINITIONS",
-    "band_max",
-    "band_mean",
-    "band_means",
-    "band_median",
-    "error_variance",
-    "flagged_lines",
-    "largest_deviation",
-    "mean_squared_error",
-    "ratio",
-]
-
 BUMP = (0.25, 0.38)
 """k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
 

@@ -16,8 +16,6 @@ from himap.maps.blocked import blocks
 from himap.maps.modes import MapModes
 from himap.measures.power_spectra import FrequencyPower, checked_maps
 
-__all__ = ["FAINT", "Moments", "difference", "line_errors"]
-
 _BLOCK = 4096  # lines of sight at a time: their float64 copy stays small
 
 FAINT = 3e-8

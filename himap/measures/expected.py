@@ -5,8 +5,6 @@ from scipy import fft
 
 from himap.measures.transfer import CylindricalPower, Recovery
 
-__all__ = ["expected_recovery"]
-
 
 def expected_recovery(found, channel_width):
     """The `Recovery` of HI and noise that has the covariance C_l which a method cleaned with.

@@ -6,15 +6,6 @@ of them leaves; `spectra` a list, one entry for each, of arrays such as C_l and 
 
 import numpy as np
 
-__all__ = [
-    "STABLE",
-    "changes",
-    "eigenvalue_line",
-    "information",
-    "n_above",
-    "settled",
-]
-
 STABLE = 0.1
 """Relative change of a spectrum with one source more, in the mean over scales, below which it is stable."""
 

@@ -16,17 +16,6 @@ from himap.maps import sphere
 from himap.maps.blocked import blocks
 from himap.maps.masks import bin_matrix, decoupled, mask_weights
 
-__all__ = [
-    "AngularPower",
-    "FrequencyPower",
-    "angular_power",
-    "angular_power_pair",
-    "checked_maps",
-    "frequency_power",
-    "masked_alms",
-    "recovered_angular_power",
-]
-
 _BLOCK = 4096  # lines of sight at a time
 _CHANNELS = 16  # at a time
 _MOST = 0.75  # of the sky kept: what is left out is then small enough for a rough analysis

@@ -7,8 +7,6 @@ import numpy as np
 from himap.measures import diagnostics
 from himap.measures.power_spectra import AngularPower, FrequencyPower
 
-__all__ = ["Assessment", "Comparison", "PowerSpectra"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PowerSpectra:

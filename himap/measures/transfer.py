@@ -18,22 +18,6 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
 
-__all__ = [
-    "ANGULAR_BANDS",
-    "DEFINITIONS",
-    "FREQUENCY_BANDS",
-    "JUDGED",
-    "CylindricalPower",
-    "Recovery",
-    "TransferFunction",
-    "band_means",
-    "bands",
-    "cylindrical_power",
-    "power_ratios",
-    "recovery",
-    "recovery_of_cubes",
-]
-
 DEFINITIONS = ("cross", "auto")
 """Of a transfer function: the power that comes back and is in common with the mock, or all of it."""
 

@@ -19,8 +19,6 @@ from himap.removal.sdecgmca.pixels import HEALPix
 from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.scales import Scales
 
-__all__ = ["CHANGE", "ITERATIONS", "VARIANTS", "AuthorsCode", "difference"]
-
 VARIANTS = {
     "mad": {},
     "analytic": {"thresholds": "analytic"},

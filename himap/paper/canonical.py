@@ -45,8 +45,6 @@ from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 
-__all__ = ["CALLS", "RTOLS"]
-
 SURVEY = Survey(nside=16, n_channels=24, box_cells=16)
 FINE = Survey(nside=64, n_channels=12, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=Oscillating())

@@ -2,8 +2,6 @@
 
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
-__all__ = ["in_short", "of_sdecgmca"]
-
 _FEW = 3  # departures from the text that a caption can list
 
 

@@ -13,8 +13,6 @@ from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.store.store import product
 
-__all__ = ["SETTLED", "Views", "eigenvalues", "minka", "views_of"]
-
 SETTLED = 0.03
 """Relative change of a band of a corrected spectrum with one source more, below which it is settled."""
 

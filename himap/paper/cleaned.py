@@ -18,8 +18,6 @@ from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.store.store import product
 
-__all__ = ["assessment", "cleaning", "data_of", "error", "error_of", "residual", "separation"]
-
 
 def cleaning(case, remover, mask_peaks=True):
     """The `Cleaning` of a case by `remover`, from the products that there are; what it finds is not kept.

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
-__all__ = ["CONCLUSIONS", "Conclusion", "verdict"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Conclusion:

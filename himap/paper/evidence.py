@@ -9,8 +9,6 @@ from himap.removal.peaks import smooth_baselines
 from himap.sky.emission import emission_maps
 from himap.store.store import product
 
-__all__ = ["HIGH_LATITUDE", "STANDING_OUT", "masked_voxels", "sky_brightness"]
-
 HIGH_LATITUDE = 30.0
 """Galactic latitude from which it is high, deg."""
 

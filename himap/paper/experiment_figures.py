@@ -13,15 +13,6 @@ from himap.measures.transfer import JUDGED
 from himap.paper.experiments.beam_errors import KINDS, worst_excess
 from himap.paper.experiments.methods import METHOD, distances, middles
 
-__all__ = [
-    "beam_errors_figure",
-    "labels_of",
-    "methods_figure",
-    "methods_table",
-    "signed",
-    "transfer_figure",
-]
-
 _MARKERS = "osD^v"
 _THIN = {"linewidth": 0.8}
 _PANELS = {"C/C0": "angular", "P/P0": "frequency"}

@@ -13,8 +13,6 @@ from himap.removal import create
 from himap.sky.galaxy import Galaxy
 from himap.store.parallel import make_all
 
-__all__ = ["Sky", "cases_and_methods", "make_products", "measured_recoveries"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Sky:

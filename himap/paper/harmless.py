@@ -17,8 +17,6 @@ from himap.removal.analysis import analysed
 from himap.removal.smooth_spectra import FilteredSeparation
 from himap.store.store import product
 
-__all__ = ["Parts", "corrected", "foreseen", "parts"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:

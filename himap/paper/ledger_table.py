@@ -6,8 +6,6 @@ from collections import Counter
 from himap.figures.tables import HTML, Table
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
-__all__ = ["BADGES", "HEADER", "LedgerTable", "measured", "plain_rows", "summary"]
-
 _SECTIONS = {
     "1": "Sect. 1: the sky",
     "4.2": "Sect. 4.2: methods and beams",

@@ -8,8 +8,6 @@ from himap.paper import cleaned, pipeline
 from himap.removal.analysis import analysed
 from himap.removal.beam_projection import through_beams
 
-__all__ = ["error_parts"]
-
 
 def error_parts(case, remover):
     """(foreground left, HI lost, truth) of a component method that was given peak-masked maps.

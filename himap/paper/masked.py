@@ -20,8 +20,6 @@ from himap.removal.data import scattered
 from himap.sky.dimming import Dimming
 from himap.store.store import product
 
-__all__ = ["WAYS", "Region", "by_depth", "compared", "residual", "separation"]
-
 WAYS = ("no mask", "post-masked", "dimmed", "inside")
 """The foreground found on the whole sky; the same without the lines of sight whose error stands out (paper,
 Sect. 5.1); with the plane dimmed in the sky itself (Sect. 5.2); and found on the region alone."""

@@ -14,18 +14,6 @@ from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
 from himap.removal.sdecgmca.method import SDecGMCA
 
-__all__ = [
-    "BEAM_AWARE",
-    "BSS",
-    "TABLE_1",
-    "beam_aware_for",
-    "each_beam",
-    "methods_for",
-    "paper_beams",
-    "sdecgmca_for",
-    "table_1",
-]
-
 TABLE_1 = {
     "degraded": {"n_sources": 3, "regularisation": 1e-3, "share": 0.3},
     "evolving": {"n_sources": 4, "regularisation": 5e-3, "share": 0.8},

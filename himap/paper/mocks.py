@@ -20,8 +20,6 @@ from himap.sky.hi import hi_maps
 from himap.store.parallel import make_all
 from himap.store.store import product
 
-__all__ = ["Mock", "first_mocks", "mock_alms", "own_recovery", "recovered", "transfer_functions"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Mock:

@@ -17,8 +17,6 @@ from himap.measures.power_spectra import angular_power, frequency_power
 from himap.paper import pipeline
 from himap.removal.beam_projection import on_sky
 
-__all__ = ["Patch", "PatchPower", "interpolated", "noise_by_hits", "patch_sky"]
-
 _SHEAR = 0.7  # deg of right ascension by deg of declination, of scans in azimuth at mid elevations
 _EDGE = 0.5  # deg over which the hits of a block fall at its sides
 _LEAST = 0.05  # of the most hits: pixels with fewer are outside

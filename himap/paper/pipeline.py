@@ -31,28 +31,6 @@ from himap.sky.hi import hi_maps
 from himap.store.memory import check_memory
 from himap.store.store import product
 
-__all__ = [
-    "Case",
-    "analysis",
-    "basis",
-    "components",
-    "components_of_sky",
-    "foreground_analysed",
-    "foreground_modes_of_sky",
-    "foreground_seen",
-    "foregrounds",
-    "hi",
-    "hi_alms_of_sky",
-    "hi_of_sky",
-    "noise_alms",
-    "observation",
-    "peak_masked",
-    "spectra_of",
-    "true_spectra",
-    "truth",
-    "truth_alms",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Case:

@@ -10,14 +10,6 @@ from himap.paper import cleaned, pipeline
 from himap.store.memory import check_memory
 from himap.store.parallel import dask_address, make_all, n_jobs
 
-__all__ = [
-    "make",
-    "make_observations",
-    "observing_steps",
-    "temporary_observations",
-    "temporary_separations",
-]
-
 
 def observing_steps(cases):
     """[(product, [arguments of each call])] from nothing to peak-masked observations and their truth."""

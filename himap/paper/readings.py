@@ -9,20 +9,6 @@ from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
-__all__ = [
-    "BANDS",
-    "COLUMNS",
-    "CURVES",
-    "FAILING",
-    "NEAR_PLANE",
-    "QUANTITIES",
-    "Outcome",
-    "Reading",
-    "Run",
-    "outcomes",
-    "readings",
-]
-
 FAILING = 0.1
 """Mean |C/C0 - 1| at 10 < l < 200 above which a run fails: twice the paper's 5 %."""
 

@@ -9,8 +9,6 @@ from himap.paper.readings import BANDS, CURVES, readings
 from himap.paper.readings_table import MARKS, robustness
 from himap.removal.sdecgmca.readings import READINGS
 
-__all__ = ["bands_figure", "claims_figure", "code_figure", "curves_figure"]
-
 _FAR = (1e-3, 1e3)  # where axes of ratios end at the latest
 _GAP = 0.8  # between the readings with a name and the others, in rows
 _COLUMNS = 5

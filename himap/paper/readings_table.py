@@ -6,22 +6,6 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
-__all__ = [
-    "EVERY",
-    "HEADER",
-    "MARKS",
-    "NONE",
-    "SOME",
-    "VOID",
-    "decisive_options",
-    "closest_converged",
-    "option_rows",
-    "plain_rows",
-    "robustness",
-    "insensitive_claims",
-    "with_columns",
-]
-
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
 """Where a claim stands: it holds, at least in part, under these readings."""
 

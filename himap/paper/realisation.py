@@ -20,8 +20,6 @@ from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 
-__all__ = ["Realisation", "make"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Realisation:

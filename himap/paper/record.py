@@ -21,8 +21,6 @@ from himap.store.fingerprint import CodeTree
 from himap.store.parallel import dask_address
 from himap.store.provenance import Provenance, environment
 
-__all__ = ["Experiment", "Record", "measuring_code"]
-
 _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
 _TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1

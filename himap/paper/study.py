@@ -17,8 +17,6 @@ from himap.paper.study_figures import StudyFigures
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 
-__all__ = ["Study"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Study(StudyFigures):

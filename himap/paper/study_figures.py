@@ -7,8 +7,6 @@ from himap.measures.results import Comparison
 from himap.paper import pipeline
 from himap.store.provenance import Provenance
 
-__all__ = ["StudyFigures"]
-
 _LINES = ("-", "--", "-.", ":", (0, (8, 2)))
 
 

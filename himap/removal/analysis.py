@@ -14,8 +14,6 @@ from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
 from himap.removal.data import scattered
 
-__all__ = ["CubeModes", "analysed", "continued"]
-
 _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and noise alone
 _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more
 _CLOSE = 0.3  # of the level of HI and noise: how well the maps of what is bright are reproduced

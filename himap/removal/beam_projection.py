@@ -9,8 +9,6 @@ from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 from himap.removal.spectral_filter import filtered
 
-__all__ = ["on_sky", "seen_through", "through_beams"]
-
 
 def through_beams(maps, space, beams, modes):
     """What the spectra `space`, seen through `beams`, hold of `maps`, a `MapModes`.

@@ -16,8 +16,6 @@ from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.separation import ordered
 from himap.removal.sparse_sources import SparseSources
 
-__all__ = ["BeamSubspace", "inner_alm", "inner_weights"]
-
 _SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
 _MOST_ITERATIONS = 50  # the misfit settles in 3 to 20

@@ -7,8 +7,6 @@ import numpy as np
 from himap.removal.covariance import principal_axes
 from himap.removal.harmonic import at_one_resolution, blocks, cross_products, project, safe_inverse
 
-__all__ = ["BlurredMixture", "noise_per_mode", "one_resolution_eigenvalues"]
-
 _RANK = 1e-13  # directions below this share of the largest are rounding
 
 

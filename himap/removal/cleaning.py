@@ -8,8 +8,6 @@ import numpy as np
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
-__all__ = ["Cleaning", "without_peaks"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaning:

@@ -7,8 +7,6 @@ from threadpoolctl import threadpool_limits
 from himap.core.progress import progress
 from himap.maps.blocked import blocks
 
-__all__ = ["bright_axes", "channel_covariance", "common_axes", "principal_axes"]
-
 _BRIGHT = 1e3  # variance over that of HI and noise
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 

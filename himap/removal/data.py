@@ -15,8 +15,6 @@ from himap.core.errors import InputError
 from himap.maps.blocked import centred, lean
 from himap.removal.covariance import channel_covariance
 
-__all__ = ["Data", "check_channels", "checked_mask", "checked_weights", "means_of", "scattered"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Data:

@@ -6,8 +6,6 @@ from himap.maps import sphere
 from himap.maps.plane_starlets import PlaneStarlets
 from himap.maps.starlets import starlet_bands
 
-__all__ = ["SphereDetails", "details_of"]
-
 
 def details_of(maps, n_scales, image=None):
     """What takes maps (n_maps, n_pix) to their detail scales, a `SphereDetails` or a `PlaneStarlets`.

@@ -3,8 +3,6 @@
 import numpy as np
 from scipy.linalg import toeplitz
 
-__all__ = ["faint_covariance", "log_fit"]
-
 _LEVEL_ORDER = 3  # of the polynomial in frequency that the logarithm of the variance is
 _POWER_ORDER = 3  # of the one in k / (k + _SCALE) that the logarithm of the power is
 _SCALE = 0.3  # 1/MHz: channels a few MHz apart hold nearly the same HI; about there its power bends

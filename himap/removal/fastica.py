@@ -11,8 +11,6 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.pca import principal_components
 from himap.removal.separation import ordered
 
-__all__ = ["FastICA"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FastICA(ForegroundRemover):

@@ -11,8 +11,6 @@ from himap.maps.blocked import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
 
-__all__ = ["GaussianProcess", "smoother", "squared_exponential"]
-
 _LEAST = 1e-14  # of the variance of the data: float32 maps have no smaller
 _MOST = 1e4  # of the variance of the data: a process that is smoother than the band is wide has more than it
 _LONGEST = 100.0  # bands: longer is straight to the last digit of float32

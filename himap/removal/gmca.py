@@ -14,8 +14,6 @@ from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
 from himap.removal.sparse_sources import NORMAL, share_threshold
 
-__all__ = ["GMCA", "Step", "thresholds"]
-
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
 

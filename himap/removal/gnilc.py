@@ -20,8 +20,6 @@ from himap.removal.hi_prior import band_covariance, expected_covariance, mock_co
 from himap.removal.local_filters import local_difference
 from himap.removal.separation import ordered
 
-__all__ = ["GNILC", "foreground_filter", "n_foreground"]
-
 _ROUNDING = 1e-14  # of the variance of the data: a prior below that is of float32 maps without HI and noise
 
 

@@ -11,17 +11,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = [
-    "at_one_resolution",
-    "blocks",
-    "cross_products",
-    "degrees",
-    "from_modes",
-    "project",
-    "safe_inverse",
-    "to_modes",
-]
-
 _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 

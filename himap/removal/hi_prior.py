@@ -10,8 +10,6 @@ from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.removal import harmonic
 
-__all__ = ["LINE", "band_covariance", "expected_covariance", "mock_covariances", "read_mock", "stationary"]
-
 LINE = 1420.405751768
 """Rest frequency of the 21 cm line, MHz."""
 

@@ -5,8 +5,6 @@ import numpy as np
 from himap.core.progress import progress
 from himap.maps import sphere
 
-__all__ = ["local_difference"]
-
 _NOTHING = 1e-3  # of the largest weight: pixels below it do not feel a region
 
 

@@ -12,8 +12,6 @@ from himap.maps.blocked import in_threads
 from himap.maps.modes import MapModes
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
-__all__ = ["FIXED_INDEX", "Parametric"]
-
 FIXED_INDEX = -2.13
 """Spectral index of the first term, free-free emission (Bennett et al. 1992)."""
 

@@ -8,8 +8,6 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import principal_axes
 from himap.removal.weighted_pca import weighted_components
 
-__all__ = ["PCA", "principal_components"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PCA(ForegroundRemover):

@@ -16,15 +16,6 @@ from himap.maps.blocked import in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_fits import weighted_clipping
 
-__all__ = [
-    "Baselines",
-    "PeakMasked",
-    "check_clipping",
-    "least_channels",
-    "mask_peaks",
-    "smooth_baselines",
-]
-
 _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
 
 

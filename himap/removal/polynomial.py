@@ -8,8 +8,6 @@ import numpy as np
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import check_clipping, least_channels, smooth_baselines
 
-__all__ = ["Polynomial"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(ForegroundRemover):

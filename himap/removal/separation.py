@@ -6,8 +6,6 @@ import numpy as np
 
 from himap.maps.modes import MapModes
 
-__all__ = ["Cleaned", "Separation", "ordered"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:

@@ -14,8 +14,6 @@ from himap.removal.faint_covariance import faint_covariance
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import SpectralFilter, block_of
 
-__all__ = ["FilteredSeparation", "SmoothSpectra", "multipole_bands", "smooth_basis", "standing_out"]
-
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
 _MOST_TURNS = 50  # of a band; it takes 3 to 6 where smooth spectra hold a few percent of HI

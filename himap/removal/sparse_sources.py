@@ -6,8 +6,6 @@ from himap.maps import sphere
 from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
 from himap.removal.harmonic import from_modes, to_modes
 
-__all__ = ["NORMAL", "SparseSources", "share_threshold"]
-
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 

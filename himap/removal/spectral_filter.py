@@ -11,8 +11,6 @@ from himap.maps.modes import MapModes
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
-__all__ = ["SpectralFilter", "block_of", "filtered"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SpectralFilter:

@@ -2,8 +2,6 @@
 
 import numpy as np
 
-__all__ = ["least_squares", "weighted_clipping"]
-
 
 def least_squares(basis, lines, weights):
     """Coefficients with the least sum of w (x - B a)^2 of each line of sight, (n_coefficients, n).

@@ -9,8 +9,6 @@ from himap.removal.covariance import principal_axes
 from himap.removal.separation import Separation
 from himap.removal.weighted_fits import least_squares
 
-__all__ = ["seen_covariance", "weighted_components"]
-
 _SETTLED = 1e-7  # relative change of the squares that are left at which the turns end
 _ROUGHLY = 1e-2  # the same while there are fewer components than asked for
 _ROUNDING = 1e-28  # of the squares of the maps: what is left of them without HI and noise

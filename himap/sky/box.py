@@ -12,8 +12,6 @@ from scipy import fft
 
 from himap.core.progress import progress
 
-__all__ = ["cell_centres", "gaussian_modes", "radial_displacement", "real_field"]
-
 _TABLE_SIZE = (
     65536  # |k| table of the amplitudes; linear interpolation is good to 1e-4 at the fundamental mode
 )

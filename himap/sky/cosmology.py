@@ -14,8 +14,6 @@ from scipy.interpolate import CubicSpline
 
 from himap.core.errors import InputError
 
-__all__ = ["FREQ_21CM", "Z_MAX", "Cosmology", "HIModel", "redshift"]
-
 FREQ_21CM = 1420.405751768
 """Rest frequency of the 21 cm line, MHz."""
 

@@ -7,8 +7,6 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.maps import sphere
 
-__all__ = ["Dimming"]
-
 _WIDTHS = 3  # standard deviations from the plane to the edge
 
 

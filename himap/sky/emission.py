@@ -7,8 +7,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = ["PowerLaw", "emission_maps", "emission_modes"]
-
 _TOLERANCE = 1e-12  # of the brightness: far below the last digit of float32 maps
 
 

@@ -3,8 +3,6 @@
 from himap.sky.emission import emission_maps
 from himap.sky.point_sources import point_sources
 
-__all__ = ["foreground_components", "foreground_maps"]
-
 
 def foreground_components(survey, galaxy):
     """Every foreground as a `PowerLaw`: synchrotron, free-free, point sources.

@@ -10,8 +10,6 @@ from himap.sky.pysm import pysm_templates, pysm_version
 from himap.sky.synthetic import synthetic_galaxy
 from himap.sky.templates import EXPECTED_FILES, digest_of, find_templates, nsides_of, read_templates
 
-__all__ = ["SOURCES", "Galaxy"]
-
 SOURCES = ("synthetic", "templates", "pysm3")
 """Made on the spot; FITS files of a folder; PySM 3's models s1 and f1, the paper's own."""
 

@@ -12,8 +12,6 @@ from himap.core.errors import InputError
 from himap.sky import box, light_cone
 from himap.sky.cosmology import Z_MAX, HIModel, redshift
 
-__all__ = ["hi_maps", "lognormal_box"]
-
 _MODEL = HIModel()
 
 

@@ -13,8 +13,6 @@ from numba import njit, prange
 from himap.core.progress import progress
 from himap.maps import sphere
 
-__all__ = ["Rays", "plan_rays", "trace"]
-
 _STEPS_PER_GAP = 2  # along a ray nothing else smooths, so steps are finer than the gaps between rays
 _BLOCKS = 50  # of pixels, between which progress is shown
 _MARGIN = 30.0  # Mpc/h beyond the band on either side; linear displacements are 3 Mpc/h rms

@@ -14,19 +14,6 @@ from scipy.integrate import quad
 from himap.maps import sphere
 from himap.sky.emission import PowerLaw
 
-__all__ = [
-    "FLUX_FAINT",
-    "FLUX_REMOVED",
-    "FREQ_COUNTS",
-    "clustering_spectrum",
-    "flux_to_temperature",
-    "mean_temperature",
-    "number_density",
-    "point_sources",
-    "poisson_spectrum",
-    "source_counts",
-]
-
 FREQ_COUNTS = 1400.0
 """Frequency of the source counts, MHz."""
 FLUX_FAINT = 0.01

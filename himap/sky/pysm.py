@@ -15,8 +15,6 @@ from himap.maps.healpix_files import MILLIKELVIN, write_maps
 from himap.sky.synthetic import FREE_FREE_INDEX
 from himap.sky.templates import Template, positive
 
-__all__ = ["PYSM_NSIDE", "pysm_templates", "pysm_version", "write_templates"]
-
 PYSM_NSIDE = 512
 """Resolution of PySM's own maps of s1 and f1."""
 

@@ -8,8 +8,6 @@ import numpy as np
 
 from himap.maps import sphere
 
-__all__ = ["EXPONENT", "SLOPE", "add_structure", "change_index_resolution", "raise_faint", "refine"]
-
 SLOPE = -2.703
 """Slope of the angular spectrum of 408 MHz small scales (Remazeilles et al. 2015)."""
 EXPONENT = 0.782

@@ -16,8 +16,6 @@ from scipy.interpolate import RectBivariateSpline
 from himap.maps import sphere
 from himap.sky.emission import PowerLaw
 
-__all__ = ["FREE_FREE_INDEX", "synthetic_galaxy"]
-
 FREE_FREE_INDEX = -2.14
 """Spectral index of free-free emission (paper, Sect. 2.1.3)."""
 

@@ -17,16 +17,6 @@ from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
 
-__all__ = [
-    "EXPECTED_FILES",
-    "Template",
-    "digest_of",
-    "find_templates",
-    "nsides_of",
-    "positive",
-    "read_templates",
-]
-
 _INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
 _KINDS = {
     "synchrotron": re.compile("synchrotron", re.IGNORECASE),

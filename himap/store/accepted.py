@@ -9,8 +9,6 @@ import json
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["ACCEPTED", "PROBES", "accepted", "moved"]
-
 ACCEPTED = Path(__file__).resolve().parents[2] / "book" / "results" / "accepted.json"
 """In a checkout; himap without one accepts nothing."""
 

@@ -14,8 +14,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 
-__all__ = ["TREE", "read_value", "write_value"]
-
 TREE = "value.json"
 _KINDS = "biufc"  # of arrays: numbers and bools
 _ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"

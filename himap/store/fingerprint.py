@@ -29,8 +29,6 @@ from himap.store.sources import ROOT, read
 from himap.store.syntax import RUN, digest_of, is_ignored, is_look, parse, parse_cells
 from himap.store.writing import IMPORTS, bound_name
 
-__all__ = ["CodeTree"]
-
 _FOLDER, _CELLS = "__path__", "<cells>"
 
 

@@ -10,8 +10,6 @@ from himap.store import sources
 from himap.store.accepted import accepted, moved
 from himap.store.fingerprint import CodeTree
 
-__all__ = ["code_fingerprint", "is_current", "note", "tree_of"]
-
 
 def code_fingerprint(obj):
     """The fingerprint (see `CodeTree`) of a function, class or module as this process loaded it.

@@ -16,8 +16,6 @@ from himap.core.folders import note_worker, run_folder
 from himap.core.progress import progress
 from himap.store import cache
 
-__all__ = ["DASK_VARIABLE", "JOBS_VARIABLE", "check_scheduler", "dask_address", "make_all", "n_jobs"]
-
 JOBS_VARIABLE = "HIMAP_JOBS"
 """Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
 

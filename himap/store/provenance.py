@@ -12,8 +12,6 @@ from pathlib import Path
 from himap import __version__
 from himap.core.survey import PRESETS
 
-__all__ = ["PACKAGES", "VOLATILE", "Provenance", "duration", "environment"]
-
 PACKAGES = ("numpy", "scipy", "healpy", "ducc0", "camb", "astropy", "scikit-learn", "pysm3")
 """Packages whose version can move a number in the last digits."""
 

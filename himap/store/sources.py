@@ -4,8 +4,6 @@ import os
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["ROOT", "is_unchanged", "note", "read", "version"]
-
 ROOT = Path(__file__).resolve().parents[1]
 """The folder of himap."""
 

@@ -20,8 +20,6 @@ from himap.store import cache
 from himap.store.accepted import accepted
 from himap.store.live import code_fingerprint, is_current, note
 
-__all__ = ["Product", "product"]
-
 
 def product(function=None, *, name=None, version=None):
     """Decorator: keep what a function returns on disk.

@@ -7,9 +7,6 @@ from typing import NamedTuple
 
 from himap.store.writing import DEFINITIONS, IMPORTS, Hole, Writer, assigns, bound_name, called, is_text
 
-__all__ = ["RUN", "Code", "Part", "digest_of", "is_ignored", "is_look", "parse", "parse_cells"]
-
-
 RUN = "<run>"
 """Name of the part of a module that acts whenever the module is imported, whatever is taken from it."""
 

@@ -23,8 +23,6 @@ from himap.core.progress import progress
 from himap.store import accepted
 from himap.store.live import tree_of
 
-__all__ = ["RTOL", "accepted_names", "compared", "differences", "moved_names", "summary", "verify"]
-
 RTOL = 1e-5
 """Relative difference up to which two numbers are equal."""
 

@@ -11,8 +11,6 @@ looks up variables by name (``locals()`` and the like), those count too.
 import ast
 from typing import NamedTuple
 
-__all__ = ["DEFINITIONS", "IMPORTS", "WORDS", "Hole", "Writer", "assigns", "bound_name", "called", "is_text"]
-
 IMPORTS = (ast.Import, ast.ImportFrom)
 DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 

@@ -12,8 +12,6 @@ from himap.core.survey import PRESETS
 from himap.figures.tables import Table
 from himap.store import cache
 
-__all__ = ["cache_commands"]
-
 _OTHER = "other"  # than a preset
 
 

@@ -9,17 +9,6 @@ from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
 from himap.core.reading import is_file, regular_file
 
-__all__ = [
-    "Methods",
-    "cube_and_beams",
-    "cube_options",
-    "inputs_of",
-    "method_parameters",
-    "mock_options",
-    "tell",
-    "weight_options",
-]
-
 
 class _Registered(click.Option):
     """An option whose help lists what there is, found when it is asked for."""

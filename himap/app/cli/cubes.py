@@ -24,8 +24,6 @@ from himap.core.outputs import whole_file, whole_files
 from himap.core.reading import there_is
 from himap.figures.tables import Table
 
-__all__ = ["clean", "suggest", "transfer"]
-
 
 @click.command(short_help="Remove the foregrounds of the cube of maps in CUBE.")
 @click.argument("path", metavar="CUBE")

@@ -25,8 +25,6 @@ from himap.app.parameters import accepts, check_parameters, describe_parameters,
 from himap.core.errors import InputError
 from himap.figures.tables import Table
 
-__all__ = ["main"]
-
 
 @click.group(cls=Commands, context_settings=SETTINGS)
 @click.version_option(__version__, message="himap %(version)s")

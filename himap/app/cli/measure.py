@@ -15,8 +15,6 @@ from himap.figures.tables import Table
 from himap.store.fingerprint import CodeTree
 from himap.store.provenance import Provenance
 
-__all__ = ["claims", "measure", "readings", "record"]
-
 _MOST_SOURCES = 10_000
 _SKIES = {"n_realisations": ("int", 20, "skies, each with a seed of its own")}
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself

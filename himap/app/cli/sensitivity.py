@@ -11,8 +11,6 @@ from himap.core.errors import InputError, plain_text
 from himap.core.outputs import whole_file
 from himap.figures.tables import Table
 
-__all__ = ["sensitivity"]
-
 
 @click.command(short_help="Tell how far what is left of CUBE hangs on its beam.")
 @click.argument("path", metavar="CUBE")

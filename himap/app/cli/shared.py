@@ -12,18 +12,6 @@ from himap.core.errors import InputError, shortened
 from himap.store.memory import LIMIT_VARIABLE, parse_size
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
-__all__ = [
-    "SETTINGS",
-    "Commands",
-    "check_alone",
-    "debug",
-    "json_output",
-    "named_values",
-    "overwrite_option",
-    "size_text",
-    "workers",
-]
-
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 

@@ -6,8 +6,6 @@ import click
 
 from himap.app.cli.shared import debug
 
-__all__ = ["templates"]
-
 
 @click.command()
 @click.argument("folder", metavar="FOLDER", type=click.Path(file_okay=False))

@@ -4,8 +4,6 @@ import click
 
 from himap.app.cli.shared import debug
 
-__all__ = ["verify"]
-
 
 @click.command()
 @click.option("--renew", is_flag=True, help="Store the numbers of today's code where they differ.")

@@ -8,8 +8,6 @@ import numpy as np
 from himap.instrument.beams.base import GaussianBeam, Windows, diffraction_fwhm, parameter
 from himap.maps import sphere
 
-__all__ = ["NOISE", "Degraded"]
-
 NOISE = {
     "smoothed": "smoothed with the maps, as what is observed and degraded later has it",
     "white": "added to the degraded maps, and not smoothed",

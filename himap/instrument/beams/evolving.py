@@ -5,8 +5,6 @@ from typing import ClassVar
 
 from himap.instrument.beams.base import GaussianBeam, diffraction_fwhm
 
-__all__ = ["Evolving"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Evolving(GaussianBeam):

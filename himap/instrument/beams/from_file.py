@@ -12,8 +12,6 @@ from himap.core.reading import is_file, read_numbers, regular_file
 from himap.instrument.beams.base import Beam, Windows, parameter
 from himap.maps import sphere
 
-__all__ = ["FromFile"]
-
 _NARROWEST, _WIDEST = 0.04, 10.0  # deg, of a FWHM: less is in rad, more in arcmin
 _OFF = 0.01  # by which b_l may miss 1 at l = 0
 

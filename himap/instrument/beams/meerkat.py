@@ -9,8 +9,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.instrument.beams.base import GaussianBeam
 
-__all__ = ["MeerKAT", "model_of", "stokes_i"]
-
 _BANDS = {"MKAT-AA-UHF-JIM-2020": (544, 1088), "MKAT-AA-L-JIM-2020": (856, 1712)}  # MHz
 
 

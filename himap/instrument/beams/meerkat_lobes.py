@@ -10,8 +10,6 @@ from scipy import special
 from himap.instrument.beams.base import Beam, Windows
 from himap.instrument.beams.meerkat import model_of, stokes_i
 
-__all__ = ["MeerKATLobes"]
-
 _RADIUS = np.linspace(0, 20, 4001)  # deg; the first side lobe is at 1e-2, and 1e-6 is reached before the end
 _N_ANGLES = 12
 _LEAST = 1e-4

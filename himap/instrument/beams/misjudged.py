@@ -7,8 +7,6 @@ import numpy as np
 
 from himap.instrument.beams.base import Beam, Windows, parameter
 
-__all__ = ["Misjudged"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Misjudged(Beam):

@@ -8,8 +8,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.instrument.beams.base import GaussianBeam, diffraction_fwhm, parameter
 
-__all__ = ["RIPPLES", "Oscillating"]
-
 RIPPLES = {
     "bracket": "P(nu) + (0.1/60) sin, times lambda/D: 0.14 % of the FWHM",
     "additive": "lambda/D + 0.1 arcmin sin",

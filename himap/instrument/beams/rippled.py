@@ -8,8 +8,6 @@ import numpy as np
 from himap.instrument.beams.base import GaussianBeam, diffraction_fwhm, parameter
 from himap.instrument.beams.oscillating import Oscillating
 
-__all__ = ["Rippled"]
-
 _PAPER = Oscillating()
 
 

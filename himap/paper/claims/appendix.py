@@ -5,8 +5,6 @@ import numpy as np
 from himap.paper.claims.base import METHODS, claim, listing
 from himap.paper.claims.verdicts import CONSISTENT, Finding, Part
 
-__all__ = ["correlation_highest", "variance_smallest"]
-
 _APPENDIX = {"section": "A", "notebook": "14_diagnostics"}
 
 

@@ -8,31 +8,6 @@ import numpy as np
 from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
 from himap.paper.claims.verdicts import RECOVERED, Finding, parts_of
 
-__all__ = [
-    "BEAMS",
-    "BLIND",
-    "LEFT_IN",
-    "LOW_K",
-    "METHODS",
-    "REGISTRY",
-    "Claim",
-    "angular_deviation",
-    "angular_error",
-    "angular_mean",
-    "bump",
-    "by_method",
-    "claim",
-    "frequency_deviation",
-    "frequency_error",
-    "frequency_mean",
-    "frequency_median",
-    "listing",
-    "listing_by_beam",
-    "method_claim",
-    "recovered",
-    "total",
-]
-
 METHODS = {
     "pca": "PCA",
     "fastica": "ICA",

@@ -5,8 +5,6 @@ import numpy as np
 from himap.paper.claims.base import bump, by_method, claim, listing, total
 from himap.paper.claims.verdicts import CLEAR, RECOVERED, Finding, Part, parts_of
 
-__all__ = ["dimmed_all", "dimmed_most", "dimmed_peak", "dimmed_range"]
-
 _DIMMED = {"section": "5.2", "figure": "7", "notebook": "13_dimmed_galaxy"}
 _CASES = ("oscillating", "dimmed")
 _THREE = ("pca", "fastica", "sdecgmca")

@@ -9,8 +9,6 @@ from himap.core.errors import InputError
 from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim, Finding, Part
 from himap.paper.claims.verdicts import most_common
 
-__all__ = ["COLUMNS", "Entry", "entries", "finding_rows"]
-
 COLUMNS = {
     "noise_level": float,
     "claim": str,

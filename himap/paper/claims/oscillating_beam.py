@@ -18,13 +18,6 @@ from himap.paper.claims.base import (
 from himap.paper.claims.verdicts import CLEAR, FAILS, STRONG, Finding, Part, parts_of
 from himap.paper.methods import BSS
 
-__all__ = [
-    "oscillating_angular",
-    "oscillating_fits",
-    "oscillating_low_k",
-    "oscillating_peak",
-]
-
 _ANGULAR = {"section": "4.2", "figure": "1", "notebook": "10_results"}
 _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
 _ACCURATE = 0.05

@@ -24,8 +24,6 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-__all__ = ["broadband_bias", "excess_of_masking", "masked_peaks", "peaks_left_in"]
-
 _PEAKS = {"section": "4.1, B", "notebook": "03_peak_masking"}
 
 

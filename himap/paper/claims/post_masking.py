@@ -27,8 +27,6 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-__all__ = ["flagged_in_plane", "masked_angular", "masked_others", "masked_range", "masked_sdecgmca"]
-
 _POST = {"section": "5.1", "notebook": "12_post_masking"}
 _PLANE = 15.0  # deg of latitude
 

@@ -14,8 +14,6 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import Finding, Part, not_applicable, parts_of
 
-__all__ = ["scan_compromise", "scan_ends", "scan_large_degrees", "scan_minimum", "scan_scales"]
-
 _SCAN = {"section": "4.3", "notebook": "11_ns_scan"}
 
 

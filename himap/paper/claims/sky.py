@@ -5,8 +5,6 @@ import numpy as np
 from himap.paper.claims.base import claim
 from himap.paper.claims.verdicts import Finding, Part
 
-__all__ = ["foregrounds_above_hi"]
-
 _LEAST, _LARGEST = 4, 5  # orders of magnitude
 
 

@@ -17,13 +17,6 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import CLEAR, ORDERS, RECOVERED, ROUGHLY, Finding, parts_of
 
-__all__ = [
-    "evolving_frequency",
-    "evolving_gmca",
-    "evolving_parametric",
-    "evolving_polynomial",
-]
-
 _ANGULAR = {"section": "4.2", "figure": "1", "notebook": "10_results"}
 _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
 

@@ -15,8 +15,6 @@ from himap.paper.claims.base import (
 from himap.paper.claims.verdicts import CLEAR, MUCH, RECOVERED, Finding, Part, not_applicable, parts_of
 from himap.paper.methods import BSS
 
-__all__ = ["beyond_200", "inversion_limit", "most_consistent", "offset_in_other_beams"]
-
 _RESULTS = {"section": "4.2", "figure": "1", "notebook": "10_results"}
 _NEAR_200 = (150, 300)
 _DIGITS = 1 / np.finfo(np.float32).eps  # condition number from which float32 maps leave no digit

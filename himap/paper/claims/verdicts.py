@@ -8,29 +8,6 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
-__all__ = [
-    "CLEAR",
-    "CONSISTENT",
-    "FAILED",
-    "FAILS",
-    "INAPPLICABLE",
-    "IN_PART",
-    "MOST",
-    "MUCH",
-    "NOTABLE",
-    "ORDERS",
-    "RECOVERED",
-    "REPRODUCED",
-    "ROUGHLY",
-    "STRONG",
-    "VERDICTS",
-    "Finding",
-    "Part",
-    "most_common",
-    "not_applicable",
-    "parts_of",
-]
-
 RECOVERED = 0.1
 """|ratio - 1| below which a spectrum counts as recovered: the 10 % of the paper."""
 

@@ -19,19 +19,6 @@ from himap.paper.mocks import own_recovery
 from himap.paper.record import Experiment
 from himap.store.store import product
 
-__all__ = [
-    "EXPERIMENT",
-    "KINDS",
-    "AssumedBeams",
-    "assumed_beam",
-    "mean_over_skies",
-    "measure",
-    "recovery_assuming",
-    "skies",
-    "tolerated",
-    "worst_excess",
-]
-
 KINDS = {
     "width": "relative error of the FWHM",
     "ripple": "relative amplitude of an unknown ripple of 20 MHz",

@@ -18,8 +18,6 @@ from himap.paper.record import Experiment
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
 
-__all__ = ["EXPERIMENT", "NUDGES", "JudgedSky", "judge", "measure", "realisations", "skies"]
-
 NUDGES = (0.999, 1.001)
 """Noise levels a thousandth away from that of the survey, which should change nothing of account."""
 

@@ -15,19 +15,6 @@ from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import first_mocks
 from himap.paper.record import Experiment
 
-__all__ = [
-    "EXPERIMENT",
-    "METHOD",
-    "BeamsAndMethods",
-    "curves",
-    "distances",
-    "in_bands",
-    "measure",
-    "middles",
-    "skies",
-    "widths",
-]
-
 COLUMNS = {
     "beam": str,
     "method": str,

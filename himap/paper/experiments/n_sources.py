@@ -15,8 +15,6 @@ from himap.paper.mocks import first_mocks, own_recovery, recovered
 from himap.paper.record import Experiment
 from himap.removal import create
 
-__all__ = ["CRITERIA", "EXPERIMENT", "measure", "skies"]
-
 CRITERIA = {
     "bic": "information criterion (BIC)",
     "aic": "information criterion (AIC)",

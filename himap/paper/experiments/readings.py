@@ -20,8 +20,6 @@ from himap.paper.readings import BANDS, COLUMNS, CURVES, NEAR_PLANE, outcomes, r
 from himap.paper.realisation import make
 from himap.paper.record import Experiment
 
-__all__ = ["EXPERIMENT", "ReadSky", "measure", "skies"]
-
 _N_BINS = 40  # of a curve, at most
 _EDGE = 200  # of l that the paper recovers
 

@@ -12,8 +12,6 @@ from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import first_mocks
 from himap.paper.record import Experiment
 
-__all__ = ["EXPERIMENT", "corrected_bands", "measure", "skies"]
-
 COLUMNS = {
     "method": str,
     "n_sources": int,  # 0 of a method that has none

@@ -7,8 +7,6 @@ import numpy as np
 from himap.core.progress import progress
 from himap.removal.harmonic import degrees
 
-__all__ = ["Step", "iterations", "last_sources"]
-
 _MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
 _LAST_MOST = 25  # turns of the last S
 

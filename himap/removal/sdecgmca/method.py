@@ -18,8 +18,6 @@ from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 from himap.removal.sdecgmca.scales import Scales
 from himap.removal.separation import ordered
 
-__all__ = ["SDecGMCA"]
-
 _PIXELS = {"grid": Grid, "healpix": HEALPix}
 _BY_READING = (*OPTIONS, "last_tolerance")
 

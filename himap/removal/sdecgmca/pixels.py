@@ -5,8 +5,6 @@ import numpy as np
 from himap.maps import sphere
 from himap.removal import harmonic
 
-__all__ = ["Grid", "HEALPix"]
-
 _N_ITER = 3  # refinements of the quadrature in C21's code
 
 

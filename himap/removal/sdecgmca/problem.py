@@ -7,8 +7,6 @@ import numpy as np
 from himap.removal import harmonic
 from himap.removal.blurred_mixture import BlurredMixture
 
-__all__ = ["Problem"]
-
 _FAINTEST = 1e-20  # of the largest C_l of a source: C21's code divides by no less
 _VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from himap.core.errors import InputError
 
-__all__ = ["OPTIONS", "READINGS", "Option", "resolved"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Option:

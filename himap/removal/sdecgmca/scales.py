@@ -7,8 +7,6 @@ from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_low_pas
 from himap.removal import harmonic
 from himap.removal.sdecgmca.selection import deviation, shrink
 
-__all__ = ["Scales", "low_passes"]
-
 
 def low_passes(n_scales, lmax, kind):
     """Low passes of the starlet scales, fine to coarse, (n_scales, lmax + 1).

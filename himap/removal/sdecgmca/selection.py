@@ -7,8 +7,6 @@ share these: the same as numpy's partition, and quicker, since it passes over al
 import numpy as np
 from numba import njit
 
-__all__ = ["deviation", "ranked", "shrink"]
-
 _NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
 _SMALLEST = 1e-20
 _BITS = 48  # of 64 that are left out: what stays is the sign, the exponent and 4 bits of the fraction
