@@ -121,16 +121,37 @@ def test_writers_at_work_are_left_alone(lab):
     assert cache.clear_cache(["unfinished"]) == 0 and not _unfinished()
 
 
-def test_two_processes_at_once(lab, tmp_path):
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_two_processes_compute_a_result_once(lab, tmp_path, is_killed):
+    """The second waits for the first, and takes over where that is killed."""
     gate = str(tmp_path / "gate")
     check = f"assert lab.slow(1000, gate={gate!r}).sum() == 1000"
-    processes = [lab.start(check) for _ in range(2)]
-    _wait_for(lambda: lab.computed() == ["slow", "slow"])
+    processes = [lab.start(check)]
+    _wait_for(lambda: lab.computed() == ["slow"])
+    processes.append(lab.start(f"lab.note('asks')\n{check}"))
+    _wait_for(lambda: len(lab.computed()) == 2)
+    time.sleep(0.3)
+    assert lab.computed() == ["slow", "asks"]
+    if is_killed:
+        processes[0].kill()
+        _wait_for(lambda: len(lab.computed()) == 3)
     Path(gate).touch()
-    assert [process.wait() for process in processes] == [0, 0]
+    assert [process.wait() for process in processes] == [-signal.SIGKILL * is_killed, 0]
     assert lab.slow(1000, gate=gate).sum() == 1000
-    assert len(lab.computed()) == 2
-    assert not _unfinished()
+    assert lab.computed().count("slow") == 1 + is_killed and not list(cache.cache_folder().rglob("*.lock"))
+
+
+def test_a_folder_that_can_only_be_read_is_read(lab, monkeypatch):
+    lab.base(SURVEY)
+
+    def refuse(*args, **options):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    assert lab.base(SURVEY).size == 100
+    with pytest.raises(InputError, match="base cannot be kept .*Read-only"):
+        lab.base(SURVEY, scale=2.0)
+    assert lab.computed() == ["base"]  # said before the work
 
 
 def test_a_disk_that_is_full_is_one_clear_error(lab):

@@ -3,8 +3,8 @@
 A result is a folder of its own, ``PRODUCT/KEY``, with the value as arrays and JSON
 (`himap.store.arrays`), and a note of what it is and of the checksums of its files. All is written under
 another name, which is then renamed, and deleted under another one: a process that is killed, or a second one
-that writes the same, leaves nothing half done under the right name. Arrays are mapped from disk. A folder
-that others can write to is refused.
+that writes the same, leaves nothing half done under the right name. While a process computes a result, others
+wait for it. Arrays are mapped from disk. A folder that others can write to is refused.
 """
 
 import contextlib
@@ -17,6 +17,8 @@ import zlib
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+
+from filelock import FileLock
 
 from himap.core.errors import InputError
 from himap.core.folders import cache_folder, check_ours, is_abandoned, make_private, own_name
@@ -31,6 +33,7 @@ __all__ = [
     "clear_cache",
     "holds",
     "load",
+    "lock",
     "remove",
     "save",
 ]
@@ -90,6 +93,38 @@ def load(product, key):
             raise Deleted(str(error)) from None
         _delete(folder)
         raise Damaged(str(error)) from None
+
+
+@contextlib.contextmanager
+def lock(product, key):
+    """Wait until no other process computes the result of `product` under `key`, and hold others off.
+
+    The lock of a process that dies is released by the operating system. Where a file system has no locks,
+    nobody waits.
+
+    Raises
+    ------
+    InputError
+        Nothing can be written to the cache.
+    """
+    home = _home()
+    file = home / product / f"{key}.lock"
+    try:
+        for folder in (home, home / product):
+            make_private(folder)
+        file.touch()
+    except OSError as error:
+        raise InputError(_refused(home, product, error)) from None
+    held = FileLock(file, fallback_to_soft=False)
+    with contextlib.suppress(OSError):
+        held.acquire()
+    try:
+        yield
+    finally:
+        if held.is_locked:  # who waits for a file that is gone looks for a new one
+            with contextlib.suppress(OSError):
+                file.unlink()
+        held.release()
 
 
 def save(product, key, value, *, arguments, seconds):

@@ -5,6 +5,7 @@ that it reaches (`himap.store.live`); after that its result is read from the cac
 (`himap.store.cache`), its arrays mapped from disk and read-only.
 """
 
+import contextlib
 import functools
 import inspect
 import time
@@ -85,6 +86,22 @@ class Product:
                 stacklevel=2,
             )
             return self._function(*bound.args, **bound.kwargs)
+        with contextlib.suppress(LookupError):
+            return self._load(key)
+        with cache.lock(self.name, key):
+            with contextlib.suppress(LookupError):
+                return self._load(key)  # another process has computed it meanwhile
+            started = time.monotonic()
+            value = self._function(*bound.args, **bound.kwargs)
+            seconds = time.monotonic() - started
+            cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
+        try:
+            return cache.load(self.name, key)  # so that what it holds in memory can go
+        except cache.Damaged:  # another process has deleted it meanwhile
+            return value
+
+    def _load(self, key):
+        """The result in the cache; LookupError if there is none."""
         if cache.holds(self.name, key):
             try:
                 return cache.load(self.name, key)
@@ -92,15 +109,8 @@ class Product:
                 pass  # by another process: nothing is wrong
             except cache.Damaged as error:
                 text = f"the cached {self.name} is damaged and is computed again ({error})."
-                warnings.warn(text, stacklevel=2)
-        started = time.monotonic()
-        value = self._function(*bound.args, **bound.kwargs)
-        seconds = time.monotonic() - started
-        cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
-        try:
-            return cache.load(self.name, key)  # so that what it holds in memory can go
-        except cache.Damaged:  # another process has deleted it meanwhile
-            return value
+                warnings.warn(text, stacklevel=3)
+        raise LookupError(key)
 
     def compute(self, *args, **kwargs):
         """The result, computed now and not kept."""
