@@ -163,8 +163,9 @@ def visit(browser, address):
             ),
         )
         page.route("**/test-fonts/*", lambda route, asked: route.fulfill(path=FONTS / Path(asked.url).name))
-        page.goto(f"{address}/{path}", wait_until="networkidle")
+        page.goto(f"{address}/{path}", wait_until="load")
         page.evaluate(SET_FONTS, [[*face, file] for face, file in FACES.items()])
+        page.evaluate("window.MathJax?.startup?.promise")
         return page
 
     yield opened

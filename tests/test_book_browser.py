@@ -4,10 +4,12 @@ import csv
 import io
 import re
 from collections import defaultdict
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 import yaml
+from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
 from himap.app.captions import plain_caption
 from himap.app.figures import figures
@@ -17,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DESK = {"width": 1300, "height": 900}
 PHONE = {"width": 390, "height": 800}
 LEAST_CONTRAST = 4.5  # of text, WCAG 2 AA
+HEAVIEST = 3e6  # bytes of a page with all that it loads
 PLAYED = {
     "fig-results-angular": "10_results",
     "fig-results-frequency": "10_results",
@@ -29,6 +32,13 @@ PLAYED = {
     "fig-transfer-corrected": "20_transfer_function",
     "fig-transfer-mocks": "20_transfer_function",
 }
+
+# {name of a figure: [its text in place of the picture, link to itself, number, how to cite it]}
+FIGURES = """Object.fromEntries([...document.querySelectorAll('article figure[id]')].map(one => [one.id, [
+    one.querySelector('img')?.alt, one.querySelector('.himap-permalink')?.getAttribute('href'),
+    one.querySelector('.caption-number')?.textContent.trim(),
+    one.querySelector('.himap-citation')?.textContent,
+]]))"""
 
 # {text that is too faint: its contrast}, of what is seen of the article.
 FAINT = """least => {
@@ -73,7 +83,12 @@ STRANGE = r"""[...document.querySelectorAll('dl.py > dt.sig')].flatMap(sig => {
         return words.filter(word => !check(word)).map(word => [sig.id, word]);
     });
 })"""
-UNFOLD = "for (const one of document.getElementsByTagName('details')) one.open = true;"
+LOAD_ALL = """for (const one of document.images) one.loading = 'eager';
+    for (const one of document.getElementsByTagName('details')) one.open = true;"""
+NOT_LOADED = "[...document.images].filter(one => !(one.complete && one.naturalWidth)).map(one => one.src)"
+SILENT = "[...document.images].filter(one => !one.alt.trim()).map(one => one.src)"
+BYTES = """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+    .filter(one => !one.name.includes('/test-fonts/')).reduce((sum, one) => sum + one.transferSize, 0)"""
 
 
 @pytest.fixture
@@ -219,32 +234,50 @@ def test_a_click_enlarges_a_figure(visit):
     assert not page.locator("dialog[open]").count()
 
 
-def test_figures_have_a_text_a_link_and_a_citation(visit):
-    for notebook in sorted((ROOT / "notebooks").glob("1*.ipynb")):
-        page = visit(f"notebooks/{notebook.stem}.html")
-        for one in figures(notebook):
-            figure = page.locator(f"#{one.name}")
-            assert figure.locator("img").first.get_attribute("alt") == plain_caption(one.caption)
-            assert figure.locator(".himap-permalink").get_attribute("href") == f"#{one.name}"
-            text = figure.locator(".himap-citation").text_content()
-            number = figure.locator(".caption-number").text_content().strip()
-            assert f"{number}, in: himap" in text and text.endswith(f"{notebook.stem}.html#{one.name}")
+@pytest.mark.parametrize("part", ["book", "notebooks"])
+def test_every_page_loads_reads_well_and_fits(html, visit, part):
+    """At a desk, in light and dark, and on a phone; figures of chapters have a text, a link and a citation."""
+    paths = sorted(html.glob(f"{part}/*.html"))
+    assert len(paths) > 8
+    for path in paths:
+        name = path.relative_to(html).as_posix()
+        page = visit(name, viewport=DESK, color_scheme="light")
+        check_loaded(page, name)
+        check_looks(page, name)
+        if part == "notebooks":
+            check_figures(page, ROOT / "notebooks" / f"{path.stem}.ipynb")
         page.close()
 
 
-def test_text_stands_out_and_tables_fit_in_light_and_dark(html, visit):
-    for path in sorted([*html.glob("book/*.html"), *html.glob("notebooks/*.html")]):
-        page = visit(path.relative_to(html).as_posix(), viewport=DESK, color_scheme="light")
-        assert page.locator("article").bounding_box()["width"] < 770
-        page.add_style_tag(content="* { transition: none !important; }")  # colours as they come to be
-        page.evaluate(UNFOLD)
-        assert not page.evaluate(SCROLLING), path.name
-        for theme in ("light", "dark"):
-            page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
-            assert not page.evaluate(FAINT, LEAST_CONTRAST), f"{path.name}, {theme}"
-        page.set_viewport_size(PHONE)
-        assert not page.evaluate(SCROLLING), f"{path.name} on a phone"
-        page.close()
+def check_loaded(page, name):
+    page.evaluate(LOAD_ALL)
+    with suppress(PlaywrightTimeoutError):  # which images are missing is said below
+        page.wait_for_function(f"!{NOT_LOADED}.length")
+    assert not page.complaints, f"{name}: {page.complaints}"
+    assert not page.elsewhere, f"{name} asks {page.elsewhere}"
+    assert not page.evaluate(NOT_LOADED), name
+    assert not page.evaluate(SILENT), f"{name} has figures without a text in place of them"
+    assert page.evaluate(BYTES) < HEAVIEST, name
+
+
+def check_looks(page, name):
+    assert page.locator("article").bounding_box()["width"] < 770
+    page.add_style_tag(content="* { transition: none !important; }")  # colours as they come to be
+    assert not page.evaluate(SCROLLING), name
+    for theme in ("light", "dark"):
+        page.evaluate(f"document.documentElement.dataset.theme = {theme!r}")
+        assert not page.evaluate(FAINT, LEAST_CONTRAST), f"{name}, {theme}"
+    page.set_viewport_size(PHONE)
+    assert not page.evaluate(SCROLLING), f"{name} on a phone"
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"], f"{name} on a phone"
+
+
+def check_figures(page, notebook):
+    shown = page.evaluate(FIGURES)
+    for one in figures(notebook):
+        alternative, link, number, text = shown[one.name]
+        assert alternative == plain_caption(one.caption) and link == f"#{one.name}"
+        assert f"{number}, in: himap" in text and text.endswith(f"{notebook.stem}.html#{one.name}")
 
 
 def test_docstrings_name_parameters_and_errors_that_are(visit):
@@ -302,3 +335,28 @@ def test_references_lead_out(html):
     assert all("Draine" in one or "Minka" in one for one in without)  # a book, and proceedings without a DOI
     assert "arxiv.org/abs/2511.13328" in page
     assert "2511.13328" in str(yaml.safe_load((ROOT / "CITATION.cff").read_text())["references"])
+
+
+def test_equations_are_typeset(visit):
+    page = visit("notebooks/13_dimmed_galaxy.html")
+    page.wait_for_selector("mjx-container")
+    count = {name: page.locator(name).count() for name in (".math", "mjx-container", "mjx-merror")}
+    assert count[".math"] == count["mjx-container"] > 5 and count["mjx-merror"] == 0
+
+
+def test_search_finds_a_method(visit):
+    page = visit("search.html?q=SDecGMCA")
+    page.wait_for_selector("#search-results li a")
+    assert page.locator("#search-results li a", has_text="SDecGMCA").count() >= 1
+
+
+def test_dark_mode_goes_on_and_off(visit):
+    page = visit("book/intro.html", color_scheme="light")
+    theme = "document.documentElement.dataset.theme"
+    seen = {page.evaluate(theme)}
+    background = {page.evaluate("getComputedStyle(document.body).backgroundColor")}
+    for _ in range(3):
+        page.locator(".theme-switch-button").first.click()
+        seen.add(page.evaluate(theme))
+        background.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+    assert seen == {"light", "dark"} and len(background) == 2
