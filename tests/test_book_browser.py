@@ -236,7 +236,7 @@ def test_a_click_enlarges_a_figure(visit):
 
 @pytest.mark.parametrize("part", ["book", "notebooks"])
 def test_every_page_loads_reads_well_and_fits(html, visit, part):
-    """At a desk, in light and dark, and on a phone; figures of chapters have a text, a link and a citation."""
+    """At a desk, in light and dark, and on a phone; figures have a text, a link and a citation."""
     paths = sorted(html.glob(f"{part}/*.html"))
     assert len(paths) > 8
     for path in paths:
