@@ -18,7 +18,7 @@ from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.paper import plan
 from himap.store.provenance import Provenance
 

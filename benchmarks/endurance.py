@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 
 from benchmarks.places import Place
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.core.survey import PRESETS
 from himap.store.provenance import Provenance
 

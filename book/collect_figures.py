@@ -18,7 +18,7 @@ import click
 from himap.app.figures import figures
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.core.errors import InputError
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.sky.galaxy import Galaxy
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine

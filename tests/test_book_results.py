@@ -24,13 +24,13 @@ from himap.app.stored_tables import (
     verdicts_table,
 )
 from himap.core.errors import InputError
+from himap.core.memory import estimate
 from himap.core.survey import PRESETS
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
 from himap.paper.record import Record
-from himap.store.memory import estimate
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures

@@ -15,9 +15,9 @@ import himap
 from himap.app import notebooks, reproduce
 from himap.app.cli.main import main
 from himap.core.errors import InputError
+from himap.core.memory import LIMIT_VARIABLE
 from himap.core.survey import PRESETS
 from himap.store import cache
-from himap.store.memory import LIMIT_VARIABLE
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE
 
 TOY = """\

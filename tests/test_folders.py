@@ -1,9 +1,10 @@
-"""Folders of processes: told apart from those of others, and put in order after those that were killed."""
+"""Folders of processes, put in order after killed ones, and of compiled code, where nobody else can write."""
 
 import os
 import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import time
@@ -14,9 +15,9 @@ from jupyter_client.session import Session
 
 import himap
 from himap.app.kernel_manager import LocalKernelManager
-from himap.core import folders
+from himap.core import files
 from himap.core.errors import InputError
-from himap.core.folders import is_abandoned, own_name, run_folder
+from himap.core.files import is_abandoned, own_name, run_folder
 
 ROOT = str(Path(himap.__file__).parents[1])
 
@@ -76,9 +77,9 @@ def fresh(monkeypatch):
 def test_what_a_killed_run_left_goes_at_the_next_start(fresh, monkeypatch, tmp_path, ended):
     """Its folder, and the semaphores of the processes that worked for it, and of no others."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(folders, "_LONGEST", 10**4)
+    monkeypatch.setattr(files, "_LONGEST", 10**4)
     (tmp_path / "shm").mkdir()
-    monkeypatch.setattr(folders, "_SEMAPHORES", tmp_path / "shm")
+    monkeypatch.setattr(files, "_SEMAPHORES", tmp_path / "shm")
     left = folder(tmp_path, ended)
     (left / "ipython").mkdir()
     (left / "123456.worker").touch()
@@ -90,12 +91,12 @@ def test_what_a_killed_run_left_goes_at_the_next_start(fresh, monkeypatch, tmp_p
 
 
 def test_a_killed_process_is_followed_by_one_that_cleans(tmp_path):
-    code = "import os, signal; from himap.core.folders import run_folder; print(run_folder()); {}"
+    code = "import os, signal; from himap.core.files import run_folder; print(run_folder()); {}"
     environment = os.environ | {"TMPDIR": str(tmp_path), "PYTHONPATH": ROOT}
     for end, status in (("os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL), ("pass", 0)):
         done = subprocess.run([sys.executable, "-c", code.format(end)], env=environment, capture_output=True)
         assert done.returncode == status
-        if len(os.fsencode(tmp_path)) < folders._LONGEST:
+        if len(os.fsencode(tmp_path)) < files._LONGEST:
             assert len(os.listdir(tmp_path)) == (status != 0)
 
 
@@ -128,3 +129,40 @@ def test_no_temporary_folder(fresh, monkeypatch):
     monkeypatch.setattr("tempfile.gettempdir", lambda: "/dev/null")
     with pytest.raises(InputError, match="name one with the variable TMPDIR"):
         run_folder()
+
+
+@pytest.fixture
+def kept_in(monkeypatch, tmp_path):
+    """Function to the folder of compiled code; the user's cache and that of results are in `tmp_path`."""
+    monkeypatch.setattr(files, "user_cache", lambda: tmp_path / "user")
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "results"))
+
+    def call():
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        files.keep_compiled_code()
+        return Path(os.environ["NUMBA_CACHE_DIR"])
+
+    return call
+
+
+def test_compiled_code_is_kept_for_the_owner_alone(kept_in, tmp_path, monkeypatch):
+    assert kept_in() == tmp_path / "user" / "numba" and stat.S_IMODE(kept_in().stat().st_mode) == 0o700
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "chosen")
+    files.keep_compiled_code()
+    assert os.environ["NUMBA_CACHE_DIR"] == "chosen"
+
+
+def test_where_others_could_put_code_none_is_read(kept_in, tmp_path, fresh):
+    kept_in().chmod(0o777)
+    assert kept_in() == tmp_path / "results" / "numba"
+    shutil.rmtree(tmp_path / "results")
+    (tmp_path / "results").touch()
+    assert kept_in() == run_folder() / "numba"
+
+
+def test_numba_follows(tmp_path):
+    code = "from himap.removal.sdecgmca import selection; import numba; print(numba.config.CACHE_DIR)"
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
+    environment |= {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": ROOT}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.strip() == str(tmp_path / "himap" / "numba")

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from himap.core import memory
 from himap.core.errors import InputError
+from himap.core.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
 from himap.core.survey import PRESETS
 from himap.instrument.beams import Degraded
 from himap.paper import pipeline
 from himap.paper.study import Study
 from himap.removal import PCA
-from himap.store import memory
-from himap.store.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
 from himap.store.parallel import JOBS_VARIABLE
 
 PAPER = PRESETS["paper"]
@@ -73,7 +73,7 @@ def test_long_work_asks_first(monkeypatch, step):
 
 PEAK = """
 import re, pathlib
-from himap.store import memory
+from himap.core import memory
 from himap.paper import pipeline
 from himap.core.survey import Survey
 survey = Survey(nside=64, n_channels=100, box_cells=256)
@@ -94,6 +94,6 @@ def test_the_estimate_is_near_the_peak():
 
 def test_steps_grow_with_what_they_hold():
     small, large = estimate(PAPER), estimate(replace(PAPER, nside=512), jobs=2)
-    assert large["observing"] - memory._PROCESS == 4 * (small["observing"] - memory._PROCESS)
+    assert large["observing"] - memory.PROCESS == 4 * (small["observing"] - memory.PROCESS)
     assert large["cleaning"] > 7 * small["cleaning"]
     assert large["HI light cone"] < 2 * small["HI light cone"]

@@ -13,13 +13,13 @@ import pytest
 
 import himap
 from himap.core.errors import InputError
-from himap.core.outputs import check_free, complete_left, whole_file, whole_files
+from himap.core.files import check_free, complete_left, whole_file, whole_files
 
 NAMES = ("a.txt", "b.txt", "c.txt")
 
 KILLED = """
 import os, signal
-from himap.core import outputs
+from himap.core import files
 
 calls = []
 
@@ -30,7 +30,7 @@ def replace(source, target):
     rename(source, target)
 
 rename, os.replace = os.replace, replace
-with outputs.whole_files(*{names}) as files:
+with files.whole_files(*{names}) as files:
     for file in files:
         file.write_text("new")
 """

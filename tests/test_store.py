@@ -29,9 +29,9 @@ def test_a_result_is_computed_once_and_mapped_from_disk(lab):
 
 
 def test_once_reads_what_is_kept_and_keeps_nothing_itself(lab):
-    assert not isinstance(lab.base.once(SURVEY), np.memmap) and not lab.base.is_cached(SURVEY)
+    assert not isinstance(lab.base.get_or_compute(SURVEY), np.memmap) and not lab.base.is_cached(SURVEY)
     lab.base(SURVEY)
-    assert isinstance(lab.base.once(SURVEY), np.memmap)
+    assert isinstance(lab.base.get_or_compute(SURVEY), np.memmap)
 
 
 def test_every_argument_counts(lab):

@@ -15,9 +15,9 @@ from sphinx.util.docutils import SphinxRole
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.app.parameters import read_parameters
 from himap.app.stored import read_ledger
+from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.paper.ledger_table import BADGES
-from himap.store.memory import estimate
 from himap.store.provenance import duration
 
 LEDGER = "notebooks/15_claims"

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from jupyter_client import AsyncKernelManager, KernelManager
 
-from himap.core.folders import run_folder
+from himap.core.files import run_folder
 
 _LONGEST = 100  # bytes of the name of a socket; some systems end at 103
 

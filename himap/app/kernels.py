@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from himap.core.folders import run_folder
+from himap.core.files import run_folder
 from himap.core.progress import TERMINAL_VARIABLE
 
 _PACKAGE = Path(__file__).resolve().parents[1]

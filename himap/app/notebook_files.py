@@ -15,7 +15,7 @@ import re
 import tempfile
 
 from himap.core.errors import InputError
-from himap.core.outputs import check_free, whole_file
+from himap.core.files import check_free, whole_file
 
 STAMP = "himap_run"
 """Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""

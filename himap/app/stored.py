@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from himap.core.errors import InputError
+from himap.core.memory import estimate
 from himap.core.survey import PRESETS
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import find_experiment
 from himap.paper.record import Record
-from himap.store.memory import estimate
 
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
 """The folder of stored results, in a checkout."""

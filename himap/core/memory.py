@@ -1,4 +1,9 @@
-"""How much memory may be used; arrays that need more are refused before they are made."""
+"""How much memory may be used; what needs more is refused before it starts.
+
+Everything large is float32: boxes of cells while HI is made, cubes of (n_channels, n_pix) afterwards. The
+counts are those of the code. tests/test_memory.py compares the light cone with a measured peak; observing and
+cleaning are what processes took at the paper's size.
+"""
 
 import os
 import re
@@ -13,8 +18,10 @@ LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 PROCESS = 0.5e9
 """Bytes of a Python process with the packages that himap uses."""
 
-_UNITS = {"": 1, "B": 1, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+_UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
+_BOXES = 3  # of cells, at most, while HI is made
+_CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
 
 def memory_limit():
@@ -37,9 +44,8 @@ def parse_size(text):
     InputError
         It is no size, or one that no machine has.
     """
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?B?)\s*", text, flags=re.ASCII)
-    unit = match and (match[2] if match[2].endswith("B") or not match[2] else match[2] + "B")
-    size = float(match[1]) * _UNITS[unit] if match else 0
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", text, flags=re.ASCII)
+    size = float(match[1]) * _UNITS[match[2]] if match else 0
     if not 1 <= size <= _LARGEST:
         shown = text if len(text) < 40 else f"{text[:40]}..."
         raise InputError(
@@ -50,7 +56,7 @@ def parse_size(text):
 
 
 def check_room(what, n_bytes):
-    """Refuse to read `what`, a text, where the arrays that it asks for, `n_bytes` in all, do not fit.
+    """Refuse to read `what`, a text, where its arrays, `n_bytes` in all, do not fit into memory.
 
     Raises
     ------
@@ -65,3 +71,53 @@ def check_room(what, n_bytes):
             f"variable {LIMIT_VARIABLE} sets what may be used. If it should not be that large, the file is "
             "damaged."
         )
+
+
+def estimate(survey, *, jobs=1):
+    """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean at once."""
+    box = 4 * survey.box_cells**3
+    cube = 4 * survey.n_channels * survey.n_pix
+    return {
+        "HI light cone": PROCESS + max(_BOXES * box, (_BOXES - 1) * box + cube),
+        "observing": PROCESS + _CUBES["observing"] * cube,
+        "cleaning": jobs * (PROCESS + _CUBES["cleaning"] * cube),
+    }
+
+
+def check_memory(survey, *, jobs=1, steps=None):
+    """Refuse a run that will not fit, before it starts.
+
+    Parameters
+    ----------
+    survey
+        The `Survey`.
+    jobs
+        Processes that clean at once.
+    steps
+        Which steps of `estimate`; default all.
+
+    Raises
+    ------
+    InputError
+        A step needs more than `memory_limit`; the message says what would fit.
+    """
+    limit = memory_limit()
+    needs = estimate(survey, jobs=jobs)
+    step, need = max(((step, needs[step]) for step in steps or needs), key=lambda item: item[1])
+    if need <= limit:
+        return
+    if step == "HI light cone":
+        cells = survey.box_cells
+        while cells > 1 and PROCESS + _BOXES * 4 * cells**3 > limit:
+            cells //= 2
+        way_out = f"box_cells={cells} fits"
+    elif step == "cleaning" and jobs > 1:
+        way_out = "fewer --jobs need less"
+    else:
+        way_out = "a smaller nside or n_channels needs less"
+    raise InputError(
+        f"{step} needs about {need / 1e9:.3g} GB at nside {survey.nside}, {survey.n_channels} channels and "
+        f"{survey.box_cells}^3 cells{f' with {jobs} jobs' if jobs > 1 else ''}, and {limit / 1e9:.3g} GB may "
+        f"be used: {way_out}; so does a machine with more memory, and --max-memory (the variable "
+        f"{LIMIT_VARIABLE}) sets what may be used."
+    )

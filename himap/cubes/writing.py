@@ -13,7 +13,7 @@ import numpy as np
 
 from himap import __version__
 from himap.core.errors import InputError
-from himap.core.outputs import check_free, whole_files
+from himap.core.files import check_free, whole_files
 from himap.core.reading import there_is
 
 OUTPUTS = (".h5", ".fits", ".npy")

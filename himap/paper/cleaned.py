@@ -51,7 +51,7 @@ def separation(case, remover, mask_peaks=True):
 
 def residual(case, remover, mask_peaks=True, channels=slice(None)):
     """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
-    found, known = separation.once(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
+    found, known = separation.get_or_compute(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
     return found.residual(known.data.maps, known.basis, channels)
 
 
@@ -61,7 +61,7 @@ def error(case, remover, mask_peaks=True):
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
     the method ends at some l, it is that of what is left up to there against the truth up to there.
     """
-    return error_of(case, separation.once(case, remover, mask_peaks), mask_peaks)
+    return error_of(case, separation.get_or_compute(case, remover, mask_peaks), mask_peaks)
 
 
 def error_of(case, found, mask_peaks=True):
@@ -80,7 +80,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
     Sect. 5.1).
     """
-    found = separation.once(case, remover, mask_peaks)
+    found = separation.get_or_compute(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
     alms = pipeline.truth_alms(case, lmax)
     if lmax is None:

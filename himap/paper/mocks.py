@@ -115,7 +115,7 @@ def recovered(case, removers, mock, mask_peaks=True):
     )
     recoveries = []
     for remover in removers:
-        without = cleaned.separation.once(case, remover, mask_peaks)
+        without = cleaned.separation.get_or_compute(case, remover, mask_peaks)
         rng = case.survey.rng(f"removal {remover.name}")
         found = mocked.with_method(remover, rng=rng).separation
         wrong = (without.foreground + -found.foreground).truncate(_faint(case))
@@ -127,7 +127,7 @@ def recovered(case, removers, mock, mask_peaks=True):
 @product
 def own_recovery(case, remover, mask_peaks=True):
     """The `Recovery` of the truth itself: what a transfer function is to tell without knowing the truth."""
-    found = cleaned.separation.once(case, remover, mask_peaks)
+    found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
     wrong = cleaned.error(case, remover, mask_peaks)
     return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 

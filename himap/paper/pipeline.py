@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from himap.core.errors import InputError
+from himap.core.memory import check_memory
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.degraded import Degraded
@@ -28,7 +29,6 @@ from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components
 from himap.sky.galaxy import Galaxy
 from himap.sky.hi import hi_maps
-from himap.store.memory import check_memory
 from himap.store.store import product
 
 

@@ -6,8 +6,8 @@ need.
 
 from contextlib import contextmanager
 
+from himap.core.memory import check_memory
 from himap.paper import cleaned, pipeline
-from himap.store.memory import check_memory
 from himap.store.parallel import dask_address, make_all, n_jobs
 
 

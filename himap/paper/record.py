@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from himap.core.errors import InputError
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.core.reading import regular_file, there_is
 from himap.store.accepted import moved
 from himap.store.fingerprint import CodeTree

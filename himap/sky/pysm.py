@@ -9,7 +9,7 @@ import numpy as np
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.outputs import complete_left, whole_files
+from himap.core.files import complete_left, whole_files
 from himap.maps import sphere
 from himap.maps.healpix_files import MILLIKELVIN, write_maps
 from himap.sky.synthetic import FREE_FREE_INDEX

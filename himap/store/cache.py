@@ -21,7 +21,7 @@ from pathlib import Path
 from filelock import FileLock
 
 from himap.core.errors import InputError
-from himap.core.folders import cache_folder, check_ours, is_abandoned, make_private, own_name
+from himap.core.files import cache_folder, check_private, is_abandoned, make_private, own_name
 from himap.store.arrays import TREE, read_value, write_value
 
 __all__ = [
@@ -60,7 +60,7 @@ def holds(product, key):
 def _home():
     """The folder of results, if nobody else can write there."""
     home = cache_folder()
-    check_ours(home)
+    check_private(home)
     return home
 
 

@@ -12,7 +12,7 @@ import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.core.errors import InputError
-from himap.core.folders import note_worker, run_folder
+from himap.core.files import note_worker, run_folder
 from himap.core.progress import progress
 from himap.store import cache
 

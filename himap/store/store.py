@@ -116,7 +116,7 @@ class Product:
         """The result, computed now and not kept."""
         return self._function(*args, **kwargs)
 
-    def once(self, *args, **kwargs):
+    def get_or_compute(self, *args, **kwargs):
         """The result, from the cache if it is there, else computed and not kept: for what is kept itself."""
         return (self if self.is_cached(*args, **kwargs) else self.compute)(*args, **kwargs)
 

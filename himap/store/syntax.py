@@ -11,15 +11,11 @@ RUN = "<run>"
 """Name of the part of a module that acts whenever the module is imported, whatever is taken from it."""
 
 IGNORED = {
-    *(
-        "himap.core.compiled",
-        "himap.core.errors",
-        "himap.core.folders",
-        "himap.core.memory",
-        "himap.core.outputs",
-        "himap.store",
-    ),
+    "himap.core.errors",
+    "himap.core.files",
+    "himap.core.memory",
     "himap.core.progress",
+    "himap.store",
 }
 """Rooms, with all that is in them but `LOOKS`, that store, time, share out, refuse and label the making of
 results: no number depends on them."""

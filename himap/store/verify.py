@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.core.progress import progress
 from himap.store import accepted
 from himap.store.live import tree_of

@@ -20,7 +20,7 @@ from himap.app.cli.cube_options import (
 )
 from himap.app.cli.shared import debug
 from himap.core.errors import InputError, plain_text
-from himap.core.outputs import whole_file, whole_files
+from himap.core.files import whole_file, whole_files
 from himap.core.reading import there_is
 from himap.figures.tables import Table
 

@@ -8,7 +8,7 @@ import click
 from himap.app.cli.cube_options import Methods, cube_and_beams, cube_options, inputs_of, method_parameters
 from himap.app.cli.shared import debug
 from himap.core.errors import InputError, plain_text
-from himap.core.outputs import whole_file
+from himap.core.files import whole_file
 from himap.figures.tables import Table
 
 

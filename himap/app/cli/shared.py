@@ -9,7 +9,7 @@ from himap.app import reproduce
 from himap.app.kernels import changed_environment
 from himap.app.notebook_files import check_output
 from himap.core.errors import InputError, shortened
-from himap.store.memory import LIMIT_VARIABLE, parse_size
+from himap.core.memory import LIMIT_VARIABLE, parse_size
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}

@@ -1,0 +1,250 @@
+"""Files that are written whole or not at all, and folders that nobody else can write to.
+
+Work that is not finished lies under a name with the machine and the process, so that the next process can
+see whether its owner is still there. Files are written in such a folder beside their place. Once all are
+there, so is a list of them, and they are renamed. A process that is killed before the list is there leaves
+none of its files, and the folder goes at the next start; one that is killed after it leaves a set that the
+next start completes.
+"""
+
+import atexit
+import json
+import os
+import shutil
+import socket
+import stat
+import tempfile
+import uuid
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+from himap.core.errors import InputError
+
+_OUTPUT, _RUN = ".himap", "himap"  # beginnings of names
+_LIST = ".whole"
+_LONGEST = 60  # bytes of the name of a folder that leaves room for those of sockets
+_SEMAPHORES = Path("/dev/shm")  # where Linux has them
+_CLOCK = 60  # s that the clocks of a disk and of the machine may differ
+_ELSEWHERE = "Or set the variable HIMAP_CACHE to a folder of your own."
+
+
+def cache_folder():
+    """The folder named by the variable HIMAP_CACHE, else `user_cache`."""
+    folder = os.environ.get("HIMAP_CACHE")
+    return Path(os.path.expanduser(folder)) if folder else user_cache()
+
+
+def user_cache():
+    """The folder ``himap`` among those of the user's caches."""
+    import platformdirs  # here, as psutil below: not every process asks, and each of them imports himap
+
+    return platformdirs.user_cache_path("himap", appauthor=False)
+
+
+def make_private(folder):
+    """Make a folder, and those above it, for its owner alone; an existing one stays as it is."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def check_private(folder):
+    """Refuse an existing folder that others own or can write to.
+
+    Raises
+    ------
+    InputError
+        With the way out.
+    """
+    try:
+        status = folder.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except OSError as error:
+        raise InputError(
+            f"the folder {folder} cannot be looked at ({error.strerror}). {_ELSEWHERE}"
+        ) from None
+    if hasattr(os, "geteuid") and status.st_uid != os.geteuid():
+        raise InputError(
+            f"the folder {folder} belongs to another user (number {status.st_uid}), who could put anything "
+            f"there. {_ELSEWHERE}"
+        )
+    if hasattr(os, "geteuid") and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise InputError(
+            f"other users can write to the folder {folder}, and so put anything there: take that from them "
+            f"with `chmod go-w {folder}`. {_ELSEWHERE}"
+        )
+
+
+def own_name(prefix):
+    """A new name, ``prefix-MACHINE-PROCESS-XXXXXXXX``, for unfinished work of this process."""
+    return f"{prefix}-{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+
+
+def is_abandoned(path):
+    """Whether a folder named by `own_name` is of a process of this machine and user that has ended."""
+    import psutil
+
+    pid = path.name.partition(f"-{socket.gethostname()}-")[2].partition("-")[0]
+    if not pid.isdecimal():
+        return False
+    try:
+        status = path.lstat()
+        if not stat.S_ISDIR(status.st_mode) or (hasattr(os, "geteuid") and status.st_uid != os.geteuid()):
+            return False
+        # A process that began after the folder was last touched has the number of another one.
+        return psutil.Process(int(pid)).create_time() > status.st_mtime + _CLOCK
+    except (psutil.NoSuchProcess, OverflowError):
+        return True
+    except (OSError, psutil.Error):
+        return False
+
+
+@cache
+def run_folder():
+    """A temporary folder that the processes of a run share, until this process ends.
+
+    Those of killed processes are removed, and the semaphores of joblib that these had.
+
+    Raises
+    ------
+    InputError
+        No folder for temporary files can be written to.
+    """
+    homes = []
+    with suppress(FileNotFoundError):
+        homes.append(Path(tempfile.gettempdir()))
+        if len(os.fsencode(homes[0])) >= _LONGEST:  # no room for sockets
+            homes.insert(0, Path("/tmp"))
+    for home in homes:
+        with suppress(OSError):
+            for old in filter(is_abandoned, home.glob(f"{_RUN}-*")):
+                for pid in [old.name.split("-")[-2], *(file.stem for file in old.glob("*.worker"))]:
+                    for file in _SEMAPHORES.glob(f"sem.loky-{pid}-*"):
+                        file.unlink(missing_ok=True)
+                shutil.rmtree(old, ignore_errors=True)
+            folder = home / own_name(_RUN)
+            folder.mkdir(mode=0o700)
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            return folder
+    raise InputError("no folder for temporary files can be written to; name one with the variable TMPDIR.")
+
+
+def note_worker(folder):
+    """Note in a `run_folder`, if it is on this machine, that this process works for it."""
+    with suppress(OSError):
+        (folder / f"{os.getpid()}.worker").touch()
+
+
+def keep_compiled_code():
+    """Let numba keep what it compiles, which it runs again, where nobody else can write.
+
+    In ``numba`` in the user's cache or in that of results, else until this process ends; where the user has
+    set the variable NUMBA_CACHE_DIR, there.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    for home in (user_cache, cache_folder, run_folder):
+        with suppress(OSError, InputError):
+            folder = home() / "numba"
+            make_private(folder)
+            check_private(folder)
+            if os.access(folder, os.W_OK):
+                os.environ["NUMBA_CACHE_DIR"] = str(folder)
+                return
+
+
+@contextmanager
+def whole_file(path):
+    """A name to write to that becomes `path` when all is written, and vanishes if that fails.
+
+    Raises
+    ------
+    InputError
+        The file, or the folders that it lies in, cannot be written.
+    """
+    with whole_files(path) as (temporary,):
+        yield temporary
+
+
+@contextmanager
+def whole_files(*paths):
+    """Names to write to, in this order, that become `paths`, of one folder, when all of them are written.
+
+    Raises
+    ------
+    InputError
+        One of them, which the message names, or the folders that they lie in, cannot be written.
+    """
+    paths = [Path(path) for path in paths]
+    home, at_work = paths[0].parent, paths[0]
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        complete_left(home)
+        folder = home.resolve() / own_name(_OUTPUT)
+        folder.mkdir(mode=0o700)
+        temporary = [folder / path.name for path in paths]
+        try:
+            yield temporary
+            part = folder / f"{_LIST}.part"
+            part.write_text(json.dumps([file.name for file in temporary]), encoding="utf-8")
+            os.replace(part, folder / _LIST)
+            _move(temporary)
+        finally:
+            at_work = next((path for path in reversed(paths) if (folder / path.name).exists()), at_work)
+            shutil.rmtree(folder, ignore_errors=True)
+    except OSError as error:
+        why = error.strerror or f"{error}: is the disk full?"
+        raise InputError(f"{at_work} cannot be written ({why}); give another place.") from None
+
+
+def _move(files):
+    """Rename files to where their folder lies."""
+    for file in files:
+        os.replace(file, file.parents[1] / file.name)
+
+
+def complete_left(home):
+    """Complete or remove what ended processes left in the folder `home`.
+
+    Returns
+    -------
+    set
+        The paths of the sets of files that are complete now.
+    """
+    completed = set()
+    for folder in filter(is_abandoned, home.glob(f"{_OUTPUT}-*")):
+        with suppress(OSError, ValueError):
+            names = json.loads((folder / _LIST).read_text(encoding="utf-8"))
+            files = [folder / Path(name).name for name in names]
+            _move([file for file in files if file.exists()])
+            completed |= {home / file.name for file in files}
+        shutil.rmtree(folder, ignore_errors=True)
+    return completed
+
+
+def check_free(paths, *, overwrite):
+    """Refuse, before the work, output files of one folder that cannot be written, or that exist.
+
+    What a killed process left is completed first, and may be overwritten.
+
+    Raises
+    ------
+    InputError
+        A folder or device in the place of a file, a name that no file can have, or, without `overwrite`, a
+        file that exists.
+    """
+    completed = complete_left(paths[0].parent)
+    for path in paths:
+        try:
+            status = path.lstat()
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
+        if path.is_dir():
+            raise InputError(f"the output {path} is a folder; give the name of a file.")
+        if not (stat.S_ISREG(status.st_mode) or path.is_symlink()):
+            raise InputError(f"the output {path} is no ordinary file; choose another output.")
+        if not (overwrite or path in completed):
+            raise InputError(f"{path} exists; choose another output, or give --overwrite (overwrite=True).")
