@@ -58,8 +58,7 @@ from himap.figures.numbers import one_run, quote, show, show_table
 from himap.figures.tables import Table
 from himap.instrument.beams import named
 from himap.instrument.noise import noise_sigma
-from himap.measures import diagnostics
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.paper import captions
 from himap.paper.methods import TABLE_1, paper_beams, sdecgmca_for, table_1
 from himap.paper.study import Study
@@ -304,10 +303,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected,
 # %% tags=["hide-input"]
 rows, worst = {}, {}
 for kind, results in runs.items():
-    bands = [
-        diagnostics.band_means(one.degrees, one.angular_ratio, one.k, one.frequency_ratio)
-        for one in results.values()
-    ]
+    bands = [one.wide_band_means() for one in results.values()]
     for name, value in bands[0].items():
         values = [band[name] for band in bands]
         tolerance = 0.001 * max(1, value)

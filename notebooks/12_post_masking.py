@@ -63,7 +63,7 @@ from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.measures import diagnostics
-from himap.measures.power_spectra import angular_power
+from himap.measures.spectra import angular_power
 from himap.paper import captions, pipeline
 from himap.paper.losses import error_parts
 from himap.paper.methods import methods_for, paper_beams

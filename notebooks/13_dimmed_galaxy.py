@@ -65,7 +65,7 @@ from himap.figures.numbers import one_run, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
-from himap.measures.power_spectra import frequency_power
+from himap.measures.spectra import frequency_power
 from himap.paper import captions, pipeline
 from himap.paper.losses import error_parts
 from himap.paper.methods import methods_for, paper_beams

@@ -62,7 +62,7 @@ from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
 from himap.figures.tables import Table
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.measures.transfer import TransferFunction
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments.transfer import EXPERIMENT, skies
@@ -140,14 +140,14 @@ def compared(remover, correct=False):
     """A `Comparison` of the residual with the truth, divided by T if it is to be corrected."""
     found, one = transfer[remover], own[remover]
     inside = (found.degrees >= 2) & (found.degrees <= l_top)
-    angular, frequency = one.came_back.angular, one.came_back.frequency
+    angular, frequency = one.output.angular, one.output.frequency
     return Comparison(
         degrees=found.degrees[inside],
         angular=(angular if not correct else angular / np.maximum(found.angular, 1e-9))[inside],
-        true_angular=one.put_in.angular[inside],
+        true_angular=one.input.angular[inside],
         k=found.k[1:],
         frequency=(frequency if not correct else frequency / found.frequency)[1:],
-        true_frequency=one.put_in.frequency[1:],
+        true_frequency=one.input.frequency[1:],
     )
 
 
@@ -220,7 +220,7 @@ variants = {
     "half the HI": {"abundance": 0.5},
     "Gaussian": {"gaussian": True},
 }
-usual = {first: TransferFunction(recoveries=transfer[first].recoveries[:1])}
+usual = {first: TransferFunction(mocks=transfer[first].mocks[:1])}
 looks = [(styles.BLUE, "-"), (styles.VERMILION, "--"), (styles.GREEN, "-."), (styles.PURPLE, ":")]
 sky, line, changes = [], [], {}
 for (label, changed), (colour, dashes) in zip(variants.items(), looks, strict=True):

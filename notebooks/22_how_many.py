@@ -60,7 +60,7 @@ from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.measures.how_many import STABLE, eigenvalue_line
+from himap.measures.n_sources import STABLE, eigenvalue_line
 from himap.paper.choice import SETTLED, views_of
 from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
 from himap.paper.record import Record

@@ -54,8 +54,7 @@ n_sources: list = [3, 4, 5, 6, 8]  # numbers of sources
 
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
-from himap.measures.results import Comparison
-from himap.measures.transfer import bands
+from himap.measures.diagnostics import Comparison, bands
 from himap.paper.grid import cases_and_methods
 from himap.paper.harmless import corrected, parts
 from himap.paper.methods import table_1
@@ -161,7 +160,7 @@ show_table(rows)
 # %% [markdown]
 # ## What is lost, known without mocks
 #
-# The filter of SmoothSpectra is linear, and the covariance of HI and noise that it worked with says what it takes of them: `himap.measures.expected.expected_recovery`. Divided by that share, its spectra are corrected without a mock and
+# The filter of SmoothSpectra is linear, and the covariance of HI and noise that it worked with says what it takes of them: `himap.measures.transfer.expected_mock_power`. Divided by that share, its spectra are corrected without a mock and
 # without the truth.
 
 # %% tags=["hide-input"]

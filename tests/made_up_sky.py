@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 
 DEGREES = np.arange(2.0, 257)

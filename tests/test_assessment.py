@@ -11,7 +11,7 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.power_spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 from himap.removal.base import Separation

@@ -11,7 +11,7 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Evolving
 from himap.instrument.observe import observe
-from himap.measures import power_spectra as spectra
+from himap.measures import spectra
 from himap.paper import pipeline
 from himap.removal.pca import PCA
 

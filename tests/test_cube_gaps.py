@@ -10,7 +10,7 @@ from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
 from himap.cubes.report import spectra_of
 from himap.cubes.views import SphereViews
-from himap.measures import how_many
+from himap.measures import n_sources
 from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance
 from himap.removal.data import Data
@@ -147,7 +147,7 @@ class TestSuggestion:
         n_seen = seen.sum(axis=1)
         price = np.log(n_seen.mean()) * counts * (12 + n_pix)
         expected = (n_seen * np.log(variances)).sum(axis=1) + price
-        found = how_many.information(variances, counts, n_pix, n_seen=n_seen)
+        found = n_sources.information(variances, counts, n_pix, n_seen=n_seen)
         assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / n_seen.sum())
 
     def test_spectra_beside_those_of_another_number(self, cube):

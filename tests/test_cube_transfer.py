@@ -15,7 +15,7 @@ from himap.cubes.corrected_report import HEADER, corrected_rows, write_spectra
 from himap.cubes.mocks import made_mocks, mock_survey, read_mocks
 from himap.cubes.report import compared, spectra_of
 from himap.maps import sphere
-from himap.measures.power_spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, frequency_power
 
 MEASURED = {"ordering": "RING", "units": "mK"}
 

@@ -11,7 +11,7 @@ from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_c
 from himap.cubes.cleaning import with_enough_channels
 from himap.cubes.cube import read_truth
 from himap.cubes.report import compared, spectra_of
-from himap.measures.power_spectra import frequency_power
+from himap.measures.spectra import frequency_power
 from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
 

@@ -5,7 +5,7 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.measures import diagnostics
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 
 
 def test_flagged_lines_are_further_than_sigma_from_the_mean():
@@ -53,9 +53,15 @@ def test_bad_spectra(pair, message):
         diagnostics.ratio(*pair)
 
 
+def comparison(degrees, angular, k, frequency):
+    """A `Comparison` with a truth of 1."""
+    true = {"true_angular": np.ones(len(degrees)), "true_frequency": np.ones(len(k))}
+    return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
+
+
 def test_means_over_bands():
     degrees, k = np.arange(2, 257), np.arange(1, 51) * 0.02
-    means = diagnostics.band_means(degrees, degrees / 10, k, k**2)
+    means = comparison(degrees, degrees / 10, k, k**2).wide_band_means()
     assert means["C/C0, 1 < l < 10"] == pytest.approx(0.55)
     assert means["C/C0, 10 < l < 200"] == pytest.approx(10.5)
     assert means["P/P0, 0 < k < 0.03"] == pytest.approx(4e-4)
@@ -63,7 +69,8 @@ def test_means_over_bands():
 
 
 def test_bands_without_values_are_left_out():
-    means = diagnostics.band_means(np.arange(2, 9), np.ones(7), np.array([0.05, 0.2]), np.array([3.0, 5.0]))
+    few = comparison(np.arange(2, 9), np.ones(7), np.array([0.05, 0.2]), np.array([3.0, 5.0]))
+    means = few.wide_band_means()
     assert means == {"C/C0, 1 < l < 8": 1, "P/P0, 0.03 < k < 0.1": 3, "P/P0, k > 0.1": 5}
 
 

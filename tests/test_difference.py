@@ -6,8 +6,8 @@ from cube_measures import correlation, line_errors
 
 from himap.core.errors import InputError
 from himap.maps.modes import MapModes
-from himap.measures import difference as measures
-from himap.measures.power_spectra import frequency_power
+from himap.measures import low_rank_spectra as measures
+from himap.measures.spectra import frequency_power
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Misjudged, Oscillating, Rippled
-from himap.measures.power_spectra import angular_power
-from himap.measures.transfer import JUDGED
+from himap.measures.diagnostics import JUDGED
+from himap.measures.spectra import angular_power
 from himap.paper import pipeline
 from himap.paper.experiment_figures import beam_errors_figure
 from himap.paper.experiments.beam_errors import (
@@ -91,7 +91,7 @@ class TestMeasure:
     def test_with_the_true_beam_it_is_what_the_method_gives(self, grid):
         ((case, (aware, _)),) = grid[0].methods.items()
         found, own = recovery_assuming(case, aware, case.beam), own_recovery(case, aware)
-        for name in ("put_in", "came_back", "common"):
+        for name in ("input", "output", "cross"):
             assert getattr(found, name).power == pytest.approx(getattr(own, name).power, rel=1e-6)
 
     def test_with_another_beam_it_is_the_residual_with_that(self, grid):
@@ -105,7 +105,7 @@ class TestMeasure:
             separate_on=pipeline.basis(case, True),
         )
         expected = angular_power(cube.residual).mean
-        found = recovery_assuming(case, aware, assumed).came_back.angular
+        found = recovery_assuming(case, aware, assumed).output.angular
         assert found[2:] == pytest.approx(expected[2 : len(found)], rel=0.02)
 
     def test_rows(self, table):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.core.errors import InputError
-from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction, band_means, power_ratios
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper.experiment_figures import labels_of, methods_figure, methods_table, signed
 from himap.paper.experiments import transfer
 from himap.paper.experiments.methods import (
@@ -27,11 +27,11 @@ def made_up(share):
     """Of 500 channels of 1 MHz, l up to 130, of which a share (n_l, n_k) of the power comes back."""
 
     def power(value):
-        return CylindricalPower(
+        return HarmonicPower(
             power=np.broadcast_to(value, (131, 251)).astype(float), n_channels=500, channel_width=1.0
         )
 
-    return Recovery(put_in=power(1.0), came_back=power(share), common=power(np.sqrt(share)))
+    return MockPower(input=power(1.0), output=power(share), cross=power(np.sqrt(share)))
 
 
 def table_of(rows, **changed):
@@ -67,12 +67,12 @@ class TestCurves:
     def test_bands_are_those_of_the_single_multipoles(self):
         own = made_up(self.SHARE)
         found = in_bands(table_of(curves(own))).droplevel([*METHOD, "seed"]).to_dict()
-        expected = band_means(power_ratios(own), own.put_in.degrees, own.put_in.k)
+        expected = own.band_means()
         assert found == pytest.approx(expected)
 
     def test_over_the_transfer_function(self):
         share = np.linspace(0.1, 0.9, 251)[None]
-        mocks = TransferFunction(recoveries=(made_up(share),))  # what is common is the root of it
+        mocks = TransferFunction(mocks=(made_up(share),))  # what is common is the root of it
         ratios = [row["ratio"] for row in curves(made_up(share**0.5), mocks)]
         assert ratios == pytest.approx(np.ones(len(ratios)), rel=1e-6)
 

@@ -9,7 +9,7 @@ from scipy import stats
 from himap.core.errors import InputError
 from himap.instrument.beams import Evolving
 from himap.instrument.noise import noise_sigma
-from himap.measures import how_many
+from himap.measures import n_sources
 from himap.paper import cleaned, pipeline
 from himap.paper.choice import SETTLED, Views, eigenvalues, minka, views_of
 from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
@@ -37,25 +37,25 @@ class TestCriteria:
                 + price * n * (n_channels + n_pix)
                 for n, one in zip((3, 4), residuals, strict=True)
             ]
-            found = how_many.information(variances, np.array([3, 4]), n_pix, kind=kind)
+            found = n_sources.information(variances, np.array([3, 4]), n_pix, kind=kind)
             assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / (n_pix * n_channels))
             assert found.min() == 0
 
     def test_eigenvalues_above_a_line(self):
         values = np.exp(-0.1 * np.arange(50))
-        assert how_many.eigenvalue_line(values) == pytest.approx(values)
-        assert how_many.n_above(values) == 0
+        assert n_sources.eigenvalue_line(values) == pytest.approx(values)
+        assert n_sources.n_significant(values) == 0
         values[:4] *= [1e4, 1e3, 10, 2.9]
-        assert how_many.n_above(values) == 3
+        assert n_sources.n_significant(values) == 3
 
     def test_changes_and_where_they_settle(self):
         spectra = [
             (np.full(3, p), np.full(2, q)) for p, q in ((10.0, 1.0), (2.0, 1.0), (2.0, 0.95), (1.0, 0.95))
         ]
-        change = how_many.changes(spectra)
+        change = n_sources.changes(spectra)
         assert change == pytest.approx([0.8, 0.05, 0.5])
-        assert how_many.settled(change, np.array([2, 3, 4, 5])) == 3
-        assert how_many.settled(change, np.array([2, 3, 4, 5]), 0.01) is None
+        assert n_sources.settled(change, np.array([2, 3, 4, 5])) == 3
+        assert n_sources.settled(change, np.array([2, 3, 4, 5]), 0.01) is None
 
 
 def made_up(**changed):
@@ -85,7 +85,7 @@ class TestViews:
         assert list(views.counts) == [1, 2, 3] and len(views.change) == len(views.corrected_change) == 2
         own = own_recovery(case, removers[1])
         inside = slice(10, 20)
-        ratio = own.came_back.angular[inside].mean() / own.put_in.angular[inside].mean()
+        ratio = own.output.angular[inside].mean() / own.input.angular[inside].mean()
         assert views.error[1] >= abs(ratio - 1)
         values = np.linalg.eigvalsh(np.cov(pipeline.basis(case, True).astype(float), bias=True))[::-1]
         assert views.eigenvalues[:3] == pytest.approx(values[:3], rel=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.core.errors import InputError
-from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments.transfer import EXPERIMENT, corrected_bands, skies
 
@@ -16,14 +16,14 @@ def made_up(share):
     """Of 500 channels of 1 MHz, l up to 25, of which a share of the power comes back."""
 
     def power(value):
-        return CylindricalPower(power=np.full((26, 251), float(value)), n_channels=500, channel_width=1.0)
+        return HarmonicPower(power=np.full((26, 251), float(value)), n_channels=500, channel_width=1.0)
 
-    return Recovery(put_in=power(1.0), came_back=power(share), common=power(np.sqrt(share)))
+    return MockPower(input=power(1.0), output=power(share), cross=power(np.sqrt(share)))
 
 
 class TestOneSky:
     def test_in_every_band(self):
-        mocks = TransferFunction(recoveries=(made_up(0.81), made_up(0.81)))
+        mocks = TransferFunction(mocks=(made_up(0.81), made_up(0.81)))
         found = corrected_bands(made_up(0.9), mocks)
         assert [row["band"] for row in found] == BANDS
         for row in found:
@@ -32,7 +32,7 @@ class TestOneSky:
             assert row["error_bar"] == pytest.approx(0, abs=1e-12)
 
     def test_error_bars_are_the_scatter_of_mocks(self):
-        mocks = TransferFunction(recoveries=(made_up(1.0), made_up(0.64)))
+        mocks = TransferFunction(mocks=(made_up(1.0), made_up(0.64)))
         row, *_ = corrected_bands(made_up(0.9), mocks)
         assert row["error_bar"] == pytest.approx(np.sqrt((0.25**2 + 0.2**2) / 2))
 

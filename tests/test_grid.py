@@ -87,8 +87,8 @@ class TestMaking:
         before = measured_recoveries(sky, ["pca"])
         monkeypatch.setattr(grid.plan, "make_observations", lambda asked: [] if not asked else 1 / 0)
         ((*_, own, transfer),) = measured_recoveries(sky, ["pca"])
-        assert (own.came_back.power == before[0][2].came_back.power).all()
-        assert len(transfer.recoveries) == 2
+        assert (own.output.power == before[0][2].output.power).all()
+        assert len(transfer.mocks) == 2
 
     def test_only_some_have_a_transfer_function(self, sky):
         ((_, _, _, transfer),) = measured_recoveries(sky, ["gnilc"])

@@ -26,9 +26,9 @@ def test_they_are_those_of_what_comes_back(remover):
     """Powers of all and in common against `own_recovery`, which knows of no parts."""
     found, expected = parts(CASE, remover), own_recovery(CASE, remover)
     for one, two in (
-        (found.truth, expected.put_in),
-        (found.recovered, expected.came_back),
-        (found.shared, expected.common),
+        (found.truth, expected.input),
+        (found.recovered, expected.output),
+        (found.shared, expected.cross),
     ):
         assert one.angular[LOW] == pytest.approx(two.angular[LOW], rel=0.02)
 
@@ -61,7 +61,7 @@ def test_parts_of_a_projection_are_those_of_its_cubes():
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
 def test_corrected_is_divided_by_what_is_foreseen():
-    share = TransferFunction(recoveries=(foreseen(CASE, NEW),))
+    share = TransferFunction(mocks=(foreseen(CASE, NEW),))
     ratios = parts(CASE, NEW)
     found = corrected(CASE, NEW)
     for kind in ("angular", "frequency"):

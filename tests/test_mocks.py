@@ -82,8 +82,8 @@ def test_what_comes_back_is_that_of_the_cubes(remover):
     (found,) = recovered(CASE, (remover,), USUAL, False)
     low = slice(2, SURVEY.nside)
     expected = sphere.power_spectrum(back).mean(axis=0)[low]
-    assert found.came_back.angular[low] == pytest.approx(expected, rel=5e-3)
-    assert (found.came_back.angular < found.put_in.angular)[low].all()
+    assert found.output.angular[low] == pytest.approx(expected, rel=5e-3)
+    assert (found.output.angular < found.input.angular)[low].all()
 
 
 @pytest.mark.parametrize("peaks_masked", [True, False])
@@ -107,16 +107,16 @@ def test_a_method_is_told_the_noise_of_both_and_masks_their_peaks(peaks_masked, 
 def test_a_method_that_ends_is_compared_up_to_there():
     remover = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2)
     (found,) = recovered(CASE, (remover,), USUAL)
-    assert found.put_in.degrees[-1] == own_recovery(CASE, remover).put_in.degrees[-1] == 10
-    assert 0.3 < found.came_back.angular[5] / found.put_in.angular[5] < 1.3
+    assert found.input.degrees[-1] == own_recovery(CASE, remover).input.degrees[-1] == 10
+    assert 0.3 < found.output.angular[5] / found.input.angular[5] < 1.3
 
 
 def test_the_truth_comes_back_as_it_was_assessed():
     remover = PCA(n_sources=3)
     own, assessed = own_recovery(CASE, remover), cleaned.assessment(CASE, remover)
     low = slice(2, 2 * SURVEY.nside)
-    assert own.put_in.angular[low] == pytest.approx(pipeline.true_spectra(CASE).angular.mean[low], rel=1e-4)
-    assert own.came_back.angular[low] == pytest.approx(assessed.power_spectra.angular.mean[low], rel=2e-3)
+    assert own.input.angular[low] == pytest.approx(pipeline.true_spectra(CASE).angular.mean[low], rel=1e-4)
+    assert own.output.angular[low] == pytest.approx(assessed.power_spectra.angular.mean[low], rel=2e-3)
 
 
 class TestTransferFunctions:
@@ -126,7 +126,7 @@ class TestTransferFunctions:
         found = transfer_functions(CASE, self.REMOVERS, [USUAL, Mock(seed=8)])
         assert list(found) == list(self.REMOVERS)
         few, many = (found[remover] for remover in self.REMOVERS)
-        assert len(few.recoveries) == 2
+        assert len(few.mocks) == 2
         low = slice(2, SURVEY.nside)
         assert (many.angular[low] < few.angular[low]).mean() > 0.8
         assert few.frequency[-1] > 0.9 > few.frequency[1]
@@ -135,7 +135,7 @@ class TestTransferFunctions:
     def test_one_mock_of_two_is_that_one(self):
         found = transfer_functions(CASE, self.REMOVERS[:1], [USUAL])[self.REMOVERS[0]]
         (alone,) = recovered(CASE, self.REMOVERS[:1], USUAL)
-        assert np.array_equal(found.recoveries[0].came_back.power, alone.came_back.power)
+        assert np.array_equal(found.mocks[0].output.power, alone.output.power)
 
     @pytest.mark.parametrize(
         ("removers", "mocks", "told"),

@@ -7,7 +7,7 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
-from himap.measures.power_spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import cleaned, masked, pipeline
 from himap.paper.masked import WAYS, Region, by_depth, compared, residual
 from himap.removal import PCA, BeamSubspace, SDecGMCA

@@ -7,7 +7,7 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures.patches import patch_maps
 from himap.maps import sphere
-from himap.measures.power_spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, frequency_power
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits
 
 NSIDE = 32

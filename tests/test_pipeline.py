@@ -14,7 +14,7 @@ from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.power_spectra import frequency_power
+from himap.measures.spectra import frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal import PCA, SDecGMCA
 from himap.sky.foregrounds import foreground_maps

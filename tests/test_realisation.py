@@ -9,8 +9,7 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.instrument.noise import noise_sigma
-from himap.measures.power_spectra import AngularPower, FrequencyPower
-from himap.measures.results import PowerSpectra
+from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA

@@ -9,8 +9,8 @@ from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
 from himap.cubes.sensitivity import sensitivity_figure, sensitivity_rows
 from himap.instrument.beams import Evolving, Misjudged
 from himap.maps import sphere
-from himap.measures.power_spectra import masked_alms
-from himap.measures.transfer import cylindrical_power
+from himap.measures.low_rank_spectra import masked_alms
+from himap.measures.transfer import harmonic_power
 
 MEASURED = {"ordering": "RING", "units": "mK"}
 
@@ -44,7 +44,7 @@ def test_power_of_cubes_that_are_cleaned_with_that_beam(path):
     (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     assert (found.kind, found.error) == ("width", 0.3)
     before, after = (
-        cylindrical_power(masked_alms(one.residual), cube.channel_width) for one in (cleaned, wrong)
+        harmonic_power(masked_alms(one.residual), cube.channel_width) for one in (cleaned, wrong)
     )
     inside, high = slice(10, 20), before.k > 0.1
     ratio = np.mean(after.angular[inside] / before.angular[inside])
@@ -80,7 +80,7 @@ def test_a_part_of_the_sky(path, method, options):
     )
     (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     before, after = (
-        cylindrical_power(masked_alms(cube.on_sphere(one.residual), mask=cube.mask), cube.channel_width)
+        harmonic_power(masked_alms(cube.on_sphere(one.residual), mask=cube.mask), cube.channel_width)
         for one in (cleaned, wrong)
     )
     ratio = np.mean(after.angular[10:20] / before.angular[10:20])

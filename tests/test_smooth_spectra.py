@@ -7,7 +7,7 @@ from sparse_problem import largest_angle
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.expected import expected_recovery
+from himap.measures.transfer import expected_mock_power
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.pca import PCA
@@ -107,9 +107,9 @@ class TestHI:
     def test_what_is_lost_is_what_it_foresees(self, sky):
         """As well as the power of HI can be continued to where foregrounds are."""
         found = cleaned(sky)
-        expected = expected_recovery(found.separation, WIDTH)
+        expected = expected_mock_power(found.separation, WIDTH)
         low = slice(5, 31)
-        foreseen = 1 - expected.common.angular[low].sum() / expected.put_in.angular[low].sum()
+        foreseen = 1 - expected.cross.angular[low].sum() / expected.input.angular[low].sum()
         lost = 1 - power_ratio(found.residual, sky.truth, 5, 30)
         assert foreseen == pytest.approx(lost, rel=0.25)
         assert lost > 0.05

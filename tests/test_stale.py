@@ -63,8 +63,8 @@ OTHERS = {
     ("sky/pysm.py", "pysm_templates"): SKIES | STORED,
     ("sky/pysm.py", "write_templates"): set(),
     ("core/survey.py", "Survey.rng"): CHAPTERS | STORED,  # its presets are in the line under every figure
-    ("measures/transfer.py", "recovery"): {"20", "21", "22", "25"} | RECORDS,
-    ("measures/expected.py", "expected_recovery"): {"23"},
+    ("measures/transfer.py", "mock_power"): {"20", "21", "22", "25"} | RECORDS,
+    ("measures/transfer.py", "expected_mock_power"): {"23"},
     ("paper/mocks.py", "recovered"): {"20", "21", "22", "25"} | RECORDS,
     ("paper/evidence.py", "masked_voxels"): JUDGED,
     ("paper/masked.py", "compared"): {"24"},

@@ -7,17 +7,9 @@ from scipy import fft
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.modes import MapModes
-from himap.measures.power_spectra import frequency_power
-from himap.measures.transfer import (
-    CylindricalPower,
-    Recovery,
-    TransferFunction,
-    band_means,
-    bands,
-    cylindrical_power,
-    power_ratios,
-    recovery,
-)
+from himap.measures.diagnostics import band_means, bands
+from himap.measures.spectra import frequency_power
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, harmonic_power, mock_power
 
 NSIDE, N_CHANNELS, WIDTH = 16, 11, 2.5
 LMAX = 12  # pixels hold this exactly enough
@@ -46,11 +38,11 @@ def wrong(alms, rng):
 
 class TestSums:
     def test_over_k_is_the_angular_power(self, alms):
-        power = cylindrical_power(alms, WIDTH)
+        power = harmonic_power(alms, WIDTH)
         assert power.angular == pytest.approx(sphere.power_spectrum(alms).mean(axis=0), rel=1e-5)
 
     def test_over_l_is_the_frequency_power(self, alms, maps):
-        power, expected = cylindrical_power(alms, WIDTH), frequency_power(maps, WIDTH)
+        power, expected = harmonic_power(alms, WIDTH), frequency_power(maps, WIDTH)
         assert power.k == pytest.approx(expected.k)
         assert power.frequency == pytest.approx(expected.power, rel=1e-3)
 
@@ -58,55 +50,55 @@ class TestSums:
         """A cosine along frequency of 2 periods, the same map in every channel."""
         alm = sphere.gaussian_alm(np.r_[0, np.ones(LMAX)], np.random.default_rng(1))
         wave = np.cos(2 * np.pi * 2 * np.arange(12) / 12)
-        power = cylindrical_power(wave[:, None] * alm, WIDTH)
+        power = harmonic_power(wave[:, None] * alm, WIDTH)
         assert power.power[:, 2] == pytest.approx(sphere.power_spectrum(alm) * WIDTH * 12 / 4)
         assert np.delete(power.power, 2, axis=1) == pytest.approx(0, abs=1e-12)
 
     def test_bins_are_means_over_modes(self, alms):
-        power = cylindrical_power(alms, WIDTH)
+        power = harmonic_power(alms, WIDTH)
         (one,) = power.binned([2, 5])
         assert one == pytest.approx((5 * power.power[2] + 7 * power.power[3] + 9 * power.power[4]) / 21)
 
 
 def test_what_comes_back_is_that_of_the_cube(alms, maps, wrong):
     """Against the power of the cube that comes back, and the product of the two cubes mode by mode."""
-    found = recovery(alms, wrong, WIDTH)
+    found = mock_power(alms, wrong, WIDTH)
     back = sphere.analyse(maps + wrong.cube(), LMAX, n_iter=8)
-    assert found.put_in.power == pytest.approx(cylindrical_power(alms, WIDTH).power)
-    expected = cylindrical_power(back, WIDTH).power[2:]
-    assert found.came_back.power[2:] == pytest.approx(expected, rel=0.02, abs=2e-3 * float(expected.max()))
+    assert found.input.power == pytest.approx(harmonic_power(alms, WIDTH).power)
+    expected = harmonic_power(back, WIDTH).power[2:]
+    assert found.output.power[2:] == pytest.approx(expected, rel=0.02, abs=2e-3 * float(expected.max()))
     waves, others = fft.fft(alms, axis=0), fft.fft(back, axis=0)
     degree = sphere.alm_degree(LMAX)
     for own in (2, 7, LMAX):
         products = (waves * others.conj()).real[:, degree == own]
         mean = (products[:, 0] + 2 * products[:, 1:].sum(axis=1)) / (2 * own + 1) * WIDTH / len(alms)
-        both = (mean + mean[-np.arange(len(mean))])[: found.common.power.shape[1]] / 2  # k and -k
+        both = (mean + mean[-np.arange(len(mean))])[: found.cross.power.shape[1]] / 2  # k and -k
         close = 2e-3 * float(np.abs(both).max())
-        assert found.common.power[own] == pytest.approx(both, rel=0.02, abs=close)
+        assert found.cross.power[own] == pytest.approx(both, rel=0.02, abs=close)
 
 
 def test_what_is_wrong_with_other_channels_is_refused(alms, wrong):
-    with pytest.raises(InputError, match=f"has {len(alms)} channels, what was put in {len(alms) - 1}"):
-        recovery(alms[1:], wrong, WIDTH)
+    with pytest.raises(InputError, match=f"has {len(alms)} channels, the input {len(alms) - 1}"):
+        mock_power(alms[1:], wrong, WIDTH)
 
 
 def power_of(values):
-    return CylindricalPower(power=np.asarray(values, dtype=float), n_channels=6, channel_width=1.0)
+    return HarmonicPower(power=np.asarray(values, dtype=float), n_channels=6, channel_width=1.0)
 
 
 def made_up(kept, noise=0.0, size=1.0, rng=None):
     """A mock of which a share of the amplitude comes back, and noise beside it."""
     put_in = size * np.ones((5, 4)) * (1 if rng is None else rng.uniform(0.5, 1.5, (5, 4)))
-    return Recovery(
-        put_in=power_of(put_in), came_back=power_of(kept**2 * put_in + noise), common=power_of(kept * put_in)
+    return MockPower(
+        input=power_of(put_in), output=power_of(kept**2 * put_in + noise), cross=power_of(kept * put_in)
     )
 
 
 class TestTransferFunction:
     def test_of_what_is_kept_alike_everywhere(self, rng):
         mocks = tuple(made_up(0.9, size=size, rng=rng) for size in (1, 3))
-        assert TransferFunction(recoveries=mocks).definition == "cross"
-        power, common = (TransferFunction(recoveries=mocks, definition=name) for name in ("auto", "cross"))
+        assert TransferFunction(mocks=mocks).definition == "cross"
+        power, common = (TransferFunction(mocks=mocks, definition=name) for name in ("auto", "cross"))
         for kind in ("angular", "frequency"):
             assert getattr(power, kind) == pytest.approx(0.81)
             assert getattr(common, kind) == pytest.approx(0.9)
@@ -117,33 +109,33 @@ class TestTransferFunction:
         """Half of the amplitude is lost at one k and one l, where twice the power of the rest is."""
         kept, put_in = np.ones((5, 4)), np.ones((5, 4))
         kept[3, 1], put_in[3, 1] = 0.5, 2
-        one = Recovery(
-            put_in=power_of(put_in), came_back=power_of(kept**2 * put_in), common=power_of(kept * put_in)
+        one = MockPower(
+            input=power_of(put_in), output=power_of(kept**2 * put_in), cross=power_of(kept * put_in)
         )
-        found = TransferFunction(recoveries=(one,), definition="auto")
+        found = TransferFunction(mocks=(one,), definition="auto")
         assert found.angular[3] == pytest.approx((1 + 2 * 0.5 + 2 + 1) / (1 + 2 * 2 + 2 + 1))
         assert found.frequency[1] == pytest.approx((1 + 3 + 5 + 7 * 0.5 + 9) / (1 + 3 + 5 + 7 * 2 + 9))
         assert found.cylindrical([3, 4])[0, 1] == pytest.approx(0.25)
         assert np.delete(found.angular, 3) == pytest.approx(1)
 
     def test_nothing_put_in_is_nothing_kept(self):
-        found = TransferFunction(recoveries=(made_up(0.9, size=0),))
+        found = TransferFunction(mocks=(made_up(0.9, size=0),))
         assert not found.angular.any() and not found.cylindrical([0, 5]).any()
 
     def test_errors_are_those_of_mocks_corrected_by_the_others(self):
-        found = TransferFunction(recoveries=(made_up(1.0), made_up(0.8)))
+        found = TransferFunction(mocks=(made_up(1.0), made_up(0.8)))
         assert found.errors("frequency")[:, 0] == pytest.approx([1 / 0.8 - 1, 0.8 - 1])
 
     def test_error_bars_need_two_mocks(self):
         with pytest.raises(InputError, match="two mocks or more"):
-            TransferFunction(recoveries=(made_up(1.0),)).errors("angular")
+            TransferFunction(mocks=(made_up(1.0),)).errors("angular")
 
     @pytest.mark.parametrize(
-        ("given", "told"), [({"recoveries": ()}, "got none"), ({"definition": "both"}, "cross or auto")]
+        ("given", "told"), [({"mocks": ()}, "got none"), ({"definition": "both"}, "cross or auto")]
     )
     def test_refused(self, given, told):
         with pytest.raises(InputError, match=told):
-            TransferFunction(**({"recoveries": (made_up(1.0),)} | given))
+            TransferFunction(**({"mocks": (made_up(1.0),)} | given))
 
 
 class TestBands:
@@ -173,11 +165,11 @@ class TestBands:
 class TestRatios:
     def test_of_what_came_back_and_of_what_is_common(self):
         found = made_up(0.8, noise=0.1)
-        back, common = power_ratios(found), power_ratios(found, "common")
+        back, common = found.ratios(), found.ratios("cross")
         for kind in ("angular", "frequency"):
             assert np.isnan([back[kind][0], common[kind][0]]).all()
             assert back[kind][1:] == pytest.approx(0.74) and common[kind][1:] == pytest.approx(0.8)
 
     def test_no_power_to_divide_by(self):
         with pytest.raises(InputError, match="must be positive"):
-            power_ratios(made_up(1.0, size=0))
+            made_up(1.0, size=0).ratios()

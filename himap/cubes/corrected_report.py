@@ -5,7 +5,7 @@ import numpy as np
 from himap.cubes import page
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
-from himap.measures.transfer import bands
+from himap.measures.diagnostics import bands
 
 HEADER = ("band", "comes back", "error bar", "left / truth", "corrected / truth")
 """Columns of `corrected_rows`; the last two where there is a truth."""

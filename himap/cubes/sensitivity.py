@@ -16,9 +16,8 @@ from himap.instrument.beams.base import Beam
 from himap.instrument.beams.misjudged import Misjudged
 from himap.maps import sphere
 from himap.maps.modes import MapModes
-from himap.measures.difference import FAINT
-from himap.measures.power_spectra import masked_alms
-from himap.measures.transfer import band_means, power_ratios, recovery
+from himap.measures.low_rank_spectra import FAINT, masked_alms
+from himap.measures.transfer import mock_power
 
 HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
 """Columns of `sensitivity_rows`."""
@@ -106,7 +105,8 @@ def beam_sensitivity(
         if not len(more.maps):  # nothing moves
             more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
         more = replace(more, maps=cube.on_sphere(more.maps))
-        found.append(Sensitivity(beam=one, ratios=_ratios(recovery(alms, more, cube.channel_width))))
+        means = mock_power(alms, more, cube.channel_width).band_means()
+        found.append(Sensitivity(beam=one, ratios={band: float(mean) for band, mean in means.items()}))
     return found
 
 
@@ -118,12 +118,6 @@ def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
     if not assumed or not all(one.width or one.ripple for one in assumed):
         raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
     return assumed
-
-
-def _ratios(found):
-    """{band: mean ratio} of what came back to what was put in, of a `Recovery`."""
-    means = band_means(power_ratios(found), found.put_in.degrees, found.put_in.k)
-    return {band: float(mean) for band, mean in means.items()}
 
 
 def sensitivity_rows(found):

@@ -28,7 +28,7 @@ from himap.cubes.cleaning import CleanedCube, cleaning_of, method_for
 from himap.cubes.report import views_of
 from himap.figures import plotting, styles
 from himap.instrument.beams.base import gaussian_widths
-from himap.measures.how_many import STABLE, changes, eigenvalue_line, information, n_above, settled
+from himap.measures.n_sources import STABLE, changes, eigenvalue_line, information, n_significant, settled
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance
@@ -171,7 +171,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         n_sources=counts,
         eigenvalues=values,
         line=eigenvalue_line(values),
-        n_bright=n_above(values),
+        n_bright=n_significant(values),
         criterion=criterion,
         change=change,
         stable=settled(change, counts),

@@ -7,9 +7,8 @@ import numpy as np
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.difference import FAINT
-from himap.measures.power_spectra import masked_alms
-from himap.measures.transfer import TransferFunction, recovery, recovery_of_cubes
+from himap.measures.low_rank_spectra import FAINT, masked_alms
+from himap.measures.transfer import TransferFunction, mock_power, mock_power_of_cubes
 from himap.removal.data import means_of
 
 
@@ -80,18 +79,18 @@ def measure_transfer(cleaned, mocks):
         if cube.missing is not None:
             mock = np.where(cube.missing, np.zeros((), mock.dtype), mock)
         recoveries.append(back_of(cube, mock, without, cleaned.cleaning.with_mock(mock).separation))
-    return TransferFunction(recoveries=tuple(recoveries))
+    return TransferFunction(mocks=tuple(recoveries))
 
 
 def _back_of_seen(cube, mock, without, found):
-    """The `Recovery` of a mock, from the `Separation` without and with it; no voxel is missing."""
+    """The `MockPower` of a mock, from the `Separation` without and with it; no voxel is missing."""
     variance = float(mock.var(axis=1, dtype=np.float64).sum())
     wrong = (without.foreground + -found.foreground).truncate(FAINT * variance)
     alms = masked_alms(cube.on_sphere(mock), mask=cube.sky_mask)
     if found.lmax is not None:
         alms = sphere.alms_upto(alms, found.lmax)
     wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
-    return recovery(alms, wrong, cube.channel_width)
+    return mock_power(alms, wrong, cube.channel_width)
 
 
 def _back_through_gaps(cube, mock, without, found):
@@ -102,7 +101,7 @@ def _back_through_gaps(cube, mock, without, found):
     for maps in cubes:
         maps[missing] = 0
         alms.append(masked_alms(cube.on_sphere(maps), mask=cube.sky_mask))
-    return recovery_of_cubes(*alms, cube.channel_width)
+    return mock_power_of_cubes(*alms, cube.channel_width)
 
 
 def correct(spectra, transfer):
@@ -130,6 +129,6 @@ def _corrected(x, left, transfer, kind, known_at):
     bins = np.abs(known_at - x[:, None]) < half
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     known = slice(-len(known_at), None)
-    errors = transfer.errors(kind)[:, known] if len(transfer.recoveries) > 1 else np.empty((0, len(known_at)))
+    errors = transfer.errors(kind)[:, known] if len(transfer.mocks) > 1 else np.empty((0, len(known_at)))
     share = getattr(transfer, kind)[known]
     return Corrected(x=x, left=left, share=bins @ share, errors=errors @ bins.T)

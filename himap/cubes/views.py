@@ -9,16 +9,9 @@ from himap.cubes import page
 from himap.figures import comparisons, planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power
-from himap.measures.difference import difference
-from himap.measures.power_spectra import (
-    FrequencyPower,
-    angular_power,
-    angular_power_pair,
-    frequency_power,
-    masked_alms,
-    recovered_angular_power,
-)
-from himap.measures.results import Comparison, PowerSpectra
+from himap.measures.diagnostics import Comparison
+from himap.measures.low_rank_spectra import angular_power_pair, difference, masked_alms
+from himap.measures.spectra import FrequencyPower, PowerSpectra, angular_power, frequency_power
 
 _WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
 _BANDS = {  # of ratios to the truth: (quantity, l or k above, up to)
@@ -69,7 +62,7 @@ class SphereViews:
         def spectra(cleaned):
             more = difference(cleaned.cube.on_sphere(cleaned.residual), maps, mask=mask)
             return PowerSpectra(
-                angular=recovered_angular_power(alms, more, mask=mask),
+                angular=angular_power_pair(alms, more, mask=mask)[0],
                 frequency=frequency_power(cleaned.residual, cleaned.cube.channel_width),
             )
 
@@ -80,7 +73,8 @@ class SphereViews:
         cube, cubes = cleaned.cube, (cleaned.residual, true)
         recovered, true = (cube.on_sphere(maps) for maps in cubes)
         mask = cube.sky_mask
-        angular = angular_power_pair(true, difference(recovered, true, mask=mask), mask=mask)
+        more = difference(recovered, true, mask=mask)
+        angular = angular_power_pair(masked_alms(true, mask=mask), more, mask=mask)
         recovered, true = (
             PowerSpectra(angular=power, frequency=frequency_power(maps, cube.channel_width))
             for power, maps in zip(angular, cubes, strict=True)

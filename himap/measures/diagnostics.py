@@ -1,14 +1,28 @@
 """How good a cleaning is, measured with the truth at hand."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from himap.core.errors import InputError
+from himap.measures.spectra import PowerSpectra
 
 BUMP = (0.25, 0.38)
 """k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
 
-_ANGULAR_BANDS = ((1, 10), (10, 200))
-_FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, np.inf))
+ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
+"""Bands of l, first and last, in which ratios are averaged."""
+
+FREQUENCY_BANDS = {"0-0.03": (0, 0.03), "0.03-0.1": (0.03, 0.1), "k > 0.1": (0.1, np.inf)}
+"""Bands of k, 1/MHz."""
+
+BANDS = {f"C/C0, {first}-{last}": ("angular", first - 0.5, last + 0.5) for first, last in ANGULAR_BANDS} | {
+    f"P/P0, {name}": ("frequency", *ends) for name, ends in FREQUENCY_BANDS.items()
+}
+"""{name: ("angular" or "frequency", what l or k lie above, and below)}."""
+
+JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
+"""Those by which cleanings are judged: below are few multipoles, and slow modes are lost with any beam."""
 
 MSE_DEFINITIONS = {
     "relative": "mean of (S / S_true - 1)^2",
@@ -34,56 +48,70 @@ def ratio(recovered, true):
     return recovered / true
 
 
+def bands(angular, frequency, table=BANDS, *, complete=True):
+    """The bands that some l (n_l,) and k (n_k,), 1/MHz, reach, {name: (kind, which elements lie in it)}.
+
+    Parameters
+    ----------
+    angular, frequency
+        l and k, ascending; l may be the middles of bins.
+    table
+        As `BANDS`.
+    complete
+        Whether a band of l must be reached to its end.
+    """
+    x = {"angular": angular, "frequency": frequency}
+    found = {name: (kind, _within(x[kind], low, high)) for name, (kind, low, high) in table.items()}
+    return {
+        name: (kind, inside)
+        for name, (kind, inside) in found.items()
+        if inside.any() and not (complete and kind == "angular" and table[name][2] > angular[-1] + 0.5)
+    }
+
+
+def band_means(ratios, angular, frequency, table=BANDS, *, complete=True):
+    """Means of ratios over the `bands` that some l (n_l,) and k (n_k,), 1/MHz, reach, {band: (...)}.
+
+    `ratios` are {"angular": (..., n_l), "frequency": (..., n_k)}, or other values there.
+    """
+    reached = bands(angular, frequency, table, complete=complete)
+    return {name: ratios[kind][..., inside].mean(axis=-1) for name, (kind, inside) in reached.items()}
+
+
 def band_mean(x, values, low, high):
     """Mean of `values` where low < x < high."""
-    return float(values[_inside(x, low, high)].mean())
+    return float(_inside(x, values, low, high).mean())
 
 
 def band_median(x, values, low, high):
     """Median of `values` where low < x < high."""
-    return float(np.median(values[_inside(x, low, high)]))
+    return float(np.median(_inside(x, values, low, high)))
 
 
 def band_max(x, values, low, high):
     """Largest of `values` where low < x < high."""
-    return float(values[_inside(x, low, high)].max())
-
-
-def band_means(degrees, angular, k, frequency):
-    """Means of both ratios over bands, and the highest P/P0 near k = 0.31, {name: value}.
-
-    Parameters
-    ----------
-    degrees, angular
-        l, ascending, and C/C0, (n_l,).
-    k, frequency
-        k, 1/MHz, and P/P0, (n_k,).
-
-    Returns
-    -------
-    dict
-        Without the bands that hold none of the values.
-    """
-    numbers = {}
-    for low, high in _ANGULAR_BANDS:
-        high = min(high, int(degrees[-1]))
-        if _within(degrees, low, high).any():
-            numbers[f"C/C0, {low} < l < {high}"] = band_mean(degrees, angular, low, high)
-    for low, high in _FREQUENCY_BANDS:
-        name = f"P/P0, k > {low}" if high == np.inf else f"P/P0, {low} < k < {high}"
-        if _within(k, low, high).any():
-            numbers[name] = band_mean(k, frequency, low, high)
-    if _within(k, *BUMP).any():
-        numbers["P/P0, highest near k = 0.31"] = band_max(k, frequency, *BUMP)
-    return numbers
+    return float(_inside(x, values, low, high).max())
 
 
 def largest_deviation(x, ratios, low, high):
     """Largest |ratio - 1| where low < x < high, and the x it is at."""
-    inside = _inside(x, low, high)
-    deviation = np.abs(ratios[inside] - 1)
+    deviation = np.abs(_inside(x, ratios, low, high) - 1)
     worst = deviation.argmax()
-    return float(deviation[worst]), float(np.asarray(x)[inside][worst])
+    return float(deviation[worst]), float(_inside(x, np.asarray(x), low, high)[worst])
+
+
+def _within(x, low, high):
+    return (np.asarray(x) > low) & (np.asarray(x) < high)
+
+
+def _inside(x, values, low, high):
+    """The `values` where low < x < high, one at least."""
+    inside = _within(x, low, high)
+    if not inside.any():
+        raise InputError(
+            f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}."
+        )
+    return values[inside]
 
 
 def mean_squared_error(recovered, true, definition="relative"):
@@ -121,14 +149,122 @@ def error_variance(recovered, true):
     return np.var(1 - ratio(recovered, true), axis=0)
 
 
-def _within(x, low, high):
-    return (np.asarray(x) > low) & (np.asarray(x) < high)
+@dataclass(frozen=True, kw_only=True)
+class Assessment:
+    """How well a method did on a case, measured against the truth.
+
+    Attributes
+    ----------
+    power_spectra
+        `PowerSpectra` of the residual.
+    correlation
+        Pearson r with the truth in every channel, (n_channels,).
+    line_errors
+        Mean squared error of every line of sight, (n_pix,), mK^2.
+    masked, masked_truth
+        `PowerSpectra` of residual and truth without the lines of sight of `flagged_lines`; None unless asked
+        for.
+    converged, n_iterations
+        As in `himap.removal.base.Separation`.
+    mixing
+        The mixing matrix of the method, (n_channels, n_sources).
+    truth
+        `PowerSpectra` of the truth cut at the same multipole, where the residual ends at one; all else is
+        then measured against that truth. None where nothing is cut.
+    """
+
+    power_spectra: PowerSpectra
+    correlation: np.ndarray
+    line_errors: np.ndarray
+    masked: PowerSpectra | None
+    masked_truth: PowerSpectra | None
+    converged: bool
+    n_iterations: int
+    mixing: np.ndarray
+    truth: PowerSpectra | None = None
 
 
-def _inside(x, low, high):
-    inside = _within(x, low, high)
-    if not inside.any():
-        raise InputError(
-            f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}."
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Both spectra of a residual, and those of the truth.
+
+    Attributes
+    ----------
+    degrees, angular, true_angular
+        l, from 2, and C_l averaged over channels, mK^2, (n_l,).
+    k, frequency, true_frequency
+        k, above 0, 1/MHz, and P(k), mK^2 MHz, (n_k,).
+    """
+
+    degrees: np.ndarray
+    angular: np.ndarray
+    true_angular: np.ndarray
+    k: np.ndarray
+    frequency: np.ndarray
+    true_frequency: np.ndarray
+
+    @classmethod
+    def of(cls, recovered, true, *, l_top):
+        """From two `PowerSpectra`, for 2 <= l <= l_top and k > 0."""
+        inside = (true.angular.degrees >= 2) & (true.angular.degrees <= l_top)
+        return cls(
+            degrees=true.angular.degrees[inside],
+            angular=recovered.angular.mean[inside],
+            true_angular=true.angular.mean[inside],
+            k=true.frequency.k[1:],
+            frequency=recovered.frequency.power[1:],
+            true_frequency=true.frequency.power[1:],
         )
-    return inside
+
+    @property
+    def angular_ratio(self):
+        """C/C0, (n_l,)."""
+        return ratio(self.angular, self.true_angular)
+
+    @property
+    def frequency_ratio(self):
+        """P/P0, (n_k,)."""
+        return ratio(self.frequency, self.true_frequency)
+
+    @property
+    def ratios(self):
+        """{"angular": C/C0, "frequency": P/P0}, for `band_means`."""
+        return {"angular": self.angular_ratio, "frequency": self.frequency_ratio}
+
+    def wide_band_means(self):
+        """Means of both ratios over two bands of l and three of k, and the highest P/P0 near k = 0.31.
+
+        Returns
+        -------
+        dict
+            {name: value}, without the bands that hold none of the values.
+        """
+        ends = [(low, min(high, int(self.degrees[-1]))) for low, high in ((1, 10), (10, 200))]
+        table = {f"C/C0, {low} < l < {high}": ("angular", low, high) for low, high in ends}
+        for low, high in FREQUENCY_BANDS.values():
+            name = f"P/P0, k > {low}" if high == np.inf else f"P/P0, {low} < k < {high}"
+            table[name] = "frequency", low, high
+        means = band_means(self.ratios, self.degrees, self.k, table, complete=False)
+        if _within(self.k, *BUMP).any():
+            means["P/P0, highest near k = 0.31"] = band_max(self.k, self.frequency_ratio, *BUMP)
+        return {name: float(value) for name, value in means.items()}
+
+    def in_bins_of(self, other):
+        """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""
+        width = other.degrees[1] - other.degrees[0]
+        inside = np.abs(self.degrees - other.degrees[:, None]) < width / 2
+        covered = inside.sum(axis=1) == round(width)
+        bins = inside[covered] / width
+        return replace(
+            self,
+            degrees=other.degrees[covered],
+            angular=bins @ self.angular,
+            true_angular=bins @ self.true_angular,
+        )
+
+    def total_error(self, definition="relative", *, lmax=200):
+        """Mean squared error of C_l, l <= lmax, plus that of P(k); see `mean_squared_error`."""
+        low = self.degrees <= lmax
+        return mean_squared_error(self.angular[low], self.true_angular[low], definition) + mean_squared_error(
+            self.frequency, self.true_frequency, definition
+        )

@@ -1,11 +1,10 @@
-"""What a cleaning loses, from mocks: put into the data, cleaned with them, and compared with what comes back.
+"""Signal loss of a cleaning, from mocks: added to the data, cleaned with them, and compared with the output.
 
 Of a mock m in data d comes back clean(d + m) - clean(d) (Switzer et al. 2013; Cunnington et al. 2023). All is
 kept by multipole and by wavenumber along frequency, of which C_l and P(k) are sums.
 """
 
 import itertools
-import math
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
@@ -18,24 +17,13 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
 
-DEFINITIONS = ("cross", "auto")
-"""Of a transfer function: the power that comes back and is in common with the mock, or all of it."""
-
-ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
-"""Bands of l, first and last, in which ratios are averaged."""
-
-FREQUENCY_BANDS = ((0, 0.03), (0.03, 0.1), (0.1, math.inf))
-"""Bands of k, 1/MHz."""
-
-JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
-"""Those by which cleanings are judged: below are few multipoles, and slow modes are lost with any beam."""
-
-_PARTS = {"cross": ("common", "put_in"), "auto": ("came_back", "put_in")}
+DEFINITIONS = {"cross": "cross", "auto": "output"}
+"""Of a transfer function: {definition: the part of a `MockPower` that is divided by its input}."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class CylindricalPower:
-    """Power by multipole l and by wavenumber k along frequency, of one cube or of two with each other.
+class HarmonicPower:
+    """Power by multipole l and wavenumber k along frequency, P_l(k), of one cube or of two with each other.
 
     Attributes
     ----------
@@ -80,34 +68,68 @@ class CylindricalPower:
         """Means over the modes in bins of l, from one of the `edges` to below the next, (n_bins, n_k)."""
         n_modes = 2.0 * self.degrees + 1
         bins = [slice(low, high) for low, high in itertools.pairwise(edges)]
-        return np.array([n_modes[one] @ self.power[one] / n_modes[one].sum() for one in bins])
+        return np.array([n_modes[inside] @ self.power[inside] / n_modes[inside].sum() for inside in bins])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recovery:
-    """What was put in, what came back, and what the two have in common, each a `CylindricalPower`."""
+@dataclass(frozen=True)
+class MockPower:
+    """Power of a mock, or of any cube, before and after a cleaning (Cunnington et al. 2023, Eq. 12).
 
-    put_in: CylindricalPower
-    came_back: CylindricalPower
-    common: CylindricalPower
+    Attributes
+    ----------
+    input, output, cross
+        `HarmonicPower` of the mock m, of clean(d + m) - clean(d), and of the two with each other.
+    """
+
+    input: HarmonicPower
+    output: HarmonicPower
+    cross: HarmonicPower
 
     def __add__(self, other):
-        return Recovery(**{name: power + vars(other)[name] for name, power in vars(self).items()})
+        return MockPower(**{name: power + vars(other)[name] for name, power in vars(self).items()})
+
+    @property
+    def degrees(self):
+        """l, (n_l,), from 0 to where the method ends."""
+        return self.input.degrees
+
+    @property
+    def k(self):
+        """1/MHz, (n_k,), from 0."""
+        return self.input.k
+
+    def ratios(self, part="output"):
+        """C/C0 and P/P0 of a part to the input, {"angular": (n_l,), "frequency": (n_k,)}; NaN at 0.
+
+        Raises
+        ------
+        InputError
+            The input has no power at some other l or k.
+        """
+        found = {}
+        for kind in ("angular", "frequency"):
+            power, true = (getattr(getattr(self, name), kind)[1:] for name in (part, "input"))
+            found[kind] = np.r_[np.nan, diagnostics.ratio(power, true)]
+        return found
+
+    def band_means(self, ratios=None):
+        """Means over `diagnostics.bands` of `ratios`, those of the output unless given, {band: (...)}."""
+        return diagnostics.band_means(ratios or self.ratios(), self.degrees, self.k)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
-    """Which share of the power of mocks comes back.
+    """The share of the power of mocks that comes back.
 
     Attributes
     ----------
-    recoveries
-        A tuple with the `Recovery` of each mock.
+    mocks
+        A tuple with the `MockPower` of each mock.
     definition
-        "cross": the power that what comes back has in common with what was put in, over that of the latter
-        (Cunnington et al. 2023). "auto": all the power that comes back. What a projection keeps it keeps
-        whole, so that the two agree and there is no square to divide by. They differ where a mock changes
-        what is taken of the data: that is power which the data without the mock do not have.
+        "cross": the cross power of output and input over the power of the input (Cunnington et al. 2023).
+        "auto": the power of the output. What a projection keeps it keeps unchanged, so that the two agree and
+        there is no square to divide by. They differ where a mock changes what is subtracted from the data:
+        that is power which the data without the mock do not have.
 
     Raises
     ------
@@ -115,11 +137,11 @@ class TransferFunction:
         No mock, or an unknown definition.
     """
 
-    recoveries: tuple
+    mocks: tuple
     definition: str = "cross"
 
     def __post_init__(self):
-        if not self.recoveries:
+        if not self.mocks:
             raise InputError("a transfer function needs mocks, one or more, got none.")
         if self.definition not in DEFINITIONS:
             raise InputError(f"definition must be {' or '.join(DEFINITIONS)}, got {self.definition!r}.")
@@ -127,30 +149,29 @@ class TransferFunction:
     @property
     def degrees(self):
         """l, (n_l,), from 0 to where the method ends."""
-        return self.recoveries[0].put_in.degrees
+        return self.mocks[0].degrees
 
     @property
     def k(self):
         """1/MHz, (n_k,), from 0."""
-        return self.recoveries[0].put_in.k
+        return self.mocks[0].k
 
     @property
     def angular(self):
-        """T(l), (n_l,): of C_l averaged over channels; 0 where nothing was put in."""
-        return _share(self.recoveries, self.definition, "angular")
+        """T(l), (n_l,): of C_l averaged over channels; 0 where there is no input."""
+        return self._ratio("angular", self.mocks)
 
     @property
     def frequency(self):
         """T(k), (n_k,): of P(k) averaged over the sphere."""
-        return _share(self.recoveries, self.definition, "frequency")
+        return self._ratio("frequency", self.mocks)
 
     def cylindrical(self, edges):
         """T(l, k) in bins of l from one of the `edges` to below the next, (n_bins, n_k)."""
-        total = reduce(add, self.recoveries)
-        return _quotient(*(getattr(total, name).binned(edges) for name in _PARTS[self.definition]))
+        return _quotient(*(power.binned(edges) for power in self._powers(self.mocks)))
 
     def errors(self, kind):
-        """What is wrong, relatively, with each mock once it is corrected by the others, (n_mocks, n).
+        """Relative error of each mock once it is corrected by the others, (n_mocks, n).
 
         Of C_l or P(k), `kind` "angular" or "frequency". Its scatter is the error bar of a corrected spectrum:
         loss differs from mock to mock, and the transfer function is known from a few only.
@@ -160,84 +181,39 @@ class TransferFunction:
         InputError
             Fewer than two mocks.
         """
-        if len(self.recoveries) < 2:
+        if len(self.mocks) < 2:
             raise InputError("error bars need two mocks or more, got one.")
         errors = []
-        for n, mock in enumerate(self.recoveries):
-            others = self.recoveries[:n] + self.recoveries[n + 1 :]
-            back, put_in = (getattr(getattr(mock, name), kind) for name in _PARTS[self.definition])
-            errors.append(_quotient(back, put_in * _share(others, self.definition, kind)) - 1)
+        for n, mock in enumerate(self.mocks):
+            power, true = (getattr(part, kind) for part in self._powers([mock]))
+            share = self._ratio(kind, self.mocks[:n] + self.mocks[n + 1 :])
+            errors.append(_quotient(power, true * share) - 1)
         return np.array(errors)
 
+    def _powers(self, mocks):
+        """Numerator and denominator, each a `HarmonicPower` summed over mocks."""
+        total = reduce(add, mocks)
+        return getattr(total, DEFINITIONS[self.definition]), total.input
 
-def bands(angular, frequency):
-    """The bands that some l (n_l,) and k (n_k,), 1/MHz, reach, and what lies in them.
-
-    Returns
-    -------
-    dict
-        {name: ("angular" or "frequency", which elements)}, such as "C/C0, 10-19".
-    """
-    found = {}
-    for first, last in ANGULAR_BANDS:
-        inside = (angular >= first) & (angular <= last)
-        if inside.any() and last <= angular[-1]:
-            found[f"C/C0, {first}-{last}"] = "angular", inside
-    for low, high in FREQUENCY_BANDS:
-        inside = (frequency > low) & (frequency <= high)
-        if inside.any():
-            name = f"P/P0, k > {low:g}" if high == math.inf else f"P/P0, {low:g}-{high:g}"
-            found[name] = "frequency", inside
-    return found
+    def _ratio(self, kind, mocks):
+        return _quotient(*(getattr(power, kind) for power in self._powers(mocks)))
 
 
-def band_means(spectra, degrees, k):
-    """Means over the `bands` that some l (n_l,) and k (n_k,), 1/MHz, reach, {band: (...)}.
-
-    `spectra` are values there, {"angular": (..., n_l), "frequency": (..., n_k)}.
-    """
-    return {
-        name: spectra[kind][..., inside].mean(axis=-1) for name, (kind, inside) in bands(degrees, k).items()
-    }
+def harmonic_power(alms, channel_width):
+    """The `HarmonicPower` of a cube of coefficients, (n_channels, n_alm), mK; channel width in MHz."""
+    rows = [(np.mean(np.abs(waves) ** 2, axis=1),) for _, waves in _waves(alms)]
+    return _harmonic_powers(rows, len(alms), channel_width)[0]
 
 
-def power_ratios(found, part="came_back"):
-    """C/C0 and P/P0 of a part of a `Recovery` to what was put in, {"angular": (n_l,), "frequency": (n_k,)}.
-
-    NaN at l = 0 and k = 0.
-
-    Raises
-    ------
-    InputError
-        Something else of what was put in has no power.
-    """
-    ratios = {}
-    for kind in ("angular", "frequency"):
-        power, true = (getattr(getattr(found, name), kind)[1:] for name in (part, "put_in"))
-        ratios[kind] = np.r_[np.nan, diagnostics.ratio(power, true)]
-    return ratios
-
-
-def _share(recoveries, definition, kind):
-    """The ratio of sums over mocks of C_l or P(k)."""
-    total = reduce(add, recoveries)
-    return _quotient(*(getattr(getattr(total, name), kind) for name in _PARTS[definition]))
-
-
-def cylindrical_power(alms, channel_width):
-    """The `CylindricalPower` of a cube of coefficients, (n_channels, n_alm), mK; channel width in MHz."""
-    return _sum_over_modes(alms, channel_width, lambda waves, degree: (np.abs(waves) ** 2,))[0]
-
-
-def recovery(alms, wrong, channel_width):
-    """The `Recovery` of a cube T that came back as T and something more.
+def mock_power(alms, error, channel_width):
+    """The `MockPower` of a cube T whose output is T and some error.
 
     Parameters
     ----------
     alms
         Coefficients of T, (n_channels, n_alm), mK; what is compared ends where they do.
-    wrong
-        What came back is more than T, a `MapModes`.
+    error
+        Output less T, a `MapModes`.
     channel_width
         MHz.
 
@@ -246,71 +222,98 @@ def recovery(alms, wrong, channel_width):
     InputError
         The two have not the same channels.
     """
-    _check_channels(alms, wrong.spectra)
-    lmax = sphere.lmax_of_size(alms.shape[-1])
-    more = sphere.analyse(wrong.maps.astype(np.float32), lmax)
-    spectra = fft.rfft(wrong.spectra, axis=0)
-    return _recovery(alms, channel_width, lambda waves, degree: waves + spectra @ _modes(more, degree))
+    more = sphere.analyse(error.maps.astype(np.float32), sphere.lmax_of_size(alms.shape[-1]))
+    spectra = fft.rfft(error.spectra, axis=0)
+
+    def output(waves, degree):
+        return waves + spectra @ _real_modes(more, degree)
+
+    return _mock_power(alms, len(error.spectra), channel_width, output)
 
 
-def recovery_of_cubes(alms, back, channel_width):
-    """The `Recovery` of a cube T from coefficients of T and of what came back, each (n_channels, n_alm), mK.
+def mock_power_of_cubes(alms, output_alms, channel_width):
+    """The `MockPower` of a cube T from coefficients of T and of the output, each (n_channels, n_alm), mK.
 
-    For what differs from T by more than a few spectra, as with gaps, each of which takes another part of T.
+    For outputs that differ from T by more than a few spectra, as with gaps, each of which takes another part
+    of T.
 
     Raises
     ------
     InputError
         The two have not the same channels.
     """
-    _check_channels(alms, back)
-    return _recovery(alms, channel_width, lambda waves, degree: fft.rfft(_modes(back, degree), axis=0))
+
+    def output(waves, degree):
+        return fft.rfft(_real_modes(output_alms, degree), axis=0)
+
+    return _mock_power(alms, len(output_alms), channel_width, output)
 
 
-def _check_channels(alms, back):
-    if len(alms) != len(back):
-        raise InputError(
-            f"what came back has {len(back)} channels, what was put in {len(alms)}; both must be of one cube."
-        )
+def expected_mock_power(separation, channel_width):
+    """The `MockPower` of HI and noise with the covariance C_l of a linear filter: no mocks, and no truth.
 
+    Of the modes n_l of HI and noise the filter W_l G_l leaves n_l - W_l G_l n_l, whose powers are sums over
+    C_l: those of infinitely many mocks, of a Gaussian field. The filter is held fixed, as a Wiener filter of
+    smooth spectra nearly is. A residual spectrum is to be divided by the share of `cross` alone: it has as
+    much foreground as is missing in `output`, if its covariance is the right one.
 
-def _recovery(alms, channel_width, returned):
-    """The `Recovery` of coefficients; ``returned(waves, degree)`` are the waves that came back."""
+    Parameters
+    ----------
+    separation
+        A `FilteredSeparation`.
+    channel_width
+        MHz.
 
-    def powers(waves, degree):
-        back = returned(waves, degree)
-        return np.abs(waves) ** 2, np.abs(back) ** 2, (waves * back.conj()).real
-
-    put_in, came_back, common = _sum_over_modes(alms, channel_width, powers)
-    return Recovery(put_in=put_in, came_back=came_back, common=common)
-
-
-def _sum_over_modes(alms, channel_width, powers):
-    """`CylindricalPower` of each array (n_k, n_modes) that ``powers(waves, degree)`` gives.
-
-    `waves` are the Fourier transforms along frequency of the real modes of one l.
+    Returns
+    -------
+    MockPower
+        To l = ``separation.filter.lmax``; `TransferFunction` makes shares by l and k of it.
     """
-    n_channels, lmax = len(alms), sphere.lmax_of_size(alms.shape[-1])
+    linear, n_channels = separation.filter, len(separation.mixing)
+    waves, rows = fft.rfft(np.eye(n_channels), axis=0), []
+    for degree, (spectra, estimators) in enumerate(zip(linear.spectra, linear.estimators, strict=True)):
+        faint = linear.faint_at(degree)
+        keeps = np.eye(n_channels) - spectra @ estimators
+        cross = keeps @ faint
+        covariances = faint, cross @ keeps.T, cross
+        rows.append([np.sum((waves @ one) * waves.conj(), axis=1).real for one in covariances])
+    return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
+
+
+def _mock_power(alms, n_channels, channel_width, output):
+    """The `MockPower` of coefficients, with ``output(waves, degree)`` for the waves of the output."""
+    if len(alms) != n_channels:
+        raise InputError(
+            f"the output has {n_channels} channels, the input {len(alms)}; both must be of one cube."
+        )
     rows = []
-    for degree in progress(range(lmax + 1), "powers"):
-        waves = fft.rfft(_modes(alms, degree), axis=0)
-        rows.append([power.mean(axis=1) for power in powers(waves, degree)])
-    scale = channel_width / n_channels
-    return [
-        CylindricalPower(power=scale * np.array(power), n_channels=n_channels, channel_width=channel_width)
-        for power in zip(*rows, strict=True)
-    ]
+    for degree, waves in _waves(alms):
+        back = output(waves, degree)
+        powers = np.abs(waves) ** 2, np.abs(back) ** 2, (waves * back.conj()).real
+        rows.append([power.mean(axis=1) for power in powers])
+    return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
 
 
-def _modes(alms, degree):
+def _harmonic_powers(rows, n_channels, channel_width):
+    """`HarmonicPower` of each column of `rows`, which have some powers (n_k,) for each l."""
+    scale, common = channel_width / n_channels, {"n_channels": n_channels, "channel_width": channel_width}
+    return [HarmonicPower(power=scale * np.array(power), **common) for power in zip(*rows, strict=True)]
+
+
+def _waves(alms):
+    """Pairs of every l and the Fourier transforms along frequency of its real modes, (n_k, 2 l + 1)."""
+    for degree in progress(range(sphere.lmax_of_size(alms.shape[-1]) + 1), "powers"):
+        yield degree, fft.rfft(_real_modes(alms, degree), axis=0)
+
+
+def _real_modes(alms, degree):
     """The real modes of one l, (n, 2 l + 1), of coefficients (n, n_alm): those of m > 0 have two parts."""
     places = sphere.alm_index(sphere.lmax_of_size(alms.shape[-1]), degree, np.arange(degree + 1))
-    own = alms[:, places].astype(complex)
-    zonal, others = own[:, :1].real, np.sqrt(2) * own[:, 1:]
+    modes = alms[:, places].astype(complex)
+    zonal, others = modes[:, :1].real, np.sqrt(2) * modes[:, 1:]
     return np.hstack([zonal, others.real, others.imag])
 
 
 def _quotient(power, ratio):
     """power / ratio, 0 where the ratio is 0."""
-    power, ratio = np.broadcast_arrays(power, ratio)
-    return np.divide(power, ratio, out=np.zeros(power.shape), where=ratio != 0)
+    return np.divide(power, ratio, out=np.zeros(ratio.shape), where=ratio != 0)

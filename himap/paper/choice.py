@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.decomposition import PCA as SklearnPCA
 
-from himap.measures import how_many
-from himap.measures.transfer import JUDGED, TransferFunction, band_means
+from himap.measures import n_sources
+from himap.measures.diagnostics import JUDGED, band_means
+from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
@@ -45,11 +46,11 @@ class Views:
     counts
         The numbers, (n,), ascending by one.
     bic, aic
-        Information criteria, (n,) (`how_many.information`).
+        Information criteria, (n,) (`n_sources.information`).
     eigenvalues
         (n_channels,), descending, mK^2.
     change, corrected_change
-        To the next number, (n - 1,) (`how_many.changes`): of C_l and P(k), and of their bands over the
+        To the next number, (n - 1,) (`n_sources.changes`): of C_l and P(k), and of their bands over the
         transfer function.
     error, corrected_error
         How far the worst band is from the truth, (n,), as it is left and over the transfer function.
@@ -74,9 +75,9 @@ class Views:
         return {
             "bic": int(self.counts[self.bic.argmin()]),
             "aic": int(self.counts[self.aic.argmin()]),
-            "eigenvalues": how_many.n_above(self.eigenvalues),
-            "stability": how_many.settled(self.change, self.counts),
-            "mocks": how_many.settled(self.corrected_change, self.counts, SETTLED),
+            "eigenvalues": n_sources.n_significant(self.eigenvalues),
+            "stability": n_sources.settled(self.change, self.counts),
+            "mocks": n_sources.settled(self.corrected_change, self.counts, SETTLED),
         }
 
 
@@ -85,29 +86,29 @@ def views_of(case, removers, mocks):
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
     columns = zip(*(recovered(case, tuple(removers), mock) for mock in mocks), strict=True)
-    transfers = [TransferFunction(recoveries=column) for column in columns]
-    left = [_in_bands(one, one.came_back) for one in own]
-    true = [_in_bands(one, one.put_in) for one in own]
+    transfers = [TransferFunction(mocks=column) for column in columns]
+    left = [_in_bands(one, one.output) for one in own]
+    true = [_in_bands(one, one.input) for one in own]
     shares = [_in_bands(*pair) for pair in zip(own, transfers, strict=True)]
     corrected = np.divide(left, shares)
     variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
     bic, aic = (
-        how_many.information(variances, counts, case.survey.n_pix, kind=kind) for kind in ("bic", "aic")
+        n_sources.information(variances, counts, case.survey.n_pix, kind=kind) for kind in ("bic", "aic")
     )
     return Views(
         counts=counts,
         bic=bic,
         aic=aic,
         eigenvalues=eigenvalues(case, "beams" in removers[0].uses),
-        change=how_many.changes([(one.came_back.angular[2:], one.came_back.frequency[1:]) for one in own]),
-        corrected_change=how_many.changes([row[:, None] for row in corrected]),
+        change=n_sources.changes([(one.output.angular[2:], one.output.frequency[1:]) for one in own]),
+        corrected_change=n_sources.changes([row[:, None] for row in corrected]),
         error=np.abs(np.divide(left, true) - 1).max(axis=1),
         corrected_error=np.abs(corrected / true - 1).max(axis=1),
     )
 
 
-def _in_bands(recovery, spectra):
+def _in_bands(known_at, spectra):
     """Means of two spectra, "angular" and "frequency", in the judged bands, (n_bands,)."""
     known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
-    found = band_means(known, recovery.put_in.degrees, recovery.put_in.k)
+    found = band_means(known, known_at.degrees, known_at.k)
     return np.array([mean for band, mean in found.items() if band in JUDGED])

@@ -9,9 +9,9 @@ from dataclasses import replace
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.difference import FAINT, Moments, line_errors
-from himap.measures.power_spectra import angular_power_pair, frequency_power, recovered_angular_power
-from himap.measures.results import Assessment, PowerSpectra
+from himap.measures.diagnostics import Assessment
+from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
+from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
 from himap.removal.beam_projection import on_sky
 from himap.removal.cleaning import Cleaning
@@ -96,7 +96,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
         masked, masked_truth = _masked_spectra(case, true, wrong, mask, alms, lmax)
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=recovered_angular_power(alms, wrong),
+            angular=angular_power_pair(alms, wrong)[0],
             frequency=moments.frequency_power(spectra.frequency, width),
         ),
         correlation=moments.correlation,
@@ -114,7 +114,7 @@ def _masked_spectra(case, true, wrong, mask, alms, lmax):
     """`PowerSpectra` of what is left and of the truth on the lines of sight in `mask`."""
     if lmax is not None:
         alms = sphere.alms_padded(alms, case.survey.lmax)  # a mask mixes multipoles
-    angular = angular_power_pair(true, wrong, mask=mask, truth_alms=alms)
+    angular = angular_power_pair(masked_alms(true, mask=mask, alms=alms), wrong, mask=mask)
     frequency = frequency_power(true, case.survey.channel_width, mask=mask)
     recovered = Moments.of(true, wrong, mask=mask).frequency_power(frequency, case.survey.channel_width)
     return tuple(

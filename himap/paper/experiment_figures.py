@@ -9,7 +9,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
-from himap.measures.transfer import JUDGED
+from himap.measures.diagnostics import JUDGED
 from himap.paper.experiments.beam_errors import KINDS, worst_excess
 from himap.paper.experiments.methods import METHOD, distances, middles
 

@@ -139,7 +139,7 @@ def measured_recoveries(sky, corrected):
     """What methods keep of the truth of a `Sky`, and of its mocks.
 
     `corrected` are the names of the methods that have a transfer function. Returns a list of (case, method,
-    `Recovery` of the truth, `TransferFunction` or None).
+    `MockPower` of the truth, `TransferFunction` or None).
     """
     wanted = {
         case: tuple(one for one in removers if one.name in corrected)

@@ -9,8 +9,13 @@ import numpy as np
 
 from himap.maps import sphere
 from himap.maps.blocked import centred
-from himap.measures.expected import expected_recovery
-from himap.measures.transfer import CylindricalPower, Recovery, TransferFunction, cylindrical_power
+from himap.measures.transfer import (
+    HarmonicPower,
+    MockPower,
+    TransferFunction,
+    expected_mock_power,
+    harmonic_power,
+)
 from himap.paper import cleaned, pipeline
 from himap.paper.losses import error_parts
 from himap.removal.analysis import analysed
@@ -20,7 +25,7 @@ from himap.store.store import product
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """Powers of what a method makes of an observation, each a `CylindricalPower`.
+    """Powers of what a method makes of an observation, each a `HarmonicPower`.
 
     Attributes
     ----------
@@ -36,11 +41,11 @@ class Parts:
         What `recovered` and `truth` have in common.
     """
 
-    truth: CylindricalPower
-    recovered: CylindricalPower
-    kept: CylindricalPower
-    left: CylindricalPower
-    shared: CylindricalPower
+    truth: HarmonicPower
+    recovered: HarmonicPower
+    kept: HarmonicPower
+    left: HarmonicPower
+    shared: HarmonicPower
 
     def ratios(self, kind):
         """Each part over the truth, {"recovered", "kept", "left", "shared": (n,)}.
@@ -79,8 +84,8 @@ def parts(case, remover, mask_peaks=True):
     kept = true - hi
     both = kept + foreground
     powers = {"truth": true, "recovered": both, "kept": kept, "left": foreground}
-    found_powers = {name: cylindrical_power(one, width) for name, one in powers.items()}
-    return Parts(shared=_common(found_powers, cylindrical_power(both - true, width)), **found_powers)
+    found_powers = {name: harmonic_power(one, width) for name, one in powers.items()}
+    return Parts(shared=_common(found_powers, harmonic_power(both - true, width)), **found_powers)
 
 
 def _filtered(case, remover, found, mask_peaks):
@@ -94,22 +99,22 @@ def _filtered(case, remover, found, mask_peaks):
 def _common(powers, difference):
     """Cross power of truth and recovered from their powers and that of their difference."""
     power = (powers["truth"].power + powers["recovered"].power - difference.power) / 2
-    return CylindricalPower(
+    return HarmonicPower(
         power=power, n_channels=difference.n_channels, channel_width=difference.channel_width
     )
 
 
 @product
 def foreseen(case, remover, mask_peaks=True):
-    """What a `SmoothSpectra` knows that it keeps of HI and noise, a `Recovery`, without mocks or truth."""
+    """What a `SmoothSpectra` knows that it keeps of HI and noise, a `MockPower`, without mocks or truth."""
     found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
-    return expected_recovery(found, case.survey.channel_width)
+    return expected_mock_power(found, case.survey.channel_width)
 
 
 def corrected(case, remover, mask_peaks=True):
     """C/C0 and P/P0 once divided by what the method knows that it keeps, {"angular", "frequency": (n,)}."""
-    expected: Recovery = foreseen(case, remover, mask_peaks)
-    kept = TransferFunction(recoveries=(expected,))
+    expected: MockPower = foreseen(case, remover, mask_peaks)
+    kept = TransferFunction(mocks=(expected,))
     measured = parts(case, remover, mask_peaks)
     found = {}
     for kind in ("angular", "frequency"):

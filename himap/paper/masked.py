@@ -12,9 +12,9 @@ from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.difference import Moments, difference, line_errors
-from himap.measures.power_spectra import angular_power_pair, frequency_power
-from himap.measures.results import Comparison, PowerSpectra
+from himap.measures.diagnostics import Comparison
+from himap.measures.low_rank_spectra import Moments, angular_power_pair, difference, line_errors, masked_alms
+from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal.data import scattered
 from himap.sky.dimming import Dimming
@@ -116,7 +116,7 @@ def compared(case, remover, region, way, margin=4.0):
     if way == "post-masked":
         inside &= ~diagnostics.flagged_lines(line_errors(cleaned.error(case, remover)))
     wrong = difference(left, true, mask=inside)
-    angular = angular_power_pair(true, wrong, mask=inside)
+    angular = angular_power_pair(masked_alms(true, mask=inside), wrong, mask=inside)
     frequency = frequency_power(true, survey.channel_width, mask=inside)
     recovered = Moments.of(true, wrong, mask=inside).frequency_power(frequency, survey.channel_width)
     pair = (

@@ -11,8 +11,8 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.difference import FAINT
-from himap.measures.transfer import TransferFunction, recovery
+from himap.measures.low_rank_spectra import FAINT
+from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline, plan
 from himap.removal import harmonic
 from himap.sky.cosmology import HIModel
@@ -104,7 +104,7 @@ def mock_alms(case, mock, lmax=None):
 
 @product
 def recovered(case, removers, mock, mask_peaks=True):
-    """What comes back of a mock in an observation, a list with the `Recovery` of each method.
+    """What comes back of a mock in an observation, a list with the `MockPower` of each method.
 
     All that a method finds is found anew (`Cleaning.with_mock`). Where the method ends at some l, so does the
     comparison.
@@ -120,16 +120,16 @@ def recovered(case, removers, mock, mask_peaks=True):
         found = mocked.with_method(remover, rng=rng).separation
         wrong = (without.foreground + -found.foreground).truncate(_faint(case))
         own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-        recoveries.append(recovery(own, wrong, case.survey.channel_width))
+        recoveries.append(mock_power(own, wrong, case.survey.channel_width))
     return recoveries
 
 
 @product
 def own_recovery(case, remover, mask_peaks=True):
-    """The `Recovery` of the truth itself: what a transfer function is to tell without knowing the truth."""
+    """The `MockPower` of the truth itself: what a transfer function is to tell without knowing the truth."""
     found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
     wrong = cleaned.error(case, remover, mask_peaks)
-    return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
+    return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
 def _faint(case):
@@ -168,7 +168,7 @@ def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cr
         make_all(recovered, calls, "mocks")
     rows = [recovered(*call) for call in calls]
     return {
-        remover: TransferFunction(recoveries=column, definition=definition)
+        remover: TransferFunction(mocks=column, definition=definition)
         for remover, column in zip(removers, zip(*rows, strict=True), strict=True)
     }
 

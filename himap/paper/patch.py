@@ -13,7 +13,7 @@ from astropy.coordinates import SkyCoord
 from himap.core.checks import checked_fields, parameter
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.measures.power_spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import pipeline
 from himap.removal.beam_projection import on_sky
 

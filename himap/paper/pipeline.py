@@ -19,8 +19,7 @@ from himap.instrument.observe import observe
 from himap.maps import sphere
 from himap.maps.blocked import centred, projection
 from himap.maps.modes import HarmonicModes
-from himap.measures.power_spectra import AngularPower, frequency_power
-from himap.measures.results import PowerSpectra
+from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed
 from himap.removal.beam_projection import on_sky, seen_through

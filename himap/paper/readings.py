@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from himap.core.errors import InputError
-from himap.measures.transfer import ANGULAR_BANDS
+from himap.measures.diagnostics import ANGULAR_BANDS
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved

@@ -13,7 +13,7 @@ from himap.instrument.beams.evolving import Evolving
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, evidence, pipeline, plan
 from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1

@@ -10,8 +10,7 @@ from functools import cached_property
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import styles
-from himap.measures import diagnostics
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline, plan
 from himap.paper.study_figures import StudyFigures
 from himap.sky.dimming import Dimming
@@ -135,8 +134,8 @@ class Study(StudyFigures):
         return result.degrees, result.angular_ratio, result.k, result.frequency_ratio
 
     def bands(self, beam, remover, **options):
-        """`diagnostics.band_means` of one method, {name: value}."""
-        return diagnostics.band_means(*self.ratios(beam, remover, **options))
+        """`Comparison.wide_band_means` of one method, {name: value}."""
+        return self.compared(beam, remover, **options).wide_band_means()
 
     def band_numbers(self, removers, *, tolerance=0.02, **options):
         """`bands` of all methods, for `numbers.show`; `tolerance` is relative, and absolute below 1."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.figures import comparisons, plotting, styles
-from himap.measures.results import Comparison
+from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
 from himap.store.provenance import Provenance
 

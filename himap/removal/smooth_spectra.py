@@ -46,9 +46,9 @@ class SmoothSpectra(ForegroundRemover):
       (expectation maximisation, Dempster et al. 1977; with free spectra, Delabrouille et al. 2003).
 
     What is taken is the mean of the foreground given X, a Wiener filter. What it must take of HI with it is
-    known from C, without the truth and without mocks (`himap.measures.expected.expected_recovery`). `mixing`
-    and `sources` are the principal axes of the foreground before the beam, all l together. There is no
-    threshold to choose, no noise level to know and no randomness.
+    known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
+    `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. There is
+    no threshold to choose, no noise level to know and no randomness.
     """
 
     name: ClassVar[str] = "smooth_spectra"

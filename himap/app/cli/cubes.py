@@ -144,7 +144,7 @@ def _cleaned(
         if put_in is not None:
             found = measure_transfer(cleaned, put_in)
             corrected = correct(spectra, found)
-            more = corrected_report.corrected_part(corrected, len(found.recoveries), comparison)
+            more = corrected_report.corrected_part(corrected, len(found.mocks), comparison)
             header = corrected_report.HEADER[: 3 if true is None else None]
             click.echo(Table(header, corrected_report.corrected_rows(corrected, comparison), align="lrrrr"))
     if patches:

@@ -12,7 +12,8 @@ from himap.instrument.beams import named
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.beams.rippled import Rippled
-from himap.measures.transfer import JUDGED, band_means, power_ratios, recovery
+from himap.measures.diagnostics import JUDGED
+from himap.measures.transfer import mock_power
 from himap.paper import cleaned, pipeline
 from himap.paper.grid import Sky, cases_and_methods, make_products
 from himap.paper.mocks import own_recovery
@@ -89,13 +90,13 @@ def assumed_beam(beam, kind, error):
 
 @product
 def recovery_assuming(case, remover, beam):
-    """The `Recovery` of the truth by a method that assumes the `Beam` `beam`; peaks are masked.
+    """The `MockPower` of the truth by a method that assumes the `Beam` `beam`; peaks are masked.
 
     A method that needs the noise level assumes that of the instrument.
     """
     found = cleaned.cleaning(case, remover).with_beams(beam.of_survey(case.survey).total).separation
     wrong = cleaned.error_of(case, found)
-    return recovery(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
+    return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
 def skies(*, errors=_ERRORS, **settings):
@@ -142,14 +143,14 @@ def measure(sky):
 
 
 def _bands(found):
-    """The last columns of each band, from a `Recovery`."""
-    ratio, recovered = power_ratios(found), power_ratios(found, "common")
+    """The last columns of each band, from a `MockPower`."""
+    ratio, recovered = found.ratios(), found.ratios("cross")
     spectra = {
         "ratio": ratio,
         "recovered": recovered,
         "excess": {kind: ratio[kind] - recovered[kind] for kind in ratio},
     }
-    means = {name: band_means(one, found.put_in.degrees, found.put_in.k) for name, one in spectra.items()}
+    means = {name: found.band_means(one) for name, one in spectra.items()}
     return [
         {"band": band} | {name: float(mean[band]) for name, mean in means.items()} for band in means["ratio"]
     ]

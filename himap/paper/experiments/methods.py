@@ -10,7 +10,7 @@ from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.figures import styles
 from himap.measures import diagnostics
-from himap.measures.transfer import JUDGED, bands, power_ratios
+from himap.measures.diagnostics import JUDGED, bands
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import first_mocks
 from himap.paper.record import Experiment
@@ -114,10 +114,10 @@ def measure(sky):
 
 
 def curves(own, transfer=None):
-    """The last columns of each bin, from the `Recovery` of the truth, over a `TransferFunction` if given."""
+    """The last columns of each bin, from the `MockPower` of the truth, over a `TransferFunction` if given."""
     rows = []
-    ratios = power_ratios(own)
-    known_at = {"angular": own.put_in.degrees, "frequency": own.put_in.k}
+    ratios = own.ratios()
+    known_at = {"angular": own.degrees, "frequency": own.k}
     for kind, x in known_at.items():
         edges = _edges([inside for its, inside in bands(**known_at).values() if its == kind])
         ratio = ratios[kind][edges[0] : edges[-1]]

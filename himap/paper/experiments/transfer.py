@@ -7,7 +7,7 @@ import pandas as pd
 
 from himap.core.checks import whole_number
 from himap.figures import styles
-from himap.measures.transfer import DEFINITIONS, band_means, power_ratios
+from himap.measures.transfer import DEFINITIONS
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import first_mocks
 from himap.paper.record import Experiment
@@ -45,18 +45,14 @@ def measure(sky):
 
 
 def corrected_bands(own, transfer):
-    """Rows of one method, from the `Recovery` of the truth and a `TransferFunction` of two mocks or more."""
+    """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more."""
     cross, auto = (replace(transfer, definition=name) for name in DEFINITIONS)
-    uncorrected = power_ratios(own)
-
-    def means(ratios):
-        return band_means(ratios, own.put_in.degrees, own.put_in.k)
-
+    uncorrected = own.ratios()
     ratios, ratios_auto = (
-        means({kind: ratio / getattr(one, kind) for kind, ratio in uncorrected.items()})
+        own.band_means({kind: ratio / getattr(one, kind) for kind, ratio in uncorrected.items()})
         for one in (cross, auto)
     )
-    errors = means({kind: cross.errors(kind) for kind in uncorrected})
+    errors = own.band_means({kind: cross.errors(kind) for kind in uncorrected})
     return [
         {
             "band": band,
@@ -65,7 +61,7 @@ def corrected_bands(own, transfer):
             "corrected_auto": float(ratios_auto[band]),
             "error_bar": float(np.sqrt(np.mean(errors[band] ** 2))),
         }
-        for band, mean in means(uncorrected).items()
+        for band, mean in own.band_means(uncorrected).items()
     ]
 
 

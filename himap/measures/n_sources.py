@@ -27,7 +27,7 @@ def eigenvalue_line(values):
     return np.exp(offset + slope * number)
 
 
-def n_above(values):
+def n_significant(values):
     """How many of the first eigenvalues stand above `eigenvalue_line` three times."""
     return int(np.argmin(values > _STANDS_OUT * eigenvalue_line(values)))
 

@@ -1,0 +1,169 @@
+"""Angular and frequency power spectra of channel maps, with or without a mask.
+
+The mean over the sky is removed from every channel first, as in the paper.
+"""
+
+import numbers
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from himap.core.checks import checked_cube, whole_number
+from himap.core.errors import InputError
+from himap.core.progress import progress
+from himap.maps import sphere
+from himap.maps.blocked import blocks
+from himap.maps.masks import bin_matrix, decoupled, mask_weights
+
+BLOCK = 4096
+"""Lines of sight at a time: their float64 copy stays small."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngularPower:
+    """`degrees` (n_l,), the mean l of each bin; `cl` (n_channels, n_l), mK^2."""
+
+    degrees: np.ndarray
+    cl: np.ndarray
+
+    @property
+    def mean(self):
+        """C_l averaged over channels, (n_l,)."""
+        return self.cl.mean(axis=0)
+
+    @property
+    def variance(self):
+        """Variance over the sphere of every channel, (n_channels,), mK^2, where there is a C_l at every l."""
+        return self.cl @ (2 * self.degrees + 1) / (4 * np.pi)
+
+    def upto(self, lmax):
+        """The same to `lmax`, or as it is for None."""
+        inside = slice(None) if lmax is None else self.degrees <= lmax
+        return AngularPower(degrees=self.degrees[inside], cl=self.cl[:, inside])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrequencyPower:
+    """`k` (n_k,), 1/MHz, from 0; `power` (n_k,), mK^2 MHz, averaged over lines of sight."""
+
+    k: np.ndarray
+    power: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PowerSpectra:
+    """Both spectra of one cube."""
+
+    angular: AngularPower
+    frequency: FrequencyPower
+
+
+def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
+    """Angular power spectrum of every channel.
+
+    With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
+    2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
+    the pseudo-C_l are divided by the kept fraction of the sky, the mean of the squared weights, instead.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix), mK, RING.
+    mask
+        (n_pix,) bool, True where kept, or weights between 0 and 1; None for the full sky.
+    lmax
+        Largest multipole, 3 nside - 1 unless given.
+    bin_width
+        Multipoles per bin; 1 / f_sky rounded up unless given, so 1 on the full sky.
+
+    Returns
+    -------
+    AngularPower
+
+    Raises
+    ------
+    InputError
+        A mask of the wrong shape or that keeps nothing, or a bad bin width.
+    """
+    maps, weights = checked_maps(maps, mask)
+    nside = sphere.nside_of(maps)
+    lmax = 3 * nside - 1 if lmax is None else whole_number("lmax", lmax, 2, 3 * nside - 1)
+    width = None if bin_width is None else whole_number("bin_width", bin_width, 1, lmax)
+    full = lmax if mask is None else 3 * nside - 1  # a mask mixes in power from beyond lmax
+    pseudo = np.empty((len(maps), full + 1))
+    for channel, out in zip(progress(maps, "angular spectra"), pseudo, strict=True):
+        out[:] = sphere.power_spectrum(sphere.analyse(weighted(channel, weights).astype(maps.dtype), full))
+    return decouple(pseudo, None if mask is None else weights, width).upto(lmax)
+
+
+def decouple(pseudo, weights=None, bin_width=None):
+    """`AngularPower` of pseudo-C_l (n_channels, lmax + 1), in bins of l as of `angular_power`.
+
+    `weights` (n_pix,) are those of the mask, whose coupling of multipoles is undone; None for the full sky.
+    """
+    lmax = pseudo.shape[1] - 1
+    if bin_width is None:
+        bin_width = 1 if weights is None else min(int(np.ceil(1 / weights.mean())), lmax)
+    bins = bin_matrix(lmax, bin_width)
+    cl = pseudo @ bins.T if weights is None else decoupled(pseudo, weights, bins)
+    return AngularPower(degrees=bins @ np.arange(lmax + 1), cl=cl)
+
+
+def weighted(pixels, weights):
+    """One map (n_pix,) less its weighted mean, times its weights; 0 where these are 0."""
+    kept = weights > 0
+    return weights * np.where(kept, pixels - np.average(pixels[kept], weights=weights[kept]), 0)
+
+
+def checked_maps(maps, mask):
+    """Maps (n_channels, n_pix) and the weights (n_pix,) of a mask; where these are 0 it may be anything.
+
+    Raises
+    ------
+    InputError
+        Maps that are not finite where kept, or a bad mask.
+    """
+    shape = np.shape(maps)
+    weights = mask_weights(mask, shape[-1] if shape else 0)
+    return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
+
+
+def frequency_power(maps, channel_width, *, mask=None):
+    """Frequency power spectrum, averaged over lines of sight.
+
+    ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n from 0 to
+    n_channels // 2, with the mean over the sky of each channel.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix), mK.
+    channel_width
+        MHz.
+    mask
+        As in `angular_power`; weights count once in the mean over lines of sight.
+
+    Returns
+    -------
+    FrequencyPower
+
+    Raises
+    ------
+    InputError
+        A bad mask, or a channel width that is not a positive number.
+    """
+    maps, weights = checked_maps(maps, mask)
+    if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):
+        raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
+    n_channels, n_pix = maps.shape
+    kept = weights > 0
+    inside, norm = slice(None) if kept.all() else kept, weights.sum()
+    mean = np.array([channel[inside] @ weights[inside] / norm for channel in maps]).astype(maps.dtype)
+    total, weights = np.zeros(n_channels // 2 + 1), weights.astype(maps.dtype)
+    for block in progress(blocks(n_pix, BLOCK), "frequency spectra"):
+        lines = np.where(kept[block], maps[:, block] - mean[:, None], 0)
+        modes = fft.rfft(lines, axis=0, workers=-1)
+        total += (modes.real**2 + modes.imag**2) @ weights[block]
+    power = total * channel_width / (n_channels * norm)
+    return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)
