@@ -64,7 +64,7 @@ from himap.paper.methods import TABLE_1, paper_beams, sdecgmca_for, table_1
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.sdecgmca.problem import Problem
+from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 beams = paper_beams(ripple=ripple)
@@ -245,9 +245,9 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 numbers = {}
 for each, methods in removers.items():
     windows = each.of_survey(study.survey).total
-    problem = Problem(modes=None, beams=windows, noise=None, floor=0)
+    problem = BlurredMixture(modes=None, beams=windows, floor=0)
     mixing = study.assessed(each, methods[0]).mixing
-    epsilon = problem.of_matrices(mixing, table_1(each)["regularisation"])[:, 0]
+    epsilon = problem.epsilon_of_matrices(mixing, table_1(each)["regularisation"])[:, 0]
     onset = int(np.flatnonzero(epsilon)[0]) if epsilon.any() else "–"
     numbers[f"{each}: first l to {len(epsilon) - 1} with an epsilon above zero"] = one_run(onset)
 show(numbers)

@@ -15,7 +15,7 @@ from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 from himap.removal.base import Separation
-from himap.removal.beam_projection import on_sky
+from himap.removal.spectral_filter import on_sky
 from himap.sky.dimming import Dimming
 
 SURVEY = Survey.preset("ci", nside=16, n_channels=24, box_cells=16)

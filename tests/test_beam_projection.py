@@ -7,7 +7,7 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.analysis import analysed
-from himap.removal.beam_projection import on_sky, seen_through, through_beams
+from himap.removal.spectral_filter import on_sky, seen_through, through_beams
 
 
 @pytest.fixture

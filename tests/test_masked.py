@@ -10,10 +10,10 @@ from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.removal import create, harmonic
 from himap.removal.analysis import analysed, continued
-from himap.removal.beam_projection import through_beams
 from himap.removal.beam_subspace import BeamSubspace, inner_alm, inner_weights
 from himap.removal.data import Data
 from himap.removal.pca import PCA
+from himap.removal.spectral_filter import through_beams
 
 FREQS = np.linspace(900, 1400, 8)
 LATITUDE = sphere.pixel_latitude(NSIDE)

@@ -10,10 +10,10 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, noisy
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
+from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.sdecgmca.method import SDecGMCA
-from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
-from himap.removal.sdecgmca.selection import deviation, ranked, shrink
+from himap.removal.sdecgmca.scales import deviation, ranked, shrink
 
 FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
@@ -38,7 +38,7 @@ def mixing_criterion(found, true):
 class TestSeparation:
     def test_least_squares_both_ways(self, problem):
         maps, mixing, sources = problem
-        data = Problem(
+        data = BlurredMixture(
             modes=harmonic.to_modes(sphere.analyse(maps, LMAX)),
             beams=BEAMS[:, : LMAX + 1],
             noise=None,

@@ -15,7 +15,6 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.paper.authors_code import CHANGE, ITERATIONS, VARIANTS, AuthorsCode, difference
 from himap.removal import harmonic
-from himap.removal.sdecgmca.iteration import iterations, last_sources
 from himap.removal.sdecgmca.scales import low_passes
 
 NSIDE, LMAX, N_SCALES = 32, 64, 5
@@ -86,7 +85,7 @@ class TestAuthorsCode:
     def test_last_sources(self, variant):
         method = method_of(variant)
         mixing = REFERENCE[f"{variant}_mixing"][-1]
-        found = last_sources(method, problem(), None, mixing, None)
+        found = method.last_sources(problem(), None, mixing, None)
         expected = harmonic.to_modes(REFERENCE[f"{variant}_sources_alm"])
         assert np.abs(found - expected).max(axis=1) == pytest.approx(0, abs=1e-5 * expected.std())
         assert np.all(np.abs(found - expected).max(axis=1) < 1e-5 * expected.std(axis=1))
@@ -120,7 +119,7 @@ class TestTwin:
         data, mixing = problem(), reference("mad", 5)
         sources, memory = None, np.zeros((4, N_SCALES, 12 * NSIDE**2)) if method.reweighted else None
         twins = []
-        for step, _ in zip(iterations(method, data, scales_of(method), mixing), range(4), strict=False):
+        for step, _ in zip(method.iterate(data, scales_of(method), mixing), range(4), strict=False):
             mixing, sources, seen = twin.iteration(
                 REFERENCE["alms"],
                 data.beams,

@@ -13,10 +13,8 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.removal import harmonic
-from himap.removal.sdecgmca.iteration import iterations
+from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.sdecgmca.method import SDecGMCA
-from himap.removal.sdecgmca.pixels import HEALPix
-from himap.removal.sdecgmca.problem import Problem
 from himap.removal.sdecgmca.scales import Scales
 
 VARIANTS = {
@@ -33,7 +31,7 @@ ITERATIONS = (1, 2, 3, 5, 10)
 CHANGE = 1e-12
 """Relative change of the first A, which tells what rounding alone does."""
 
-_NSIDE, _N_SCALES = 32, 5
+_NSIDE = 32
 _COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code"}
 
 
@@ -76,10 +74,10 @@ class AuthorsCode:
         return SDecGMCA(**_COMMON | VARIANTS[variant] | options)
 
     def problem(self, floor=1e-9):
-        """The data as a `Problem`."""
+        """The data as a `BlurredMixture`."""
         beams = self.arrays["beams"]
         variance = float(self.arrays["noise"]) ** 2 * 4 * np.pi / (12 * _NSIDE**2)
-        return Problem(
+        return BlurredMixture(
             modes=harmonic.to_modes(self.arrays["alms"]),
             beams=beams / beams.max(axis=0),
             noise=np.full(len(beams), variance),
@@ -88,15 +86,7 @@ class AuthorsCode:
 
     def scales(self, method):
         """The `Scales` of a method, whose thresholds work on HEALPix maps as in that code."""
-        return Scales(
-            self.lmax,
-            _N_SCALES,
-            pixels=HEALPix(self.lmax, _NSIDE),
-            wavelets=method.wavelets,
-            n_sigma=method.n_sigma,
-            least_kept=method.least_kept,
-            analytic=method.thresholds == "analytic",
-        )
+        return Scales.of(method, self.lmax, _NSIDE, pixels="healpix")
 
     def mixing(self, variant, iteration):
         """A of that code after some iterations, (n_channels, n_sources)."""
@@ -105,7 +95,7 @@ class AuthorsCode:
 
     def mixings(self, method, start, n_iterations, *, done=0):
         """A of `method` after each iteration from `done` + 1 to `n_iterations`, a list."""
-        steps = iterations(method, self.problem(), self.scales(method), start, done=done)
+        steps = method.iterate(self.problem(), self.scales(method), start, done=done)
         return [step.mixing for step in itertools.islice(steps, n_iterations - done)]
 
     def compared(self, variant):

@@ -13,9 +13,9 @@ from himap.measures.diagnostics import Assessment
 from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
 from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
-from himap.removal.beam_projection import on_sky
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
+from himap.removal.spectral_filter import on_sky
 from himap.store.store import product
 
 

@@ -6,7 +6,7 @@ from himap.maps import sphere
 from himap.maps.blocked import centred
 from himap.paper import cleaned, pipeline
 from himap.removal.analysis import analysed
-from himap.removal.beam_projection import through_beams
+from himap.removal.spectral_filter import through_beams
 
 
 def error_parts(case, remover):

@@ -15,7 +15,7 @@ from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import pipeline
-from himap.removal.beam_projection import on_sky
+from himap.removal.spectral_filter import on_sky
 
 _SHEAR = 0.7  # deg of right ascension by deg of declination, of scans in azimuth at mid elevations
 _EDGE = 0.5  # deg over which the hits of a block fall at its sides

@@ -22,7 +22,7 @@ from himap.maps.modes import HarmonicModes
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed
-from himap.removal.beam_projection import on_sky, seen_through
+from himap.removal.spectral_filter import on_sky, seen_through
 from himap.sky.dimming import Dimming
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.foregrounds import foreground_components

@@ -46,6 +46,11 @@ class CubeModes:
         modes += self.rest[channels, :n_modes]
         return modes
 
+    def at(self, degree):
+        """The modes of one l, (n_channels, 2 l + 1) float64."""
+        block = slice(degree**2, (degree + 1) ** 2)
+        return self.spectra @ self.bright[:, block] + self.rest[:, block]
+
     def low_cube(self, lmax, channels=slice(None)):
         """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""
         nside, modes = math.isqrt(self.rest.shape[1]) // 3, self.upto(lmax, channels)
@@ -70,28 +75,27 @@ def analysed(maps, kept=None):
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
-    with threadpool_limits(1, user_api="blas"):
-        return _analysed(maps, kept)
-
-
-def _analysed(maps, kept):
     nside = sphere.nside_of(maps)
     lmax, n_iter = 3 * nside - 1, 0 if nside >= _FINE else sphere.N_ITER_FLAT
     seen = maps if kept is None else maps[:, kept]
-    spectra, tolerances = _bright_axes(channel_covariance(seen))
-    lines = projection(spectra.T, seen)
-    bright = np.empty((len(lines), (lmax + 1) ** 2))
-    for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
-        if kept is None:
-            alm = sphere.analyse_closely(line, lmax, tolerance)
-        else:
-            alm = continued_alm(scattered(line[None], kept)[0], kept, tolerance)
-        out[:] = harmonic.to_modes(alm)
-    rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
-    for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):
-        faint = (channel - spectrum @ lines).astype(np.float32)
-        faint = faint if kept is None else scattered(faint[None], kept)[0]
-        out[:] = harmonic.to_modes(sphere.analyse(faint, lmax, n_iter=n_iter))
+    with threadpool_limits(1, user_api="blas"):
+        values, axes = np.linalg.eigh(channel_covariance(seen))
+        faint = max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
+        spectra, values = axes[:, values > _BRIGHT * faint], values[values > _BRIGHT * faint]
+        tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone
+        lines = projection(spectra.T, seen)
+        bright = np.empty((len(lines), (lmax + 1) ** 2))
+        for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
+            if kept is None:
+                alm = sphere.analyse_closely(line, lmax, tolerance)
+            else:
+                alm = continued_alm(scattered(line[None], kept)[0], kept, tolerance)
+            out[:] = harmonic.to_modes(alm)
+        rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
+        for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):
+            pixels = (channel - spectrum @ lines).astype(np.float32)
+            pixels = pixels if kept is None else scattered(pixels[None], kept)[0]
+            out[:] = harmonic.to_modes(sphere.analyse(pixels, lmax, n_iter=n_iter))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
 
 
@@ -112,11 +116,3 @@ def continued(lines, kept, modes):
     for spectrum, out in zip(modes.spectra, maps, strict=True):
         out[~kept] = spectrum @ bright
     return maps
-
-
-def _bright_axes(covariance):
-    """Orthonormal spectra of what is bright, and how closely each must be analysed to leave only noise."""
-    values, axes = np.linalg.eigh(covariance)
-    faint = max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
-    bright = values > _BRIGHT * faint
-    return axes[:, bright], np.maximum(_CLOSE * np.sqrt(faint / values[bright]), _DIGITS)

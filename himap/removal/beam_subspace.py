@@ -11,10 +11,10 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.beam_projection import through_beams
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.separation import ordered
 from himap.removal.sparse_sources import SparseSources
+from himap.removal.spectral_filter import through_beams
 
 _SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise

@@ -5,14 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.removal.covariance import principal_axes
-from himap.removal.harmonic import at_one_resolution, blocks, cross_products, project, safe_inverse
+from himap.removal.harmonic import blocks, cross_products, project, safe_inverse
 
 _RANK = 1e-13  # directions below this share of the largest are rounding
+_FAINTEST = 1e-20  # of the largest C_l of a source: the code of C21 divides by no less
+_VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
 
 
 @dataclass(frozen=True)
 class BlurredMixture:
-    """Data modes of all channels, and what they are seen through.
+    """Data of all channels as real modes, and what they are seen through (paper, Eq. 21).
 
     Attributes
     ----------
@@ -22,11 +24,14 @@ class BlurredMixture:
         H_l, (n_channels, lmax + 1).
     noise
         Variance of the noise per mode and channel, (n_channels,); None where it is not known.
+    floor
+        Eigenvalues of regularised normal equations below this share of the largest are raised to it.
     """
 
     modes: np.ndarray
     beams: np.ndarray
     noise: np.ndarray | None = None
+    floor: float = 1e-14
 
     @property
     def lmax(self):
@@ -36,12 +41,19 @@ class BlurredMixture:
     def at_one_resolution(self, which="lowest"):
         """Sum over modes of X X^T, X re-convolved to one beam, (n_channels, n_channels).
 
-        `which` is "lowest", that of the widest beam at every l, or "first", that of the first channel, in
-        which the code of Carloni Gertosio & Bobin (2021) counts coefficients of m > 0 once where the sum over
-        m has them twice.
+        There a source has one map again, and as many eigenvalues stand out as there are spectra. `which` is
+        "lowest", that of the widest beam at every l, or "first", that of the first channel, in which the code
+        of C21 (Carloni Gertosio & Bobin 2021) counts coefficients of m > 0 once where the sum over m has them
+        twice.
         """
-        seen = self.beams[0] if which == "first" else self.beams.min(axis=0)
-        return at_one_resolution(self.modes, seen / self.beams, halve=which == "first")
+        target = self.beams[0] if which == "first" else self.beams.min(axis=0)
+        products = np.zeros((len(self.modes), len(self.modes)))
+        for ratio, block in zip((target / self.beams).T, blocks(self.modes), strict=True):
+            convolved = ratio[:, None] * block
+            if which == "first":
+                convolved[:, 1:] /= np.sqrt(2)
+            products += convolved @ convolved.T
+        return products
 
     def start(self, n_sources, which="lowest"):
         """A from the principal axes of the data at one resolution, (n_channels, n_sources)."""
@@ -55,6 +67,34 @@ class BlurredMixture:
         """P_l with S_l = P_l X_l by least squares of A, (n_l, n_sources, n_channels)."""
         return safe_inverse(self.matrices(mixing))
 
+    def inverses(self, mixing, epsilon):
+        """P_l = (A^T H_l^2 A + diag(epsilon_l))^-1 A^T H_l (paper, Eq. 23), (n_l, n_sources, n_channels).
+
+        `epsilon` is (n_l, n_sources), or 0.
+        """
+        normal = self._normal(mixing)
+        normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
+        return _inverse(normal, self.floor) @ (self.beams.T[:, None, :] * mixing.T)
+
+    def _normal(self, mixing):
+        """A^T H_l^2 A, (n_l, n_sources, n_sources)."""
+        n = mixing.shape[1]
+        products = (mixing[:, :, None] * mixing[:, None, :]).reshape(len(mixing), -1)
+        return (self.beams.T**2 @ products).reshape(-1, n, n)
+
+    def epsilon_of_matrices(self, mixing, strength):
+        """max(0, c - lambda_min(A^T H_l^2 A) / lambda_min(A^T A)) of every l, (n_l, 1) (C21, #3)."""
+        limit = np.linalg.eigvalsh(mixing.T @ mixing)[0]
+        smallest = np.linalg.eigvalsh(self._normal(mixing))[:, 0]
+        ratio = smallest / limit if limit > 0 else np.ones(len(smallest))
+        return np.maximum(0, strength - ratio)[:, None]
+
+    def epsilon_of_spectra(self, sources, strength):
+        """c noise / C_l of each source, (n_l, n_sources) (C21, strategy #4)."""
+        spectra = np.stack([np.mean(block**2, axis=1) for block in blocks(sources)])
+        spectra = np.maximum(spectra, np.maximum(_FAINTEST * spectra.max(axis=0), _VANISHED))
+        return strength * np.mean(self.noise) / spectra
+
     def sources(self, inverses):
         """S_l = P_l X_l of every l, real modes (n_sources, (lmax + 1)^2)."""
         return project(inverses, self.modes)
@@ -62,6 +102,17 @@ class BlurredMixture:
     def source_noise(self, inverses):
         """Variance of the noise of those sources per mode, (n_l, n_sources)."""
         return inverses**2 @ self.noise
+
+    def fit(self, sources, window):
+        """A by least squares of window_l X_l = H_l A S_l, channel by channel (C21, Eq. 14).
+
+        `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
+        """
+        n = len(sources)
+        gram = cross_products(sources, sources)
+        normal = (self.beams**2 @ gram.reshape(-1, n * n)).reshape(-1, n, n)
+        cross = np.einsum("cl,lcn->cn", self.beams * window, cross_products(self.modes, sources))
+        return np.einsum("cmn,cn->cm", _inverse(normal, self.floor), cross)
 
     def residual(self, mixing, sources):
         """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
@@ -71,29 +122,33 @@ class BlurredMixture:
             np.subtract(data, matrix @ source, out=out)
         return residual
 
-    def corrected(self, mixing, residual, sources, kept):
-        """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
-
-        Solves sum_l H (X - H A S) kept^T = 0 by one Newton step. Without noise the true A is a fixed point
-        whatever the thresholds take away, for the whole sources are subtracted. Fitted to the data with
-        `kept` alone, A would go to describe what was cut, which each channel sees through another beam.
-        """
-        length, kept_length = _lengths(sources), _lengths(kept)
-        cross = np.einsum("cl,lcn->cn", self.beams, cross_products(residual, kept)) / kept_length
-        gram = cross_products(sources, kept) / np.outer(length, kept_length)
-        gram = np.einsum("cl,lmn->cmn", self.beams**2, gram)
-        return mixing + np.einsum("cn,cnm->cm", cross, np.linalg.pinv(gram, rcond=_RANK)) / length
-
     def residual_noise(self, mixing, sources):
         """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
         fine = ((self.lmax + 1) // 2) ** 2
         return np.mean(self.residual(mixing, sources)[:, fine:] ** 2, axis=1)
 
+    def corrected(self, mixing, residual, sources, kept):
+        """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
 
-def _lengths(sources):
-    """Norm of every source, 1 where it is zero, so that faint sources do not drown in rounding."""
-    length = np.linalg.norm(sources, axis=1)
-    return np.where(length > 0, length, 1)
+        Solves sum_l H (X - H A S) kept^T = 0 by one Newton step. Without noise the true A is a fixed point
+        whatever the thresholds remove, for the complete sources are subtracted. Fitted to the data with
+        `kept` alone, A would go to describe what was cut, which each channel sees through another beam.
+        """
+        # Sources of length 1, so that faint ones do not drown in rounding.
+        length, kept_length = (
+            np.where(norm > 0, norm, 1) for norm in (np.linalg.norm(s, axis=1) for s in (sources, kept))
+        )
+        cross = np.einsum("cl,lcn->cn", self.beams, cross_products(residual, kept)) / kept_length
+        gram = cross_products(sources, kept) / np.outer(length, kept_length)
+        gram = np.einsum("cl,lmn->cmn", self.beams**2, gram)
+        return mixing + np.einsum("cn,cnm->cm", cross, np.linalg.pinv(gram, rcond=_RANK)) / length
+
+
+def _inverse(matrices, floor):
+    """Inverses of symmetric matrices (n, m, m), eigenvalues raised to `floor` times the largest."""
+    values, vectors = np.linalg.eigh(matrices)
+    values = np.maximum(values, np.maximum(floor * values[:, -1:], np.finfo(float).tiny))
+    return (vectors / values[:, None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
 def noise_per_mode(noise, n_channels, n_pix):

@@ -16,28 +16,23 @@ _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 @lru_cache(maxsize=4)
 def _order(lmax):
-    """For every mode the index of its real number in the coefficients, and its factor; read-only."""
+    """How real modes are ordered, arrays that are read-only.
+
+    For every mode the index of its real number in the coefficients, and its factor; for every real number of
+    the coefficients its mode, and its factor, 0 where it has none.
+    """
     n_alm = sphere.alm_size(lmax)
     index = np.empty((lmax + 1) ** 2, dtype=np.int64)
     for degree in range(lmax + 1):
         alm = sphere.alm_index(lmax, degree, np.arange(degree + 1))
-        start = degree**2
-        index[start : start + degree + 1] = alm
-        index[start + degree + 1 : start + 2 * degree + 1] = alm[1:] + n_alm
+        index[degree**2 : (degree + 1) ** 2] = np.concatenate([alm, alm[1:] + n_alm])
     factor = np.full(len(index), np.sqrt(2))
     factor[np.arange(lmax + 1) ** 2] = 1
-    index.flags.writeable = factor.flags.writeable = False
-    return index, factor
-
-
-@lru_cache(maxsize=4)
-def _places(lmax):
-    """For every real number of the coefficients its mode and its factor, 0 where it has none."""
-    index, factor = _order(lmax)
-    places, factors = np.zeros(2 * sphere.alm_size(lmax), dtype=np.int64), np.zeros(2 * sphere.alm_size(lmax))
-    places[index], factors[index] = np.arange(len(index)), 1 / factor
-    places.flags.writeable = factors.flags.writeable = False
-    return places, factors
+    places, back = np.zeros(2 * n_alm, dtype=np.int64), np.zeros(2 * n_alm)
+    places[index], back[index] = np.arange(len(index)), 1 / factor
+    for array in (index, factor, places, back):
+        array.flags.writeable = False
+    return index, factor, places, back
 
 
 def degrees(lmax):
@@ -48,14 +43,14 @@ def degrees(lmax):
 def to_modes(alms):
     """Real modes of healpy's coefficients, (..., n_alm) to (..., (lmax + 1)^2) float64."""
     alms = np.asarray(alms)
-    index, factor = _order(sphere.lmax_of_size(alms.shape[-1]))
+    index, factor, *_ = _order(sphere.lmax_of_size(alms.shape[-1]))
     return np.concatenate([alms.real, alms.imag], axis=-1, dtype=np.float64)[..., index] * factor
 
 
 def from_modes(modes):
     """healpy's coefficients of real modes, the inverse of `to_modes`; complex128."""
-    n_alm = sphere.alm_size(round(np.sqrt(modes.shape[-1])) - 1)
-    places, factors = _places(sphere.lmax_of_size(n_alm))
+    lmax = round(np.sqrt(modes.shape[-1])) - 1
+    n_alm, (*_, places, factors) = sphere.alm_size(lmax), _order(lmax)
     alms = np.empty((*modes.shape[:-1], n_alm), dtype=complex)
     alms.real = modes[..., places[:n_alm]] * factors[:n_alm]
     alms.imag = modes[..., places[n_alm:]] * factors[n_alm:]
@@ -81,8 +76,8 @@ def safe_inverse(matrices):
     inverses
         (n_l, n_sources, n_channels). Directions below rounding are left out, so nothing is singular.
     """
-    q, r = np.linalg.qr(matrices)
-    return _inverses(r) @ np.swapaxes(q, -1, -2)
+    q, square = np.linalg.qr(matrices)
+    return _inverses(square) @ np.swapaxes(q, -1, -2)
 
 
 def _inverses(square):
@@ -104,21 +99,6 @@ def project(inverses, modes):
     for inverse, data, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
         np.matmul(inverse, data, out=out)
     return sources
-
-
-def at_one_resolution(modes, ratios, *, halve=False):
-    """Sum over modes of X X^T, each channel times its `ratios` (n_channels, n_l), (n_channels, n_channels).
-
-    Where they bring all channels to one beam a source has one map again, and as many eigenvalues stand out as
-    there are spectra. With `halve` modes of m > 0 count half.
-    """
-    products = np.zeros((len(modes), len(modes)))
-    for ratio, block in zip(ratios.T, blocks(modes), strict=True):
-        convolved = ratio[:, None] * block
-        if halve:
-            convolved[:, 1:] /= np.sqrt(2)
-        products += convolved @ convolved.T
-    return products
 
 
 def cross_products(modes, sources):

@@ -12,7 +12,7 @@ from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.faint_covariance import faint_covariance
 from himap.removal.separation import ordered
-from himap.removal.spectral_filter import SpectralFilter, block_of
+from himap.removal.spectral_filter import SpectralFilter, filtered
 
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
@@ -88,7 +88,7 @@ class SmoothSpectra(ForegroundRemover):
             first=np.array([band.first for band in bands]),
         )
         return FilteredSeparation(
-            low_rank=filter_.foreground(maps, modes),
+            low_rank=filtered(filter_.spectra, filter_.estimators, maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=all(one.converged for one in found),
@@ -138,7 +138,7 @@ class _Band:
 
     def settled(self, n_sources):
         """The `_Found` of this band once the covariance of HI and noise has settled."""
-        data = [block_of(self._modes, degree) for degree in self.degrees]
+        data = [self._modes.at(degree) for degree in self.degrees]
         faint = self._start(data)
         converged, n_turns, n_taken = False, 0, self.basis.shape[1]
         while not converged and n_turns < _MOST_TURNS:

@@ -1,4 +1,4 @@
-"""A linear filter of few spectra at every multipole: what it takes of maps, and what it leaves of HI."""
+"""Linear filters of few spectra at every multipole, such as projections on spectra seen through beams."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.blocked import projection
-from himap.maps.modes import MapModes
+from himap.maps.modes import HarmonicModes, MapModes
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
@@ -33,23 +33,6 @@ class SpectralFilter:
     faint: np.ndarray
     first: np.ndarray
 
-    @property
-    def lmax(self):
-        """Last l of its own; what a transform cannot hold is filtered like this one."""
-        return len(self.spectra) - 1
-
-    def foreground(self, maps, modes):
-        """The foreground of maps, a `MapModes`.
-
-        Parameters
-        ----------
-        maps
-            (n_channels, n_pix) float32, mK, RING.
-        modes
-            Their `CubeModes`.
-        """
-        return filtered(self.spectra, self.estimators, maps, modes)
-
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
@@ -73,7 +56,7 @@ def filtered(spectra, estimators, maps, modes):
     foreground = within[-1] @ projection(estimators[-1], maps)
     more = np.empty((axes.shape[1], len(spectra) ** 2))
     for degree, out in enumerate(harmonic.blocks(more)):
-        data = block_of(modes, degree)
+        data = modes.at(degree)
         out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
     nside = sphere.nside_of(maps)
     for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
@@ -81,7 +64,52 @@ def filtered(spectra, estimators, maps, modes):
     return MapModes(spectra=axes, maps=foreground)
 
 
-def block_of(modes, degree):
-    """The modes of one l of a `CubeModes`, (n_channels, 2 l + 1) float64."""
-    block = slice(degree**2, (degree + 1) ** 2)
-    return modes.spectra @ modes.bright[:, block] + modes.rest[:, block]
+def through_beams(maps, space, beams, modes):
+    """The part of `maps` in the spectra `space`, seen through `beams`, a `MapModes`.
+
+    At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
+    regularisation.
+
+    Parameters
+    ----------
+    maps, modes
+        As in `filtered`.
+    space
+        (n_channels, n_sources); only the space that its columns span matters.
+    beams
+        b_l, (n_channels, lmax + 1); a common factor of all channels at one l does not matter.
+    """
+    n_degrees = min(3 * sphere.nside_of(maps), beams.shape[1])
+    space, _ = np.linalg.qr(space)
+    bases = np.linalg.qr(beams.T[:n_degrees, :, None] * space)[0]
+    return filtered(bases, np.swapaxes(bases, 1, 2), maps, modes)
+
+
+def seen_through(sources, mixing, beams):
+    """Sources mixed and seen through beams, diag(beams_l) A S_l, in few spectra: a `HarmonicModes`, mK.
+
+    Parameters
+    ----------
+    sources
+        Real modes, (n_sources, (lmax + 1)^2).
+    mixing
+        A, (n_channels, n_sources).
+    beams
+        b_l, (n_channels, lmax + 1).
+    """
+    matrices = beams.T[:, :, None] * mixing
+    blocks = harmonic.blocks(sources)
+    sizes = (np.linalg.qr(block.T, mode="r").T for block in blocks)
+    spectra = common_axes([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
+    seen = np.empty((spectra.shape[1], sources.shape[1]))
+    for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
+        np.matmul(matrix, source, out=out)
+    return HarmonicModes(spectra=spectra, alms=harmonic.from_modes(seen))
+
+
+def on_sky(modes, nside, lmax=None):
+    """The `MapModes` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
+    maps = np.empty((len(modes.alms), 12 * nside**2))
+    for alm, pixels in zip(progress(modes.alms, "foreground"), maps, strict=True):
+        pixels[:] = sphere.synthesise(alm if lmax is None else sphere.alms_upto(alm, lmax), nside)
+    return MapModes(spectra=modes.spectra, maps=maps)

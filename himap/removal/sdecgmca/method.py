@@ -4,28 +4,50 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
 from himap.core.checks import checked_noise
 from himap.core.errors import InputError
+from himap.core.progress import progress
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.beam_projection import on_sky, seen_through, through_beams
-from himap.removal.blurred_mixture import noise_per_mode
-from himap.removal.sdecgmca.iteration import iterations, last_sources
-from himap.removal.sdecgmca.pixels import Grid, HEALPix
-from himap.removal.sdecgmca.problem import Problem
+from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
-from himap.removal.sdecgmca.scales import Scales
+from himap.removal.sdecgmca.scales import PIXELS, Scales
 from himap.removal.separation import ordered
+from himap.removal.spectral_filter import on_sky, seen_through, through_beams
 
-_PIXELS = {"grid": Grid, "healpix": HEALPix}
-_BY_READING = (*OPTIONS, "last_tolerance")
+_MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
+_LAST_MOST = 25  # turns of the last S
 
 
 def _option(name):
     """A parameter that is as the reading has it unless given."""
     option = OPTIONS[name]
     return parameter(None, f"{option.question}; as the reading has it", choices=tuple(option.choices))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """The result of one iteration.
+
+    Attributes
+    ----------
+    mixing
+        A, columns of unit length, (n_channels, n_sources).
+    sources
+        S after its thresholds, real modes (n_sources, (lmax + 1)^2).
+    refining
+        False in the warm-up.
+    settled
+        Whether S changed by less than the tolerance of its stage.
+    """
+
+    mixing: np.ndarray
+    sources: np.ndarray
+    refining: bool
+    settled: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +63,12 @@ class SDecGMCA(ForegroundRemover):
     thresholds. The foreground is H A S with the last S without thresholds, up to `lmax`.
 
     The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
-    `reading` is a set of them: "default", "letter" (nothing that the text speaks against), "code" (the steps
+    `reading` is a set of them: "default", "letter" (nothing that contradicts the text), "code" (the steps
     of the public code of C21, which this follows, as a test shows), "follow-up". The coefficient that is
-    itself the threshold stays whole, as in that code. There is no randomness.
+    itself the threshold stays unchanged, as in that code. There is no randomness.
 
     With ``beyond="cut"`` nothing is found beyond `lmax`, and all that is there goes with the foreground: the
-    maps that are left end at `lmax` (`Separation.lmax`), and are compared with a truth that ends there too.
+    residual ends at `lmax` (`Separation.lmax`), and is compared with a truth that ends there too.
     """
 
     name: ClassVar[str] = "sdecgmca"
@@ -74,7 +96,7 @@ class SDecGMCA(ForegroundRemover):
     last_coefficients: str = _option("last_coefficients")
     beyond: str = _option("beyond")
     pixels: str = parameter(
-        "grid", "where thresholds work: grid (exact transforms) or healpix", choices=tuple(_PIXELS)
+        "grid", "where thresholds work: grid (exact transforms) or healpix", choices=tuple(PIXELS)
     )
     noise: float | tuple | None = parameter(
         None, "noise per pixel, mK, or one for each channel; that of the instrument unless given"
@@ -93,8 +115,8 @@ class SDecGMCA(ForegroundRemover):
         return self.beyond == "cut"
 
     def __post_init__(self):
-        options = resolved(self.reading, {name: getattr(self, name) for name in _BY_READING})
-        for name, value in options.items():
+        given = {name: getattr(self, name) for name in (*OPTIONS, "last_tolerance")}
+        for name, value in resolved(self.reading, given).items():
             object.__setattr__(self, name, value)
         super().__post_init__()
         object.__setattr__(self, "noise", checked_noise("noise", self.noise))
@@ -122,25 +144,26 @@ class SDecGMCA(ForegroundRemover):
         nside, noise = sphere.nside_of(maps), data.noise if self.noise is None else self.noise
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
-        problem = Problem(
-            modes=modes.upto(lmax),
-            beams=windows[:, : lmax + 1],
+        mixture = BlurredMixture(
+            modes.upto(lmax),
+            windows[:, : lmax + 1],
             noise=None if noise is None else noise_per_mode(noise, *maps.shape),
             floor=self.floor,
         )
-        scales = Scales(
-            lmax,
-            self.n_scales,
-            pixels=_PIXELS[self.pixels](lmax, nside),
-            wavelets=self.wavelets,
-            n_sigma=self.n_sigma,
-            least_kept=self.least_kept,
-            analytic=self.thresholds == "analytic",
-        )
-        start = problem.start(self.n_sources, self.start)
-        steps = enumerate(iterations(self, problem, scales, start), 1)
+        scales = Scales.of(self, lmax, nside)
+        steps = enumerate(self.iterate(mixture, scales, mixture.start(self.n_sources, self.start)), 1)
         ((n_iterations, step),) = deque(steps, maxlen=1)
-        sources, low_rank = self._last(maps, problem, scales, step, windows, modes)
+        if self.beyond == "regularised":
+            top = min(3 * nside, windows.shape[1]) - 1
+            mixture = replace(mixture, modes=modes.upto(top), beams=windows[:, : top + 1])
+        sources = self.last_sources(mixture, scales, step.mixing, step.sources)
+        if self.beyond != "projection":
+            low_rank = on_sky(seen_through(sources, step.mixing, mixture.beams), nside)
+        else:  # all l by projection, and up to lmax what the last S is more than that
+            low_rank = through_beams(maps, step.mixing, windows, modes)
+            if self.last != "unregularised":
+                more = sources - mixture.sources(mixture.inverses(step.mixing, 0))
+                low_rank += on_sky(seen_through(more, step.mixing, mixture.beams), nside)
         mixing, sources = ordered(step.mixing, sources)
         return Separation(
             low_rank=low_rank,
@@ -151,19 +174,84 @@ class SDecGMCA(ForegroundRemover):
             lmax=lmax if self.ends else None,
         )
 
-    def _last(self, maps, problem, scales, step, windows, modes):
-        """The last S, real modes to the l that it is found to, and the foreground, a `MapModes`."""
-        if self.beyond == "regularised":
-            top = min(3 * sphere.nside_of(maps), windows.shape[1]) - 1
-            problem = replace(problem, modes=modes.upto(top), beams=windows[:, : top + 1])
-        mixing = step.mixing
-        sources = last_sources(self, problem, scales, mixing, step.sources)
-        nside = sphere.nside_of(maps)
-        if self.beyond != "projection":
-            return sources, on_sky(seen_through(sources, mixing, problem.beams), nside)
-        # All l by projection, and up to lmax what the last S is more than that.
-        taken = through_beams(maps, mixing, windows, modes)
-        if self.last != "unregularised":
-            more = sources - problem.sources(problem.inverses(mixing, 0))
-            taken += on_sky(seen_through(more, mixing, problem.beams), nside)
-        return sources, taken
+    def iterate(self, mixture, scales, mixing, *, done=0):
+        """The `Step` of every iteration in turn: warm-up, then refinement (paper, Sect. 3.3).
+
+        Parameters
+        ----------
+        mixture, scales
+            `BlurredMixture` and `Scales`.
+        mixing
+            A at the start, (n_channels, n_sources).
+        done
+            Iterations of the warm-up that led to this A; in the warm-up A is all that the next one needs.
+        """
+        window = scales.detail if self.mixing_scales == "detail" else np.ones(mixture.lmax + 1)
+        sources = None
+        for refining in (False, True):
+            least, tolerance = (
+                (self.n_refinement, self.tolerance) if refining else (self.n_warmup, self.warmup_tolerance)
+            )
+            memory = scales.empty_memory(mixing.shape[1]) if refining and self.reweighted else None
+            most = max(least, _MOST_MORE) if refining else least + _MOST_MORE
+            counts = range(1 if refining else 1 + done, most + 1)
+            for count in progress(counts, "refinement" if refining else "warm-up"):
+                share = self.share if refining else min(self.share / least * count, self.share)
+                if refining and self.coefficients == "spectrum":
+                    epsilon = mixture.epsilon_of_spectra(sources, self.regularisation)
+                else:
+                    epsilon = mixture.epsilon_of_matrices(mixing, self.regularisation)
+                inverses, last = mixture.inverses(mixing, epsilon), sources
+                sources, memory = scales.threshold(mixture, inverses, share, memory)
+                mixing = self._unit_columns(
+                    mixture.fit(sources * window[harmonic.degrees(mixture.lmax)], window), mixing
+                )
+                settled = last is not None and _change(last, sources) <= tolerance
+                yield Step(mixing=mixing, sources=sources, refining=refining, settled=settled)
+                if settled and count >= least:
+                    break
+
+    def _unit_columns(self, mixing, last):
+        """A with its sign and columns of unit length; that of a source that vanished stays as it was."""
+        if self.sign == "nonnegative":
+            mixing = np.maximum(mixing * np.where(mixing.sum(axis=0) < 0, -1, 1), 0)
+        length = np.linalg.norm(mixing, axis=0)
+        return np.where(length > 0, mixing / np.where(length > 0, length, 1), last)
+
+    def last_sources(self, mixture, scales, mixing, sources):
+        """S of the last A (paper, Eq. 23), real modes (n_sources, (lmax + 1)^2).
+
+        `sources` are those of the last iteration, up to their own lmax; where `mixture` goes further, epsilon
+        is that of strategy #3 there unless S is found in several turns.
+        """
+        if self.last == "unregularised":
+            return mixture.sources(mixture.inverses(mixing, 0))
+        epsilon = mixture.epsilon_of_matrices(mixing, self.regularisation)
+        if self.last == "once":
+            epsilon = np.repeat(epsilon, mixing.shape[1], axis=1)
+            if self.last_coefficients == "spectrum":
+                of_spectra = mixture.epsilon_of_spectra(sources, self.regularisation)
+                epsilon[: len(of_spectra)] = of_spectra
+            return mixture.sources(mixture.inverses(mixing, epsilon))
+        inverses, last, memory = mixture.inverses(mixing, epsilon), None, None
+        for count in range(_LAST_MOST + 1):
+            if self.last == "thresholded":
+                sources, memory = scales.threshold(mixture, inverses, 1.0, memory)
+                if count == 0 and self.reweighted:
+                    memory = scales.empty_memory(len(sources))
+            else:
+                sources = mixture.sources(inverses)
+            # The first S is that of strategy #3, which the turns only start from.
+            if count > 1 and _change(last, sources) < self.last_tolerance:
+                break
+            last = sources
+            if self.last_coefficients == "spectrum":
+                epsilon = mixture.epsilon_of_spectra(sources, self.regularisation)
+                inverses = mixture.inverses(mixing, epsilon)
+        return sources
+
+
+def _change(last, sources):
+    """Relative change of the sources, for the stopping rules (paper, Sect. 3.3)."""
+    size = np.linalg.norm(sources)
+    return np.linalg.norm(sources - last) / size if size else 0.0
