@@ -46,7 +46,7 @@ from himap.app.stored import extrapolated, read_stored, times_of_all
 from himap.app.stored_tables import endurance_table, growth_table, short, steps_table
 from himap.core.survey import PRESETS
 from himap.figures import plotting, styles
-from himap.figures.curve_names import label_ends
+from himap.figures.axes import label_ends
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.store.provenance import Provenance

@@ -71,7 +71,7 @@ from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.mocks import made_mocks
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show, show_table
-from himap.figures.patches import patch_maps
+from himap.figures.planes import patch_maps
 from himap.instrument.beams import named
 from himap.measures import diagnostics
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky

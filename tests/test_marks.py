@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from himap.figures.marks import marks
+from himap.figures.planes import marks
 
 LOOKS = {"good": ("✓", "#004400", "white"), "bad": ("✗", "#ffddbb", "black")}
 GROUPS = {

@@ -5,7 +5,7 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.figures.patches import patch_maps
+from himap.figures.planes import patch_maps
 from himap.maps import sphere
 from himap.measures.spectra import angular_power, frequency_power
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits

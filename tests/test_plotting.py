@@ -7,7 +7,7 @@ import pytest
 matplotlib.use("agg")
 
 from himap.figures import plotting, styles
-from himap.figures.curve_names import label_ends
+from himap.figures.axes import label_ends
 from himap.instrument import beams
 from himap.instrument.beams import Degraded
 from himap.maps import sphere
@@ -16,7 +16,7 @@ from himap.paper.methods import methods_for
 
 def test_mollweide_puts_the_sky_where_it_belongs():
     """Centre, left of it (l = 90 deg), top (the north pole), outside."""
-    lon, lat = plotting._mollweide(401)
+    lon, lat = plotting.mollweide(401)
     assert (lon[100, 200], lat[100, 200]) == pytest.approx((0, 0), abs=1.5)
     assert (lon[100, 100], lat[100, 100]) == pytest.approx((90, 0), abs=1.5)
     assert lat[199, 200] == pytest.approx(90, abs=1)
@@ -24,7 +24,7 @@ def test_mollweide_puts_the_sky_where_it_belongs():
 
 
 def test_mollweide_has_equal_areas():
-    lon, lat = plotting._mollweide(800)
+    lon, lat = plotting.mollweide(800)
     inside = np.isfinite(lon)
     assert (np.abs(lat[inside]) < 30).mean() == pytest.approx(0.5, abs=0.01)
 
@@ -115,11 +115,9 @@ def test_image():
     assert figure.axes[0].images[0].get_extent() == [0, 3, 0, 3]
 
 
-def test_stamp_and_save(tmp_path):
+def test_stamp():
     figure = plotting.stamp(plotting.lines([{"curves": []}]), "made by a test")
     assert figure.get_supxlabel() == "made by a test"
-    plotting.save(figure, tmp_path / "figure.png")
-    assert (tmp_path / "figure.png").stat().st_size > 1000
 
 
 def test_figures_are_left_to_the_caller():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from himap.figures import plotting, ratio_scale
+from himap.figures import axes as ratio_scale
+from himap.figures import plotting
 
 
 def test_there_and_back():
@@ -19,15 +20,15 @@ def test_nothing_negative_is_lost():
 
 
 def test_limits_hold_all_and_the_surroundings_of_1():
-    low, high = ratio_scale.limits_of([[0.99, 1.01], [np.nan]])
+    low, high = ratio_scale.ratio_limits([[0.99, 1.01], [np.nan]])
     assert (low, high) == (0.8, 1.2)
-    low, high = ratio_scale.limits_of([[0.01, 1e7]])
+    low, high = ratio_scale.ratio_limits([[0.01, 1e7]])
     assert low < 0.01 and high > 1e7
 
 
 @pytest.mark.parametrize("limits", [(0.8, 1.2), (0.5, 100), (1e-3, 1e7), (0.9, 1.1)])
 def test_numbers_find_room(limits):
-    shown = ratio_scale.ticks(*limits)
+    shown = ratio_scale.ratio_ticks(*limits)
     places = ratio_scale.forward(shown)
     height = np.ptp(ratio_scale.forward(limits))
     assert 1 in shown and len(shown) >= 3
@@ -36,7 +37,7 @@ def test_numbers_find_room(limits):
 
 def test_five_percent_are_seen_beside_a_factor_of_ten_million():
     """On an axis of 300 pixels: more than 10 of them."""
-    height = np.ptp(ratio_scale.forward(ratio_scale.limits_of([[0.9, 1e7]])))
+    height = np.ptp(ratio_scale.forward(ratio_scale.ratio_limits([[0.9, 1e7]])))
     assert 300 * ratio_scale.forward(1.05) / height > 10
 
 

@@ -77,7 +77,7 @@ LOOKS = {
     ("paper/study_figures.py", "StudyFigures.mixing_figure"): SKIES - {"01", "02", "15"},
     ("app/stored_tables.py", "failed_table"): {"15"},
     ("figures/plotting.py", None): CHAPTERS - {"15", "18"},
-    ("figures/marks.py", "marks"): {"16"},
+    ("figures/planes.py", "marks"): {"16"},
     ("store/provenance.py", "Provenance.footer"): CHAPTERS,
 }
 

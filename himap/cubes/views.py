@@ -6,7 +6,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.cubes import page
-from himap.figures import comparisons, planes, plotting, styles
+from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power
 from himap.measures.diagnostics import Comparison
@@ -166,7 +166,9 @@ class ImageViews:
         """HTML of P(k_nu) and P(k_perp, k_par), and of their ratios to the truth where it is known."""
         style = {"label": "cleaned", "color": styles.BLUE}
         if spectra.true is not None:
-            picture = plotting.spectrum([comparisons.panel("frequency", [(style, spectra.comparison)])])
+            picture = plotting.spectrum(
+                [plotting.comparison_panel("frequency", [(style, spectra.comparison)])]
+            )
         else:
             panel = _panel("frequency", spectra.frequency.k, spectra.frequency.power, style)
             picture = plotting.lines([panel], columns=1, size=(6, 3.6))
@@ -202,7 +204,7 @@ def spectra_figure(spectra):
     """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
     style = {"label": "cleaned", "color": styles.BLUE}
     if isinstance(spectra, Comparison):
-        panels = [comparisons.panel(kind, [(style, spectra)]) for kind in ("angular", "frequency")]
+        panels = [plotting.comparison_panel(kind, [(style, spectra)]) for kind in ("angular", "frequency")]
         return plotting.spectrum(panels)
     angular, frequency = spectra.angular, spectra.frequency
     return plotting.lines(

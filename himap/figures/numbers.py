@@ -1,8 +1,8 @@
 """Numbers with a stated tolerance: how notebooks show them and how tests compare them.
 
-A notebook shows each of its numbers as ``value ± tolerance``. The tolerance says how far the number
-may move on another machine before somebody should look; it is not an error bar. In prose a number stands
-without it, and comes from the notebook all the same: see `quote`.
+A notebook shows each of its numbers as ``value ± tolerance``. The tolerance says how far the number may move
+on another machine before somebody should look; it is not an error bar. In prose a number has none, and comes
+from the notebook all the same: see `quote`.
 
 A number of one run of a chaotic method is marked by `one_run`. On another machine it is another number, so
 only its name, unit and form are compared.
@@ -60,8 +60,16 @@ def one_run(entry):
     † one run, not compared
     """
     if isinstance(entry, dict):
-        return {name: one_run(one) for name, one in entry.items()}
+        return {name: one_run(item) for name, item in entry.items()}
     return OneRun(entry if isinstance(entry, tuple) else (entry, None))
+
+
+class _Numbers(Table):
+    """What `show` returns: a table in a notebook, one line for each number elsewhere."""
+
+    def __repr__(self):
+        lines = [f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows]
+        return "\n".join([*lines, *filter(None, [self.note])])
 
 
 def show(numbers):
@@ -84,7 +92,7 @@ def show(numbers):
     noise: 0.03310 ± 0.00020 mK
     channels: 125
     """
-    rows = [_row(name, entry) for name, entry in numbers.items()]
+    rows = [(name, *_cell(name, entry)) for name, entry in numbers.items()]
     return _Numbers([], rows, align="lr", note=_note(numbers.values()))
 
 
@@ -96,7 +104,7 @@ def show_table(rows, *, head=""):
     rows
         {name: {column: entry}}, entries as in `show`. A row may lack columns.
     head
-        Stands above the names.
+        Above the names.
 
     Raises
     ------
@@ -106,8 +114,8 @@ def show_table(rows, *, head=""):
     columns = list(dict.fromkeys(column for entries in rows.values() for column in entries))
     cells = []
     for name, entries in rows.items():
-        numbers = {key: _row(f"{name}, {key}", entry)[1:] for key, entry in entries.items()}
-        cells.append([name, *(" ".join(numbers.get(column, ())).strip() for column in columns)])
+        numbers = {key: " ".join(_cell(f"{name}, {key}", entry)).strip() for key, entry in entries.items()}
+        cells.append([name, *(numbers.get(column, "") for column in columns)])
     note = _note(entry for entries in rows.values() for entry in entries.values())
     return Table([head, *columns], cells, align="l" + "r" * len(columns), note=note)
 
@@ -117,8 +125,7 @@ def quote(**numbers):
 
     Prose says ``{glue:text}`name``` in the same notebook, and on other pages, with a path relative to them,
     ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It reads the value alone, to the digits that the
-    tolerance is sure of, with its unit. Names begin with the topic of the notebook: each is the only one of
-    its name in the whole book.
+    tolerance is sure of, with its unit. Names begin with the topic of the notebook, unique in the book.
 
     Parameters
     ----------
@@ -133,7 +140,14 @@ def quote(**numbers):
     """
     from IPython import get_ipython  # slow, and most callers of this module do without
 
-    bundles = {name: _bundle(name, entry) for name, entry in numbers.items()}
+    text, with_tolerance = QUOTED
+    bundles = {}
+    for name, entry in numbers.items():
+        cell = " ".join(_cell(name, entry)).rstrip()
+        # The text is that of a string, as MyST-NB evaluates what it pastes.
+        bundles[name] = {text: repr(quoted(entry))} | (
+            {with_tolerance: cell} if isinstance(entry, tuple) else {}
+        )
     if (shell := get_ipython()) is not None:  # elsewhere there is nobody to keep them
         for name, bundle in bundles.items():
             kept = {"scrapbook": {"name": name, "mime_prefix": _RECORD}}
@@ -141,23 +155,13 @@ def quote(**numbers):
 
 
 def quoted(entry):
-    """The text that prose reads of one entry of `quote`.
+    """The text that prose reads of an entry of `quote`.
 
     >>> quoted((0.9573, 0.005)), quoted((12345, 100, "K")), quoted((1.814e8, 2e7)), quoted(27)
     ('0.957', '12,300\N{NO-BREAK SPACE}K', '1.8 × 10⁸', '27')
     """
-    if not isinstance(entry, tuple):
-        return str(entry)
-    number, unit = _number("quoted", entry)
-    return f"{number}{_JOINT}{unit}".rstrip()
-
-
-class _Numbers(Table):
-    """What `show` returns: a table in a notebook, one line for each number elsewhere."""
-
-    def __repr__(self):
-        lines = [f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows]
-        return "\n".join([*lines, *filter(None, [self.note])])
+    number, _, unit = _parsed("quoted", entry)
+    return f"{number}{_JOINT}{unit}" if unit else number
 
 
 def agree(text, reference):
@@ -177,41 +181,51 @@ def agree(text, reference):
         return False
     pairs = zip(_WITH_TOLERANCE.findall(text), _WITH_TOLERANCE.findall(reference), strict=True)
     return all(
-        _near(tolerance, stated, 0.1 * float(stated)) and _near(value, expected, float(stated))
+        abs(float(one) - float(other)) <= share * float(stated) * (1 + 1e-9)
         for (value, tolerance), (expected, stated) in pairs
+        for one, other, share in ((tolerance, stated, 0.1), (value, expected, 1))
     )
 
 
 def _by_form(text):
     """A text with what `one_run` marked replaced by its form."""
-    return re.sub(" +", " ", _MARKED.sub(_form, text)) if _SIGN in text else text
+
+    def form(marked):
+        if marked[1] in ("nan", "inf", "-inf"):
+            return marked[0]
+        return f"{'number' if _FORMATTED.fullmatch(marked[1]) else 'text'}{_SIGN}"
+
+    return re.sub(" +", " ", _MARKED.sub(form, text)) if _SIGN in text else text
 
 
-def _form(marked):
-    value = marked[1]
-    if value in ("nan", "inf", "-inf"):
-        return marked[0]
-    return f"{'number' if _FORMATTED.fullmatch(value) else 'text'}{_SIGN}"
+def _note(entries):
+    return NOT_COMPARED if any(isinstance(entry, OneRun) for entry in entries) else ""
 
 
-def _near(text, reference, most):
-    return abs(float(text) - float(reference)) <= most * (1 + 1e-9)
+def _cell(name, entry):
+    """The number with its tolerance, and the unit, of an entry."""
+    number, tolerance, unit = _parsed(name, entry)
+    if isinstance(entry, OneRun):
+        return f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # `agree` sees where it begins
+    return number if tolerance is None else _with_tolerance(float(entry[0]), tolerance), unit
 
 
-def _bundle(name, entry):
-    """{kind: text} of a number; the text is that of a string, as MyST-NB evaluates what it pastes."""
-    _, number, unit = _row(name, entry)
-    text, whole = QUOTED
-    bundle = {text: repr(quoted(entry))}
-    return bundle | {whole: f"{number} {unit}".rstrip()} if isinstance(entry, tuple) else bundle
-
-
-def _number(name, entry):
-    """(number, unit) of a tuple, the number to the digits that its tolerance is sure of."""
+def _parsed(name, entry):
+    """(number to the digits that its tolerance is sure of, tolerance or None, unit) of an entry."""
+    if not isinstance(entry, tuple):
+        return str(entry), None, ""
     if isinstance(entry, OneRun) and entry[1:] == (None,):
-        return str(entry[0]), ""
-    value, tolerance, unit = _checked(name, entry)
-    return _rounded(value, tolerance), unit
+        return str(entry[0]), None, ""
+    if len(entry) not in (2, 3):
+        raise InputError(f"{name}: expected (value, tolerance) or (value, tolerance, unit), got {entry!r}.")
+    value, tolerance, unit = (*entry, "")[:3]
+    try:
+        value, tolerance = float(value), float(tolerance)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: value and tolerance must be numbers, got {entry!r}.") from None
+    if not 0 < tolerance < math.inf:
+        raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
+    return _rounded(value, tolerance), tolerance, unit
 
 
 def _rounded(value, tolerance):
@@ -227,41 +241,7 @@ def _rounded(value, tolerance):
     return f"{value / 10.0**size:.{size - last}f} × 10{str(size).translate(_SUPERSCRIPTS)}"
 
 
-def _exponent(value, decimals=1):
-    """Of ten, in `value` rounded to that many decimals of its mantissa."""
-    return int(f"{value:.{decimals}e}".partition("e")[2])
-
-
-def _note(entries):
-    return NOT_COMPARED if any(isinstance(entry, OneRun) for entry in entries) else ""
-
-
-def _row(name, entry):
-    """Name, number with its tolerance, and unit of an entry."""
-    if isinstance(entry, OneRun):
-        number, unit = _number(name, entry)
-        return name, f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # `agree` sees where it begins
-    if not isinstance(entry, tuple):
-        return name, str(entry), ""
-    value, tolerance, unit = _checked(name, entry)
-    return name, _format(value, tolerance), unit
-
-
-def _checked(name, entry):
-    """(value, tolerance, unit) of an entry."""
-    if len(entry) not in (2, 3):
-        raise InputError(f"{name}: expected (value, tolerance) or (value, tolerance, unit), got {entry!r}.")
-    value, tolerance, unit = (*entry, "")[:3]
-    try:
-        value, tolerance = float(value), float(tolerance)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: value and tolerance must be numbers, got {entry!r}.") from None
-    if not 0 < tolerance < math.inf:
-        raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
-    return value, tolerance, unit
-
-
-def _format(value, tolerance):
+def _with_tolerance(value, tolerance):
     """`value` to the second digit of the tolerance, which shows the tolerance itself to two digits."""
     if not math.isfinite(value):
         return f"{value} ± {tolerance:.1e}"
@@ -271,3 +251,8 @@ def _format(value, tolerance):
         return f"{value:.{max(size - exponent + 1, 1)}e} ± {tolerance:.1e}"
     decimals = max(1 - exponent, 0)
     return f"{value:.{decimals}f} ± {tolerance:.{decimals}f}"
+
+
+def _exponent(value, decimals=1):
+    """Of ten, in `value` rounded to that many decimals of its mantissa."""
+    return int(f"{value:.{decimals}e}".partition("e")[2])

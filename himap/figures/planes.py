@@ -1,23 +1,69 @@
-"""Figures of images in the plane: maps in their own projection, and power over two wavenumbers.
+"""Figures of images in the plane, of power over two wavenumbers, and of marks in a table.
 
-Colours are those of cividis, which is monotonic in lightness.
+Colours of images are those of cividis, which is monotonic in lightness.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
+from astropy.coordinates import SkyCoord
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from himap.figures.data import with_image
+from himap.figures.axes import CURVES, PICTURES, by_title, decade_ticks, drawn, panels
+from himap.figures.data import with_curves, with_image, with_maps
+from himap.figures.plotting import colours_of
+from himap.maps import sphere
 
-_RC = {"figure.dpi": 110, "font.size": 10, "figure.constrained_layout.use": True}
 _NAMES = {"RA": "RA", "DEC": "Dec", "GLON": "Galactic longitude", "GLAT": "Galactic latitude"}
 _BLANK = "0.85"  # grey of what has no value
 _PERCENTILES = (2, 98)
-_ROUND = (1, 2, 5, 3, 7, 1.5, 1.2, 8, 1.1, 9, 4, 6)  # where ticks may stand in a decade, the best first
-_APART = 0.17  # of an axis: two numbers beside each other
+_N_ROWS = 160  # of the picture of a patch
+_CELL = (0.36, 0.2)  # width and height of a mark, inches
+_SIDES = (3.1, 2.1)  # of the names of rows and columns
 
 
+@drawn(CURVES | {"axes.grid": False})
+def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
+    """A figure of a small part of several maps, each with its own colours; right ascension grows to the left.
+
+    Parameters
+    ----------
+    maps
+        {title: (n_pix,)}, Galactic RING; NaN where there is nothing.
+    box
+        (lowest, highest) right ascension and (lowest, highest) declination, deg; the former may be negative,
+        or more than 360.
+    columns
+        Of maps.
+    unit, span, diverging
+        As in `himap.figures.plotting.sky_maps`.
+    """
+    (left, right), (low, high) = box
+    aspect = 1 / np.cos(np.deg2rad(np.mean(box[1])))  # a degree of declination over one of right ascension
+    width, height = (right - left) / aspect, high - low
+    n_columns = int(_N_ROWS * width / height)
+    x, y = (np.arange(n) + 0.5 for n in (n_columns, _N_ROWS))
+    ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + height * y / _N_ROWS)
+    places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
+    size = (4.6, 1.2 + 4.6 * height / width)
+    figure, grid = panels(len(maps), min(columns, len(maps)), size, dpi=100)
+    options = {"unit": unit, "span": span, "diverging": diverging}
+    chosen = [by_title(options, title) for title in maps]
+    for axes, (title, pixels), own in zip(grid, maps.items(), chosen, strict=True):
+        values = pixels[sphere.pixel_at(sphere.nside_of(pixels), places.l.deg, places.b.deg)]
+        ends = np.nanpercentile(pixels, (1, 99)) if own["span"] is None else own["span"]
+        norm = colours_of(*ends, own["diverging"])
+        look = {"origin": "lower", "extent": (right, left, low, high), "aspect": aspect, "norm": norm}
+        shown = axes.imshow(values, cmap="RdBu_r" if own["diverging"] else "cividis", **look)
+        axes.set_title(f"{title} [{own['unit']}]" if own["unit"] else title, fontsize=10)
+        axes.set(xlabel="right ascension [deg]", ylabel="declination [deg]")
+        axes.xaxis.set_major_formatter(lambda x, _: f"{x % 360:g}")
+        figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.03, extend="both")
+    return with_maps(figure, maps, [own["unit"] or "" for own in chosen])
+
+
+@drawn(PICTURES)
 def sky_images(maps, celestial, *, span, unit="mK"):
     """A figure of images in their projection, with the lines of their coordinates.
 
@@ -32,32 +78,28 @@ def sky_images(maps, celestial, *, span, unit="mK"):
     unit
         Of the maps.
     """
-    with plt.rc_context(_RC):
-        figure = plt.figure(figsize=(4.6 * len(maps), 4.4))
-        for n, (title, pixels) in enumerate(maps.items(), start=1):
-            axes = figure.add_subplot(1, len(maps), n, projection=celestial)
-            axes.set_facecolor(_BLANK)
-            low, high = span[title]
-            shown = axes.imshow(
-                pixels, origin="lower", norm=Normalize(low, high), cmap="cividis", interpolation="nearest"
-            )
-            axes.coords.grid(color="white", alpha=0.35, linestyle=":")
-            for coordinate, ctype in zip(axes.coords, celestial.wcs.ctype, strict=True):
-                name = ctype.split("-")[0]
-                coordinate.set_axislabel(_NAMES.get(name, name))
-                coordinate.set_ticklabel(size=8.5, exclude_overlapping=True)
-            axes.set_title(f"{title} [{unit}]", fontsize=10)
-            bar = figure.colorbar(shown, ax=axes, location="bottom", shrink=0.8, extend="both")
-            bar.locator = MaxNLocator(4)
-    plt.close(figure)
-    n_y, n_x = next(iter(maps.values())).shape
-    return with_image(
-        figure, np.stack(list(maps.values())), x=np.arange(n_x), y=np.arange(n_y), unit=[unit] * len(maps)
-    )
+    figure = plt.figure(figsize=(4.6 * len(maps), 4.4))
+    for n, (title, pixels) in enumerate(maps.items(), start=1):
+        axes = figure.add_subplot(1, len(maps), n, projection=celestial)
+        axes.set_facecolor(_BLANK)
+        look = {"origin": "lower", "cmap": "cividis", "interpolation": "nearest"}
+        shown = axes.imshow(pixels, norm=Normalize(*span[title]), **look)
+        axes.coords.grid(color="white", alpha=0.35, linestyle=":")
+        for coordinate, ctype in zip(axes.coords, celestial.wcs.ctype, strict=True):
+            name = ctype.split("-")[0]
+            coordinate.set_axislabel(_NAMES.get(name, name))
+            coordinate.set_ticklabel(size=8.5, exclude_overlapping=True)
+        axes.set_title(f"{title} [{unit}]", fontsize=10)
+        bar = figure.colorbar(shown, ax=axes, location="bottom", shrink=0.8, extend="both")
+        bar.locator = MaxNLocator(4)
+    values = np.stack(list(maps.values()))
+    x, y = (np.arange(n) for n in values.shape[:0:-1])
+    return with_image(figure, values, x=x, y=y, unit=[unit] * len(maps))
 
 
+@drawn(PICTURES)
 def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
-    """A figure of power over two wavenumbers on logarithmic axes, and of a ratio beside it.
+    """A figure of power over two wavenumbers on logarithmic axes, and of a ratio.
 
     Parameters
     ----------
@@ -75,44 +117,89 @@ def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
     values = np.concatenate([plane[plane > 0] for plane in planes.values()])
     low, high = np.percentile(values, _PERCENTILES) if len(values) else (1, 10)
     norm = LogNorm(low, max(high, 1.01 * low))
-    drawn = [(title, plane, norm, unit) for title, plane in planes.items()]
+    drawings = [(title, plane, norm, unit) for title, plane in planes.items()]
     if ratio is not None:
-        drawn.append((*ratio, _around_one(ratio[1]), "ratio"))
-    with plt.rc_context(_RC):
-        figure, panels = plt.subplots(
-            1, len(drawn), figsize=(max(4.2, 3.4 * len(drawn)), 3.9), sharey=True, squeeze=False
-        )
-        for axes, (title, plane, colours, text) in zip(panels.flat, drawn, strict=True):
-            axes.set_facecolor(_BLANK)
-            shown = axes.pcolormesh(x, y, np.ma.masked_invalid(plane), norm=colours, cmap="cividis")
-            axes.set(xscale="log", yscale="log", xlabel=xlabel, title=title)
-            bar = figure.colorbar(shown, ax=axes, location="bottom", label=text, extend="both")
-            spans = ((axes.xaxis, x), (axes.yaxis, y), (bar.ax.xaxis, (colours.vmin, colours.vmax)))
-            for axis, values in spans:
-                axis.set_ticks(_ticks(values[0], values[-1]))
-                axis.set_major_formatter("{x:g}")
-                axis.set_minor_locator(NullLocator())
-        panels[0, 0].set_ylabel(ylabel)
-    plt.close(figure)
-    return with_image(
-        figure, np.stack([plane for _, plane, *_ in drawn]), x=x, y=y, unit=[text for *_, text in drawn]
-    )
+        distances = np.abs(np.log(ratio[1][ratio[1] > 0]))
+        far = np.exp(np.percentile(distances, _PERCENTILES[1])) if len(distances) else 1
+        far = float(np.clip(far, 1.1, 100))  # nearly all of the ratio
+        drawings.append((*ratio, LogNorm(1 / far, far), "ratio"))
+    size = (max(4.2, 3.4 * len(drawings)) / len(drawings), 3.9)
+    figure, grid = panels(len(drawings), len(drawings), size, sharey=True)
+    for axes, (title, plane, colours, text) in zip(grid, drawings, strict=True):
+        axes.set_facecolor(_BLANK)
+        shown = axes.pcolormesh(x, y, np.ma.masked_invalid(plane), norm=colours, cmap="cividis")
+        axes.set(xscale="log", yscale="log", xlabel=xlabel, title=title)
+        bar = figure.colorbar(shown, ax=axes, location="bottom", label=text, extend="both")
+        spans = ((axes.xaxis, x), (axes.yaxis, y), (bar.ax.xaxis, (colours.vmin, colours.vmax)))
+        for axis, ends in spans:
+            axis.set_ticks(decade_ticks(ends[0], ends[-1]))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_locator(NullLocator())
+    grid[0].set_ylabel(ylabel)
+    _, stacked, _, units = zip(*drawings, strict=True)
+    return with_image(figure, np.stack(stacked), x=x, y=y, unit=list(units))
 
 
-def _ticks(low, high):
-    """Plain numbers from `low` to `high`, powers of ten first, as many as stand apart in the logarithm."""
-    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-    kept = []
-    for tick in np.multiply.outer(_ROUND, decades).ravel():
-        apart = [abs(np.log(tick / other)) for other in kept]
-        if low <= tick <= high and min(apart, default=np.inf) >= _APART * np.log(high / low):
-            kept.append(tick)
-    return sorted(kept)
+@drawn(PICTURES)
+def marks(groups, columns, looks, *, breaks=()):
+    """A figure of a table of signs, names of rows at the left and of columns above.
+
+    Parameters
+    ----------
+    groups
+        {name of a group: {row: [marks of a column, for each column]}}. Marks of a cell are a list, such as
+        one for each realisation: a cell whose marks are not all the same is divided; an empty one stays
+        empty.
+    columns
+        Their names.
+    looks
+        {mark: (sign, colour, colour of the sign)}, in the order of the legend.
+    breaks
+        Numbers of columns before which there is a line.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        It carries, for each row and column, the number of each mark in `looks`, from 0.
+    """
+    n_rows = sum(len(rows) + 1 for rows in groups.values())
+    size = (_SIDES[0] + _CELL[0] * len(columns), _SIDES[1] + _CELL[1] * n_rows)
+    figure, axes = plt.subplots(figsize=size)
+    names, place, points = {}, 0, []
+    for group, rows in groups.items():
+        axes.text(-0.1, place + 0.55, group, ha="right", va="center", fontsize=8.5, weight="bold")
+        place += 1
+        for row, cells in rows.items():
+            names[place + 0.5] = row
+            for n, cell in enumerate(cells):
+                _draw_cell(axes, n, place, cell, looks)
+                points.append((row, columns[n], range(len(cell)), [list(looks).index(x) for x in cell]))
+            place += 1
+    for n in breaks:
+        axes.axvline(n, color="black", linewidth=1.2)
+    axes.set(xlim=(0, len(columns)), ylim=(place, 0))
+    axes.set_yticks(list(names), labels=list(names.values()), fontsize=7.5)
+    axes.xaxis.tick_top()
+    axes.set_xticks(np.arange(len(columns)) + 0.5)
+    axes.set_xticklabels(columns, rotation=60, ha="left", rotation_mode="anchor", fontsize=8)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    handles = [
+        Rectangle((0, 0), 1, 1, facecolor=colour, edgecolor="0.6", label=f"{sign} {mark}")
+        for mark, (sign, colour, _) in looks.items()
+    ]
+    corner = {"loc": "lower right", "bbox_to_anchor": (-0.02, 1.02)}  # left of the names of the columns
+    axes.legend(handles=handles, frameon=False, fontsize=9, **corner)
+    return with_curves(figure, points)
 
 
-def _around_one(ratio):
-    """Colours that are even about 1, in the logarithm, and show nearly all of a ratio."""
-    known = np.abs(np.log(ratio[ratio > 0]))
-    far = np.exp(np.percentile(known, _PERCENTILES[1])) if len(known) else 1
-    far = float(np.clip(far, 1.1, 100))
-    return LogNorm(1 / far, far)
+def _draw_cell(axes, column, row, cell, looks):
+    """One mark for all of a cell where they are the same, else one next to the other."""
+    shown = cell[:1] if len(set(cell)) == 1 else cell
+    for n, mark in enumerate(shown):
+        sign, colour, ink = looks[mark]
+        width = 1 / len(shown)
+        corner = (column + n * width, row)
+        axes.add_patch(Rectangle(corner, width, 1, facecolor=colour, edgecolor="white", linewidth=0.6))
+        middle = (column + (n + 0.5) * width, row + 0.52)
+        axes.text(*middle, sign, color=ink, ha="center", va="center", fontsize=8)

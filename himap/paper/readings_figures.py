@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.figures import plotting, styles
-from himap.figures.marks import marks
+from himap.figures.planes import marks
 from himap.paper.claims import CLAIMS
 from himap.paper.readings import BANDS, CURVES, readings
 from himap.paper.readings_table import MARKS, robustness

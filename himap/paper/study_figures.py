@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap.figures import comparisons, plotting, styles
+from himap.figures import plotting, styles
 from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
 from himap.store.provenance import Provenance
@@ -27,7 +27,7 @@ class StudyFigures:
         """One panel of `plotting.spectrum`: `kind` "angular" or "frequency", curves [(style, Comparison)]."""
         truth = self.truth(beam)
         comparison = Comparison.of(truth, truth, l_top=self.l_top)
-        return comparisons.panel(kind, curves, title=title, true=comparison)
+        return plotting.comparison_panel(kind, curves, title=title, true=comparison)
 
     def angular_figure(self, removers, *, titles=None, **options):
         """C_l of what methods leave, {beam: [method, ...]}: a panel for each beam, ratios below."""
