@@ -12,7 +12,7 @@ import re
 import nbval.kernel
 from nbval.plugin import IPyNbCell
 
-from himap.app.kernel_manager import LocalKernelManager
+from himap.app.kernels import LocalKernelManager
 from himap.app.notebook_files import has_code
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED, agree

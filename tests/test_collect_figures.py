@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not 
 
 import collect_figures
 
-from himap.app.figures import Figure, figures
+from himap.app.figures import Figure, figure_order, figures, named_figures, plain_caption
 from himap.app.notebook_files import STAMP, read_notebook, write_notebook
 from himap.figures.numbers import QUOTED
 from himap.maps.healpix_files import write_maps
@@ -94,7 +94,7 @@ def test_captions_say_the_numbers_that_they_quote(gathered, tmp_path):
 
 def test_curves_on_other_points_keep_their_own():
     text = b"panel,curve,x,y\np,a,1,2\np,a,2,3\np,b,1,4\np,b,2,5\np,c,7,nan\n"
-    one = Figure(name="f", caption="", notebook="n", paper="1", png=b"", data={"csv": text})
+    one = Figure(name="f", caption="", notebook="n", png=b"", data={"csv": text})
     assert collect_figures.curves(one) == {
         "p": [{"x": [1, 2], "y": {"a": [2, 3], "b": [4, 5]}}, {"x": [7], "y": {"c": [None]}}]
     }
@@ -105,3 +105,24 @@ def test_notebooks_without_such_figures_are_told(tmp_path):
     outcome = CliRunner().invoke(collect_figures.main, arguments)
     assert outcome.exit_code and "has a figure of the paper" in outcome.output
     assert not (tmp_path / "out").exists()
+
+
+WHOLE = "Pearson r, for six methods (the paper's Fig. A.1). Left: all."
+SHARE = "Angular power spectrum. (PCA's share of the paper's Fig. 1.)"
+
+
+@pytest.mark.parametrize(
+    ("caption", "paper", "named", "plain"),
+    [
+        (WHOLE, "A.1", ["A.1"], "Pearson r, for six methods"),
+        (SHARE, "", ["1"], "Angular power spectrum"),
+        ("A map.", "", [], "A map"),
+    ],
+)
+def test_captions_say_which_figure_of_the_paper_they_show(caption, paper, named, plain):
+    assert Figure(name="f", caption=caption, notebook="n", png=b"").paper == paper
+    assert (named_figures(caption), plain_caption(caption)) == (named, plain)
+
+
+def test_the_order_of_the_paper():
+    assert sorted(["B.1", "7", "A.2", "1", "A.1"], key=figure_order) == ["1", "7", "A.1", "A.2", "B.1"]

@@ -14,7 +14,7 @@ import pytest
 from jupyter_client.session import Session
 
 import himap
-from himap.app.kernel_manager import LocalKernelManager
+from himap.app.kernels import LocalKernelManager
 from himap.core import files
 from himap.core.errors import InputError
 from himap.core.files import is_abandoned, own_name, run_folder
@@ -120,7 +120,7 @@ def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(fresh, monk
 
 
 def test_names_that_are_too_long_for_sockets_are_not_used(fresh, monkeypatch, tmp_path):
-    monkeypatch.setattr("himap.app.kernel_manager._LONGEST", 10)
+    monkeypatch.setattr("himap.app.kernels._LONGEST", 10)
     manager = LocalKernelManager(kernel_name="python3")
     assert manager.transport == "tcp"
 

@@ -356,17 +356,17 @@ def test_pictures_are_packed_and_stay_what_they_were():
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG")
     before = base64.b64encode(buffer.getvalue()).decode()
-    after = notebook_files._smaller(before)
+    after = notebook_files.smaller_picture(before)
     assert len(after) < 0.7 * len(before)
     packed = np.asarray(Image.open(io.BytesIO(base64.b64decode(after))).convert("RGB"), dtype=float)
     assert np.abs(packed - pixels).mean() < 5
-    assert notebook_files._smaller(after) == after
+    assert notebook_files.smaller_picture(after) == after
 
 
 def test_transparent_pictures_become_white():
     buffer = io.BytesIO()
     Image.new("RGBA", (4, 4), (0, 0, 0, 0)).save(buffer, "PNG")
-    packed = notebook_files._smaller(base64.b64encode(buffer.getvalue()).decode())
+    packed = notebook_files.smaller_picture(base64.b64encode(buffer.getvalue()).decode())
     assert Image.open(io.BytesIO(base64.b64decode(packed))).convert("RGB").getpixel((0, 0)) == (255, 255, 255)
 
 

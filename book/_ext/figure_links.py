@@ -16,8 +16,7 @@ import yaml
 from docutils import nodes
 from sphinx import addnodes
 
-from himap.app.captions import plain_caption
-from himap.app.figures import figures
+from himap.app.figures import figures, plain_caption
 from himap.app.notebook_files import STAMP, read_notebook
 
 PAPER = "Gkogkou et al. (2025), arXiv:2511.13328"

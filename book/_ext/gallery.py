@@ -10,8 +10,7 @@ from docutils import nodes
 from PIL import Image
 from sphinx.util.docutils import SphinxDirective
 
-from himap.app.captions import figure_order, plain_caption
-from himap.app.figures import figures
+from himap.app.figures import figure_order, figures, plain_caption
 from himap.app.notebooks import notebooks
 
 WIDTH = 320  # pixels: sharp at the 160 of the page on a fine screen

@@ -1,4 +1,8 @@
-"""What pages and stored results take from executed notebooks: figures, with picture, numbers and caption."""
+"""The figures of executed notebooks, with picture, numbers and caption, for pages and stored results.
+
+A caption says which figure of the paper it shows, ``(the paper's Fig. A.1)``, or names those that it has a
+share in.
+"""
 
 import base64
 import re
@@ -6,10 +10,11 @@ from ast import literal_eval
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from himap.app.captions import paper_figure
-from himap.app.notebook_files import read_notebook
+from himap.app.notebook_files import figure_options, read_notebook
 from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED
+
+_REMARK = r"the paper's Fig\. ([\w.]*\w)"
 
 
 @dataclass(frozen=True)
@@ -22,8 +27,6 @@ class Figure:
         Its label and its caption, quoted numbers filled in.
     notebook
         Name of the notebook.
-    paper
-        Number in the paper, such as "1" or "A.2"; empty if it is not there.
     png
         The picture.
     data
@@ -33,43 +36,50 @@ class Figure:
     name: str
     caption: str
     notebook: str
-    paper: str
     png: bytes
     data: dict[str, bytes] = field(default_factory=dict)
+
+    @property
+    def paper(self):
+        """The number of the paper's figure that it is, such as "1" or "A.2"; empty if it is none."""
+        number = re.search(rf"\({_REMARK}", self.caption)
+        return number[1] if number else ""
+
+
+def named_figures(caption):
+    """The numbers of all figures of the paper that a caption names, those that it has a share in too."""
+    return re.findall(_REMARK, caption)
+
+
+def plain_caption(caption):
+    """The first sentence of a caption, without the remark which figure of the paper it is."""
+    return re.sub(rf" \({_REMARK}[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
+
+
+def figure_order(number):
+    """Key that sorts numbers of the paper's figures: 1 to 7, then those of the appendices."""
+    appendix, _, count = number.rpartition(".")
+    return appendix, int(count)
 
 
 def figures(path):
     """The figures of the executed notebook at `path`, a list of `Figure` in order."""
     cells = read_notebook(path).cells
-    said = _quoted([output for cell in cells for output in cell.get("outputs", [])])
+    outputs = [output for cell in cells for output in cell.get("outputs", [])]
+    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
+    quoted = {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
     found = []
     for cell in cells:
-        about = cell.metadata.get("mystnb", {}).get("figure")
+        about = figure_options(cell)
         bundles = [output.get("data", {}) for output in cell.get("outputs", [])]
         shown = [data for data in bundles if "image/png" in data]
         if about and shown:
-            caption = re.sub(r"\{glue:text\}`(\w+)`", lambda role: said[role[1]], about["caption"])
-            found.append(
-                Figure(
-                    name=about["name"],
-                    caption=caption,
-                    notebook=Path(path).stem,
-                    paper=paper_figure(caption),
-                    png=base64.b64decode(shown[0]["image/png"]),
-                    data=_numbers(shown[0]),
-                )
-            )
+            caption = re.sub(r"\{glue:text\}`(\w+)`", lambda role: quoted[role[1]], about["caption"])
+            data = {
+                ending: shown[0][kind].encode() if ending == "csv" else base64.b64decode(shown[0][kind])
+                for kind, ending in DATA_TYPES.items()
+                if kind in shown[0]
+            }
+            png = base64.b64decode(shown[0]["image/png"])
+            found.append(Figure(about["name"], caption, Path(path).stem, png, data))
     return found
-
-
-def _quoted(outputs):
-    """{name: text} of what a notebook quotes."""
-    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
-    return {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
-
-
-def _numbers(data):
-    texts = {ending: data[kind] for kind, ending in DATA_TYPES.items() if kind in data}
-    return {
-        ending: text.encode() if ending == "csv" else base64.b64decode(text) for ending, text in texts.items()
-    }

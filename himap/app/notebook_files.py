@@ -1,4 +1,4 @@
-"""Notebook files: what is kept of an executed notebook, its stamp, and how it is written.
+"""Notebook files: how an executed notebook is cleaned, stamped, read and written.
 
 An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
 file only where the content changes, its stamp aside, and its pictures are packed. Its stamp holds the
@@ -7,7 +7,6 @@ edited since, and when it was last executed: the commit, the time it took, the v
 """
 
 import base64
-import copy
 import hashlib
 import io
 import json
@@ -28,7 +27,6 @@ _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 
 _HEAVY = 1e5  # bytes of a picture
 _LARGEST_DATA = 2_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
-_VOLATILE_METADATA = ("papermill", "execution")
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 
 
@@ -51,25 +49,22 @@ def stamped(node, source, *, fingerprint, parameters, execution=None):
     fixed = {"kernelspec": KERNEL, "language_info": {"name": "python"}, "jupytext": _JUPYTEXT}
     node.metadata = nbformat.from_dict(dict(source.metadata) | fixed)
     for cell in node.cells:
-        for key in _VOLATILE_METADATA:
+        for key in ("papermill", "execution", *([] if cell.metadata.get("tags") else ["tags"])):
             cell.metadata.pop(key, None)
-        if not cell.metadata.get("tags"):
-            cell.metadata.pop("tags", None)
         for output in cell.get("outputs", []):
             data = output.get("data", {})
             if "image/png" in data:
-                data["image/png"] = _smaller(data["image/png"])
+                data["image/png"] = smaller_picture(data["image/png"])
             for kind in DATA_TYPES:
                 if len(data.get(kind, "")) > _LARGEST_DATA:
                     del data[kind]
     number_cells(node)
     stamp = {"fingerprint": fingerprint, "parameters": parameters, "text": text_digest(node)}
-    stamp |= {"execution": execution} if execution else {}
-    node.metadata[STAMP] = nbformat.from_dict(stamp)
+    node.metadata[STAMP] = nbformat.from_dict(stamp | ({"execution": execution} if execution else {}))
     return node
 
 
-def _smaller(png):
+def smaller_picture(png):
     """A picture (base64) in 256 colours, a heavy one in half of that, so that a page of them loads quickly.
 
     That is a third of the size, and the same to the eye.
@@ -81,26 +76,12 @@ def _smaller(png):
             return png
         paper = Image.new("RGB", picture.size, "white")
         paper.paste(picture, mask=picture.getchannel("A") if picture.mode == "RGBA" else None)
-    packed = _packed(paper, 256)
-    return base64.b64encode(packed if len(packed) < _HEAVY else _packed(paper, 128)).decode()
-
-
-def _packed(paper, n_colours):
-    from PIL import Image
-
-    out = io.BytesIO()
-    paper.quantize(n_colours, kmeans=2, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
-    return out.getvalue()
-
-
-def with_outputs(source, executed):
-    """The text of the ``.py`` with the outputs and the stamp of `executed`, whose code is the same."""
-    node = copy.deepcopy(source)
-    for cell, old in zip(code_cells(node), code_cells(executed), strict=True):
-        cell.outputs, cell.execution_count = old.outputs, old.execution_count
-    stamp = executed.metadata[STAMP]
-    made = {key: value for key, value in stamp.items() if key != "text"}
-    return stamped(node, source, **made)
+    for n_colours in (256, 128):
+        out = io.BytesIO()
+        paper.quantize(n_colours, kmeans=2, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        if len(out.getvalue()) < _HEAVY:
+            break
+    return base64.b64encode(out.getvalue()).decode()
 
 
 def code_cells(node):
@@ -111,6 +92,11 @@ def code_cells(node):
 def has_code(source):
     """Whether a cell does something, beyond blank lines and comments."""
     return any(line and not line.startswith("#") for line in map(str.strip, source.splitlines()))
+
+
+def figure_options(cell):
+    """{"name", "caption"} of the figure that a cell draws; empty if it draws none."""
+    return cell.metadata.get("mystnb", {}).get("figure", {})
 
 
 def number_cells(node):
@@ -137,6 +123,14 @@ def read_notebook(path):
     import nbformat
 
     return nbformat.read(path, as_version=4)
+
+
+def write_notebook(node, path):
+    """Write a notebook under another name, then rename it: whole or not at all."""
+    import nbformat
+
+    with whole_file(path) as temporary:
+        temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")
 
 
 def copy_name(notebook, preset, values, suffix=".ipynb"):
@@ -167,11 +161,3 @@ def check_output(path, suffix=".ipynb", *, overwrite=False):
         raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
     check_free([path], overwrite=overwrite)
     return path
-
-
-def write_notebook(node, path):
-    """Write a notebook under another name, then rename it: whole or not at all."""
-    import nbformat
-
-    with whole_file(path) as temporary:
-        temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")

@@ -10,8 +10,8 @@ from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
-from himap.app.captions import named_figures
-from himap.app.notebook_files import code_cells, number_cells
+from himap.app.figures import named_figures
+from himap.app.notebook_files import code_cells, figure_options, number_cells
 from himap.app.parameters import read_parameters
 from himap.core.errors import InputError
 from himap.store.accepted import ACCEPTED, PROBES
@@ -37,7 +37,7 @@ class Notebook:
 
     @cached_property
     def node(self):
-        """The notebook as nbformat has it, without outputs, every cell under an id of its own."""
+        """The notebook as nbformat has it, without outputs, every cell under its id."""
         import jupytext  # slow, and most commands do without
 
         node = jupytext.read(self.path)
@@ -52,33 +52,35 @@ class Notebook:
         return headings[0] if headings else self.name
 
     @property
+    def _header(self):
+        return {"section": "", "figures": [], "reads": []} | self.node.metadata.get("himap", {})
+
+    @property
     def section(self):
         """The section of the paper, from the header's ``himap: section``."""
-        return str(self.node.metadata.get("himap", {}).get("section", ""))
+        return str(self._header["section"])
 
     @property
     def figures(self):
         """The figures of the paper, from the header's ``himap: figures``."""
-        return [str(figure) for figure in self.node.metadata.get("himap", {}).get("figures", [])]
+        return list(map(str, self._header["figures"]))
 
     @cached_property
     def parameters(self):
-        """What the cell tagged ``parameters`` declares, a list of `himap.app.parameters.Parameter`."""
-        tagged = [cell for cell in self.node.cells if "parameters" in cell.metadata.get("tags", [])]
-        return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
-
-    @property
-    def captions(self):
-        """{name of a figure: its caption, as it is written}."""
-        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in self.node.cells]
-        return {cell["name"]: cell["caption"] for cell in cells if "caption" in cell}
+        """The parameters that it declares, a list of `himap.app.parameters.Parameter`."""
+        return declared_parameters(self.node)
 
     @property
     def reads(self):
         """The files of the checkout that it reads, from the patterns in the header's ``himap: reads``."""
-        root, patterns = self.path.parent.parent, self.node.metadata.get("himap", {}).get("reads", [])
-        files = {path for pattern in patterns for path in root.glob(pattern)}
+        files = {path for pattern in self._header["reads"] for path in self.path.parents[1].glob(pattern)}
         return sorted(path for path in files if path.name not in (ACCEPTED.name, PROBES.name))
+
+    @property
+    def captions(self):
+        """{name of a figure: its caption, as it is written}."""
+        abouts = map(figure_options, self.node.cells)
+        return {about["name"]: about["caption"] for about in abouts if "caption" in about}
 
     @property
     def paper_figures(self):
@@ -94,6 +96,12 @@ class Notebook:
         code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
         files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in self.reads}
         return code | files
+
+
+def declared_parameters(node):
+    """What the cells of a notebook that are tagged ``parameters`` declare, a list of `Parameter`."""
+    tagged = [cell for cell in node.cells if "parameters" in cell.metadata.get("tags", [])]
+    return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
 
 
 def notebooks_folder():
@@ -115,8 +123,7 @@ def notebooks_folder():
 
 def notebooks(folder=None):
     """All notebooks, in order."""
-    paths = (folder or notebooks_folder()).glob("[0-9]*_*.py")
-    return [Notebook(path) for path in sorted(paths)]
+    return [Notebook(path) for path in sorted((folder or notebooks_folder()).glob("[0-9]*_*.py"))]
 
 
 def find(name, folder=None):
@@ -128,10 +135,10 @@ def find(name, folder=None):
         No such notebook; the message lists what there is.
     """
     stem = Path(name).name.removesuffix(".py").removesuffix(".ipynb")
-    there = {notebook.name: notebook for notebook in notebooks(folder)}
-    matches = [there[key] for key in there if stem in (key, key.partition("_")[0])]
+    known = {notebook.name: notebook for notebook in notebooks(folder)}
+    matches = [known[key] for key in known if stem in (key, key.partition("_")[0])]
     if len(matches) == 1:
         return matches[0]
-    close = get_close_matches(stem, there, n=1)
+    close = get_close_matches(stem, known, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
-    raise InputError(f"there is no notebook {name!r}{hint}; there are {', '.join(there) or 'none'}.")
+    raise InputError(f"there is no notebook {name!r}{hint}; there are {', '.join(known) or 'none'}.")

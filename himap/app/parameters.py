@@ -1,4 +1,4 @@
-"""Parameters of a notebook: what its tagged cell declares, and what a user asks for instead.
+"""Parameters of a notebook: those that its tagged cell declares, and the values that a user passes.
 
 The cell tagged ``parameters`` holds lines ``name: type = default  # help``. A field of `Survey`
 that the cell does not list is a parameter too, where the cell has a dict ``survey`` for the fields
@@ -6,11 +6,11 @@ that differ from the preset.
 """
 
 import ast
-import difflib
 import io
 import json
 import tokenize
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
@@ -63,8 +63,19 @@ class Parameter:
             return float(value)
         if kind == "float" and "int" in self.kinds and value.is_integer():
             return int(value)
-        wanted = " or ".join(words for kind, words in _KINDS.items() if kind in self.kinds)
-        raise InputError(f"parameter {self.name} must be {wanted}, got {value!r}")
+        expected = " or ".join(words for kind, words in _KINDS.items() if kind in self.kinds)
+        raise InputError(f"parameter {self.name} must be {expected}, got {value!r}")
+
+
+class _Listing(InputError):
+    """An error with the parameters that there are below its paragraph, one a line."""
+
+    def __init__(self, message, declared):
+        super().__init__(f"{message}; the parameters are:")
+        self._listing = describe_parameters(declared)
+
+    def __str__(self):
+        return f"{super().__str__()}\n{self._listing}"
 
 
 def read_parameters(source):
@@ -80,27 +91,25 @@ def read_parameters(source):
         for token in tokenize.generate_tokens(io.StringIO(source).readline)
         if token.type == tokenize.COMMENT
     }
-    found = []
+    declared = []
     for node in ast.parse(source).body:
         try:
-            default = ast.literal_eval(node.value)
-            kind = ast.unparse(node.annotation)
-            parameter = Parameter(node.target.id, kind, default, comments.get(node.end_lineno, ""))
+            default, kind = ast.literal_eval(node.value), ast.unparse(node.annotation)
+            declared.append(Parameter(node.target.id, kind, default, comments.get(node.end_lineno, "")))
+            valid = declared[-1].kinds <= _KINDS.keys()
         except (AttributeError, ValueError, TypeError):
-            parameter = None
-        if parameter is None or not parameter.kinds <= set(_KINDS):
+            valid = False
+        if not valid:
             raise InputError(
                 "a line of the parameters cell is `name: type = default  # help`, with a literal default and "
                 f"a type among {', '.join(_KINDS)}; got `{ast.unparse(node)}`."
             )
-        found.append(parameter)
-    return found
+    return declared
 
 
 def accepts(declared, name):
     """Whether a notebook with the parameters `declared` takes one called `name`."""
-    known = {parameter.name for parameter in declared}
-    return name in known or ("survey" in known and name in _SURVEY_FIELDS)
+    return name in {line.name for line in (*declared, *_survey_fields(declared))}
 
 
 def parse_texts(declared, texts):
@@ -109,7 +118,19 @@ def parse_texts(declared, texts):
     A parameter that can be a string takes the text as it is, unless it is a JSON string.
     """
     kinds = {parameter.name: parameter.kinds for parameter in declared}
-    return {name: _parse(text, kinds.get(name, set())) for name, text in texts.items()}
+    values = {}
+    for name, text in texts.items():
+        values[name] = text
+        for parse in (json.loads, ast.literal_eval):  # the second for None, True, ['single quotes']
+            try:
+                value = parse(text)
+            except (ValueError, SyntaxError):
+                continue
+            known = kinds.get(name, set())
+            if "str" not in known or _kind_of(value) in known:
+                values[name] = value
+            break
+    return values
 
 
 def check_parameters(declared, given, preset=None):
@@ -139,17 +160,18 @@ def check_parameters(declared, given, preset=None):
     given = dict(given) if preset is None else {"preset": preset, **given}
     if preset not in (None, given.get("preset")):
         raise InputError(f"the preset is given twice, as {preset!r} and as {given['preset']!r}; give one.")
-    survey = {}
-    if "survey" in known:
-        fields_given = [name for name in given if name in _SURVEY_FIELDS and name not in known]
-        survey = {name: given.pop(name) for name in fields_given}
+    field_names = [item.name for item in _survey_fields(declared)]
+    survey = {name: given.pop(name) for name in field_names if name in given}
     unknown = [name for name in given if name not in known]
     if unknown:
-        raise _Listing(_unknown(unknown, known), declared)
+        choices = [*known, *field_names]
+        close = [match for name in unknown for match in get_close_matches(name, choices, n=1)]
+        hint = f" (did you mean {', '.join(close)}?)" if close else ""
+        raise _Listing(f"unknown parameter{'s' * (len(unknown) > 1)} {', '.join(unknown)}{hint}", declared)
     try:
         values = {name: known[name].convert(value) for name, value in given.items()}
     except InputError as error:
-        raise _Listing(f"{error}; the parameters are:", declared) from None
+        raise _Listing(error, declared) from None
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
     if survey or "survey" in values:
@@ -163,49 +185,18 @@ def check_parameters(declared, given, preset=None):
 def describe_parameters(declared):
     """One line for each parameter, with type, default and help; then the fields of `Survey`."""
     lines = [f"  {p.name}: {p.kind} = {p.default!r}  {p.help}".rstrip() for p in declared]
-    names = {parameter.name for parameter in declared}
-    if "survey" in names:
-        lines += [
-            f"  {item.name}: {item.type.__name__} = (preset)  {item.metadata['help']}"
-            for item in _SURVEY_FIELDS.values()
-            if item.name not in names
-        ]
+    lines += [
+        f"  {item.name}: {item.type.__name__} = (preset)  {item.metadata['help']}"
+        for item in _survey_fields(declared)
+    ]
     return "\n".join(lines)
 
 
-class _Listing(InputError):
-    """An error with the parameters that there are below its paragraph, one a line."""
-
-    def __init__(self, message, declared):
-        super().__init__(message)
-        self._listing = describe_parameters(declared)
-
-    def __str__(self):
-        return f"{super().__str__()}\n{self._listing}"
-
-
-def _unknown(unknown, known):
-    choices = list(known) + list(_SURVEY_FIELDS) * ("survey" in known)
-    close = [match for name in unknown for match in difflib.get_close_matches(name, choices, n=1)]
-    hint = f" (did you mean {', '.join(close)}?)" if close else ""
-    plural = "s" if len(unknown) > 1 else ""
-    return f"unknown parameter{plural} {', '.join(unknown)}{hint}; the parameters are:"
-
-
-def _parse(text, kinds):
-    try:
-        value = json.loads(text)
-    except ValueError:
-        try:
-            value = ast.literal_eval(text)  # None, True, ['single quotes']
-        except (ValueError, SyntaxError):
-            return text
-    if "str" in kinds and not isinstance(value, str) and _kind_of(value) not in kinds:
-        return text
-    return value
+def _survey_fields(declared):
+    """The fields of `Survey` that are parameters beside the declared ones; none without ``survey``."""
+    names = {parameter.name for parameter in declared}
+    return [item for name, item in _SURVEY_FIELDS.items() if name not in names and "survey" in names]
 
 
 def _kind_of(value):
-    if value is None:
-        return "None"
-    return "list" if isinstance(value, tuple) else type(value).__name__
+    return {tuple: "list", type(None): "None"}.get(type(value), type(value).__name__)

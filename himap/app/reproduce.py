@@ -7,13 +7,15 @@ What only looks has a fingerprint of its own: where no more than that moved, a n
 not stale.
 """
 
+import contextlib
 import copy
 import json
+import logging
 import os
+import sys
 import time
 from pathlib import Path
 
-from himap.app.kernels import kernel_environment, terminal
 from himap.app.notebook_files import (
     KERNEL,
     STAMP,
@@ -23,16 +25,20 @@ from himap.app.notebook_files import (
     read_notebook,
     stamped,
     text_digest,
-    with_outputs,
     write_notebook,
 )
 from himap.app.notebooks import find, notebooks
 from himap.app.parameters import check_parameters
 from himap.core.errors import InputError
+from himap.core.files import run_folder
+from himap.core.progress import TERMINAL_VARIABLE
 from himap.store.accepted import moved
 from himap.store.provenance import environment
 
-_KERNEL_OPTIONS = ("--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True")
+_KERNEL_OPTIONS = ["--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True"]
+_EDITED = "edited in Jupyter, unlike its .py"
+_TEXT_CHANGED = "its text changed"
+_LOOKS_CHANGED = "only its looks changed"
 
 
 class NotebookError(RuntimeError):
@@ -75,40 +81,25 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
     """
     notebook = find(name, folder)
     values = check_parameters(notebook.parameters, parameters or {}, preset)
-    is_ours = output is None
-    if is_ours:
-        defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
-        preset = values.get("preset", defaults.get("preset"))
-        output = Path("results") / copy_name(notebook.name, preset, values)
-    output = Path(output)
-    if os.path.realpath(output) in {os.path.realpath(other.executed) for other in notebooks(folder)}:
+    defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
+    default_name = copy_name(notebook.name, (defaults | values).get("preset"), values)
+    path = Path("results", default_name) if output is None else Path(output)
+    if os.path.realpath(path) in {os.path.realpath(other.executed) for other in notebooks(folder)}:
         raise InputError(
-            f"{output} is the book's own copy of a notebook, which only --stale writes; give another output."
+            f"{path} is the book's own copy of a notebook, which only --stale writes; give another output."
         )
-    if not again and _is_done(notebook, values, output):
-        return output, False
-    check_output(output, overwrite=overwrite or (is_ours and _is_unedited(output)))
-    write_notebook(_execute(notebook, values, Path.cwd()), output)
-    return output, True
-
-
-def _is_done(notebook, parameters, path):
-    """Whether the notebook at `path` was executed with today's code and these parameters."""
-    try:
-        stamp = read_notebook(path).metadata.get(STAMP, {})
-    except (OSError, ValueError):
-        return False
-    same = stamp.get("parameters") == json.loads(json.dumps(parameters))  # as a file holds them
-    return same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
-
-
-def _is_unedited(path):
-    """Whether the notebook at `path` is as himap wrote it."""
-    try:
-        node = read_notebook(path)
-        return text_digest(node) == node.metadata[STAMP]["text"]
-    except (OSError, ValueError, AttributeError, KeyError, TypeError):
-        return False
+    stamp, unedited = {}, False
+    with contextlib.suppress(OSError, ValueError, AttributeError, KeyError, TypeError):
+        if path.is_file():  # no pipe, which would have to be waited for
+            node = read_notebook(path)
+            stamp = node.metadata[STAMP]
+            unedited = stamp["text"] == text_digest(node)
+    same = stamp.get("parameters") == json.loads(json.dumps(values))  # as a file holds them
+    if not again and same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
+        return path, False
+    check_output(path, overwrite=overwrite or (output is None and unedited))
+    write_notebook(_execute(notebook, values, Path.cwd()), path)
+    return path, True
 
 
 def stale(folder=None, *, looks=False):
@@ -156,15 +147,15 @@ def refresh(names=None, folder=None, *, report=None):
         if report:
             report(notebook.name, state)
         if state == _TEXT_CHANGED:
-            write_notebook(with_outputs(notebook.node, read_notebook(notebook.executed)), notebook.executed)
+            done, old = copy.deepcopy(notebook.node), read_notebook(notebook.executed)
+            for cell, former in zip(code_cells(done), code_cells(old), strict=True):
+                cell.outputs, cell.execution_count = former.outputs, former.execution_count
+            stamp = {key: value for key, value in old.metadata[STAMP].items() if key != "text"}
+            done = stamped(done, notebook.node, **stamp)
         else:
-            write_notebook(_execute(notebook, {}, notebook.path.parent), notebook.executed)
+            done = _execute(notebook, {}, notebook.path.parent)
+        write_notebook(done, notebook.executed)
     return {notebook.name: state for notebook, state in todo.items()}
-
-
-_EDITED = "edited in Jupyter, unlike its .py"
-_TEXT_CHANGED = "its text changed"
-_LOOKS_CHANGED = "only its looks changed"
 
 
 def _state(notebook):
@@ -179,9 +170,9 @@ def _state(notebook):
         return _EDITED
     if not stamp or any(cell.execution_count is None for cell in code_cells(node)):
         return "it was never executed"
-    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
     if stamp.get("parameters"):
         return "it was executed with other parameters"
+    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
     if changed == ["look"]:
         return _LOOKS_CHANGED
     if changed:
@@ -198,23 +189,21 @@ def _execute(notebook, parameters, folder):
     import papermill  # slow, and most commands do without
     from nbclient.exceptions import DeadKernelError
 
-    from himap.app.kernel_manager import AsyncLocalKernelManager
+    from himap.app.kernels import AsyncLocalKernelManager
 
     fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
-    started = time.monotonic()
-    watched = terminal()
-    bar = {"desc": notebook.name, "leave": False} if watched else False
+    started, watched = time.monotonic(), _terminal()
     try:
-        with kernel_environment(watched):
+        with changed_environment(_kernel_variables(watched)):
             done = papermill.execute_notebook(
                 node,
                 None,
                 parameters,
                 cwd=folder,
-                progress_bar=bar,
-                extra_arguments=list(_KERNEL_OPTIONS),
+                progress_bar={"desc": notebook.name, "leave": False} if watched else False,
+                extra_arguments=_KERNEL_OPTIONS,
                 kernel_manager_class=AsyncLocalKernelManager,
             )
     except papermill.PapermillExecutionError as error:
@@ -230,3 +219,43 @@ def _execute(notebook, parameters, folder):
         ) from error
     execution = environment() | {"seconds": round(time.monotonic() - started, 1)}
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)
+
+
+def _terminal():
+    """Path of the terminal that a person watches, or None."""
+    with contextlib.suppress(OSError, AttributeError):
+        return os.ttyname(sys.stderr.fileno())
+    return None
+
+
+def _kernel_variables(terminal):
+    """Environment of a kernel: this himap, the terminal for its bars, and no chatter.
+
+    Neither modules in the current folder nor what a user lets IPython do at each start come into it.
+    """
+    logging.getLogger("papermill").setLevel(logging.ERROR)
+    # A kernel takes the first of them off where that is the current folder: so the first one is nowhere.
+    paths = [str(run_folder() / "nowhere"), str(Path(__file__).resolve().parents[2])]
+    variables = {
+        "PYTHONPATH": os.pathsep.join([*paths, *filter(None, [os.environ.get("PYTHONPATH")])]),
+        "PYTHONSAFEPATH": "1",
+        "IPYTHONDIR": str(run_folder() / "ipython"),
+        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+        "JUPYTER_PLATFORM_DIRS": "1",
+    }
+    home = Path.home()
+    if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
+        variables["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
+    return variables | ({TERMINAL_VARIABLE: terminal} if terminal else {})
+
+
+@contextlib.contextmanager
+def changed_environment(changes):
+    """Environment variables {name: text}, as they were again afterwards."""
+    before = {name: os.environ.get(name) for name in changes}
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)

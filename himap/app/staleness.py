@@ -6,7 +6,7 @@ carry none: they are those of one machine and one day. A stale result is reporte
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from himap.app.notebooks import notebooks
@@ -47,10 +47,47 @@ class StoredResult:
     codes: dict[str, dict | None]
     checked: str = ""
 
+    @classmethod
+    def read(cls, path):
+        """What made the result at `path`."""
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if "figures" in content:
+            rows, checked = content["figures"], {}
+            made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
+            codes = {row["name"]: row.get("code") for row in rows}
+            # Figures of a notebook share one execution.
+            runs = {json.dumps(row["execution"]): row["execution"] for row in rows}.values()
+        else:
+            made = content["about"]
+            checked, runs = made.get("checked", {}), [made]
+            code = checked.get("code", made.get("code"))
+            codes = {content["experiment"]: code} if "experiment" in content else {}
+        return cls(
+            path=path,
+            preset=made["preset"],
+            galaxy=made["galaxy"],
+            commits={(run["commit"], run["dirty"]) for run in runs},
+            seconds=sum(run["seconds"] for run in runs),
+            codes=codes,
+            checked=checked.get("commit", ""),
+        )
+
     @property
     def name(self):
         """The name of the file, or of the folder of figures."""
         return self.path.parent.name if self.path.stem == "figures" else self.path.stem
+
+    def why_stale(self, today):
+        """Why today's {name: fingerprint} may not give it; empty if they do, or for a timing."""
+        if None in self.codes.values():
+            return "made before fingerprints were kept"
+        gone = [name for name in self.codes if name not in today]
+        if gone:
+            return f"no notebook has {', '.join(gone)} any more"
+        changed = {name: parts for name, code in self.codes.items() if (parts := moved(code, today[name]))}
+        parts = dict.fromkeys(part for parts in changed.values() for part in parts if part != "code")
+        which = f": {', '.join(parts)}" if parts else ""
+        return f"the code behind {', '.join(changed)} changed{which}" if changed else ""
 
 
 def stored_results(folder=None):
@@ -58,7 +95,7 @@ def stored_results(folder=None):
     folder = folder or RESULTS
     files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
     files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
-    return sorted(map(_read, files), key=lambda result: result.name)
+    return sorted(map(StoredResult.read, files), key=lambda result: result.name)
 
 
 def stale_results(folder=None, notebooks_folder=None):
@@ -72,50 +109,6 @@ def stale_results(folder=None, notebooks_folder=None):
     tree = CodeTree()
     today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
     for notebook in notebooks(notebooks_folder):
-        code = notebook.fingerprint(tree)
-        cells = [cell.metadata.get("mystnb", {}).get("figure", {}) for cell in notebook.node.cells]
-        today |= {figure["name"]: code for figure in cells if "name" in figure}
-    states = {result.name: _state(result, today) for result in stored_results(folder)}
+        today |= dict.fromkeys(notebook.captions, notebook.fingerprint(tree))
+    states = {result.name: result.why_stale(today) for result in stored_results(folder)}
     return {name: state for name, state in states.items() if state}
-
-
-def _state(result, today):
-    """Why a result is stale; empty if it is fresh, or a timing."""
-    if None in result.codes.values():
-        return "made before fingerprints were kept"
-    gone = [name for name in result.codes if name not in today]
-    if gone:
-        return f"no notebook has {', '.join(gone)} any more"
-    changed = {name: moved(code, today[name]) for name, code in result.codes.items()}
-    parts = dict.fromkeys(part for name in changed for part in changed[name] if part != "code")
-    which = f": {', '.join(parts)}" if parts else ""
-    return (
-        f"the code behind {', '.join(filter(changed.get, changed))} changed{which}"
-        if any(changed.values())
-        else ""
-    )
-
-
-def _read(path):
-    content = json.loads(path.read_text(encoding="utf-8"))
-    if "figures" not in content:
-        about = content["about"]
-        checked = about.get("checked", {})
-        code = checked.get("code", about.get("code"))
-        codes = {content["experiment"]: code} if "experiment" in content else {}
-        return replace(_result(path, about, [about], codes), checked=checked.get("commit", ""))
-    rows = content["figures"]
-    made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
-    runs = {json.dumps(row["execution"]): row["execution"] for row in rows}  # figures of a notebook share one
-    return _result(path, made, runs.values(), {row["name"]: row.get("code") for row in rows})
-
-
-def _result(path, made, runs, codes):
-    return StoredResult(
-        path=path,
-        preset=made["preset"],
-        galaxy=made["galaxy"],
-        commits={(run["commit"], run["dirty"]) for run in runs},
-        seconds=sum(run["seconds"] for run in runs),
-        codes=codes,
-    )

@@ -2,7 +2,7 @@
 
 import os
 
-from himap.app.captions import figure_order, plain_caption
+from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, read_stored, stored_figure
 from himap.figures import styles

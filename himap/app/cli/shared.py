@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 
 from himap.app import reproduce
-from himap.app.kernels import changed_environment
 from himap.app.notebook_files import check_output
+from himap.app.reproduce import changed_environment
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
