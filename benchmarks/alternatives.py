@@ -17,7 +17,7 @@ from sklearn.exceptions import ConvergenceWarning
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover
-from himap.removal.details import details_of
+from himap.removal.gmca import details_of
 from himap.removal.parametric import FIXED_INDEX
 
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from himap.removal.faint_covariance import faint_covariance, log_fit
+from himap.removal.smooth_spectra import faint_covariance, log_fit
 
 N = 60
 FREQS = np.linspace(900, 1400, N)

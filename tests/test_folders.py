@@ -161,7 +161,7 @@ def test_where_others_could_put_code_none_is_read(kept_in, tmp_path, fresh):
 
 
 def test_numba_follows(tmp_path):
-    code = "from himap.removal.sdecgmca import selection; import numba; print(numba.config.CACHE_DIR)"
+    code = "from himap.removal.sdecgmca import scales; import numba; print(numba.config.CACHE_DIR)"
     environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
     environment |= {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": ROOT}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)

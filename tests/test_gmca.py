@@ -10,8 +10,7 @@ from himap.maps import sphere
 from himap.maps.starlets import starlet_filters, starlets
 from himap.removal import gmca
 from himap.removal.base import SeparationWarning
-from himap.removal.details import SphereDetails
-from himap.removal.gmca import GMCA
+from himap.removal.gmca import GMCA, SphereDetails
 from himap.removal.pca import PCA
 
 N_CHANNELS = 8

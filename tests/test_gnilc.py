@@ -8,8 +8,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.needlets import cosine_needlets
 from himap.removal.data import Data
-from himap.removal.gnilc import GNILC, foreground_filter, n_foreground
-from himap.removal.hi_prior import stationary
+from himap.removal.gnilc import GNILC, foreground_filter, n_foreground, stationary
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1

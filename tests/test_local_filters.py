@@ -1,18 +1,15 @@
 """Filters of regions: the same as that of the whole sky where it is the same all over, better where not."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
 from himap.maps import sphere
-from himap.removal.gnilc import GNILC, foreground_filter
-from himap.removal.local_filters import _cell_products, local_difference
+from himap.removal.gnilc import GNILC, _cell_products, foreground_filter, local_difference
 
 NSIDE = 16
 FREQS = np.linspace(910, 1390, 12)
 FIRST, SECOND = np.moveaxis((FREQS[:, None] / 1000) ** np.array([-2.13, -2.8]), 1, 0)
-FIND = partial(foreground_filter, prior=np.eye(12))
+PRIOR = np.eye(12)
 
 
 @pytest.fixture
@@ -25,7 +22,7 @@ def hemispheres(rng):
 
 
 def whole_filter(maps):
-    return FIND(maps @ maps.T / maps.shape[1])
+    return foreground_filter(maps @ maps.T / maps.shape[1], PRIOR)
 
 
 def test_sums_over_cells_are_those_of_all_pixels(rng):
@@ -39,7 +36,7 @@ def test_sums_over_cells_are_those_of_all_pixels(rng):
 
 def test_regions_wider_than_the_sky_are_the_sky(hemispheres):
     maps = sum(hemispheres)
-    assert np.abs(local_difference(maps, FIND, whole_filter(maps), 1e3)).max() < 1e-3
+    assert np.abs(local_difference(maps, PRIOR, whole_filter(maps), 1e3)).max() < 1e-3
 
 
 def test_where_each_region_has_one_spectrum_one_is_taken(hemispheres):
@@ -50,7 +47,7 @@ def test_where_each_region_has_one_spectrum_one_is_taken(hemispheres):
     assert spectra.shape == (12, 2)
     taken = spectra @ (rows @ (foreground + hi))
     error = taken - foreground
-    local = error + local_difference(foreground + hi, FIND, whole, 0.15)
+    local = error + local_difference(foreground + hi, PRIOR, whole, 0.15)
     away = np.abs(sphere.pixel_latitude(NSIDE)) > 45
     assert np.mean(error[:, away] ** 2) == pytest.approx(2 / 12, rel=0.1)
     assert np.mean(local[:, away] ** 2) == pytest.approx(1 / 12, rel=0.1)

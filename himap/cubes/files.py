@@ -10,7 +10,7 @@ from himap.cubes import fits, hdf5
 from himap.cubes.layout import Layout, SpherePixels, check_cube_room, same_freqs
 from himap.maps.healpix_files import ENDINGS
 from himap.maps.shapes import pixels_last, sphere_sizes
-from himap.removal.hi_prior import LINE
+from himap.sky.cosmology import FREQ_21CM
 
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
@@ -124,7 +124,7 @@ def _edges(table):
     )
     if not (adjoin and (lower > 0).all() and (lower < upper).all()):
         return None
-    redshifts = LINE / edges[:, ::-1] - 1
+    redshifts = FREQ_21CM / edges[:, ::-1] - 1
     if n_columns == 5 and not np.allclose(table[:, 3:], redshifts, rtol=0, atol=_REDSHIFT):
         return None
     return edges

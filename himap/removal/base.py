@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from himap.core.checks import checked_fields, parameter
+from himap.core.checks import checked_fields, checked_noise, parameter
 from himap.core.errors import InputError
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data, check_channels, scattered
@@ -64,6 +64,8 @@ class ForegroundRemover(ABC):
 
     def __post_init__(self):
         checked_fields(self)
+        if hasattr(self, "noise"):
+            object.__setattr__(self, "noise", checked_noise("noise", self.noise))
 
     def clean(self, maps, *, separate_on=None, modes=None, **given):
         """Find the foreground and subtract it.
@@ -144,13 +146,14 @@ class ForegroundRemover(ABC):
         Raises
         ------
         InputError
-            More sources than channels.
+            More sources than channels, or noise for another number of channels.
         """
         n_sources = getattr(self, "n_sources", 0)
         if n_sources > n_channels:
             raise InputError(
                 f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
             )
+        checked_noise("noise", getattr(self, "noise", None), n_channels)
 
     def check_data(self, data):
         """Refuse, before any work, `Data` that the method cannot work with.

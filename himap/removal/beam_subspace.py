@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.core.checks import checked_noise
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
@@ -63,14 +62,6 @@ class BeamSubspace(ForegroundRemover):
     )
     noise: float | tuple | None = parameter(None, "noise per pixel, mK, or one for each channel")
     n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
-
-    def __post_init__(self):
-        super().__post_init__()
-        object.__setattr__(self, "noise", checked_noise("noise", self.noise))
-
-    def check(self, n_channels):
-        super().check(n_channels)
-        checked_noise("noise", self.noise, n_channels)
 
     def check_data(self, data):
         super().check_data(data)

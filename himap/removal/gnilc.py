@@ -1,7 +1,6 @@
 """Generalised needlet internal linear combination: what stands out of HI and noise is foreground."""
 
 from dataclasses import dataclass
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
@@ -9,17 +8,22 @@ from typing import ClassVar
 import numpy as np
 from scipy import linalg
 
+from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import projection
+from himap.maps.blocked import centred, projection
 from himap.maps.needlets import cosine_needlets
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.hi_prior import band_covariance, expected_covariance, mock_covariances, read_mock
-from himap.removal.local_filters import local_difference
 from himap.removal.separation import ordered
 
+LINE = 1420.405751768
+"""Rest frequency of the 21 cm line, MHz."""
+
+_BRIGHT = 9.0  # times the median of the variances: foreground, not HI and noise alone
+_ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
+_FAINT = 1e-3  # of the largest weight: pixels below it do not feel a region
 _ROUNDING = 1e-14  # of the variance of the data: a prior below that is of float32 maps without HI and noise
 
 
@@ -75,53 +79,45 @@ class GNILC(ForegroundRemover):
         return "" if self.prior is None else sha256(Path(self.prior).read_bytes()).hexdigest()
 
     def _separate(self, data):
-        maps, freqs, modes = data.centred, data.freqs, data.modes
+        maps, modes = data.centred, data.modes
         nside = sphere.nside_of(maps)
         lmax = 3 * nside - 1
-        peaks = self._peaks(lmax)
-        windows = cosine_needlets(peaks, lmax)
-        covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
-        priors = self._priors(maps, freqs, covariances, peaks, windows)
-        filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
-        local = self._local(modes, windows, priors, filters, nside)
-        found = [
-            _through(window**2, modes.along(rows, lmax), nside)
-            for window, (_, rows) in zip(progress(windows, self.name), filters, strict=True)
-        ]
-        _, rows = filters[-1]  # beyond the last l: what is in the maps less what is in their modes
-        found[-1] += projection(rows, maps) - _through(np.ones(lmax + 1), modes.along(rows, lmax), nside)
-        spectra = [spectra for spectra, _ in filters]
-        if local is not None:
-            spectra.append(np.eye(len(maps)))
-            found.append(local)
-        mixing, sources = ordered(np.hstack(spectra), np.concatenate(found))
-        return Separation(mixing=mixing, sources=sources)
-
-    def _peaks(self, lmax):
-        """l of the peaks of the needlets, ascending; the last ends below 2 lmax."""
         peaks = [self.first_peak]
         while 2 * peaks[-1] < lmax:
             peaks.append(2 * peaks[-1])
-        return peaks
-
-    def _priors(self, maps, freqs, covariances, peaks, windows):
-        """The covariance expected of HI and noise in each needlet."""
-        if self.prior is not None:
-            return mock_covariances(read_mock(self.prior, maps.shape), windows)
-        pairs = zip(covariances, peaks, strict=True)
-        return [expected_covariance(covariance, freqs, peak) for covariance, peak in pairs]
+        windows = cosine_needlets(peaks, lmax)
+        covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
+        if self.prior is None:
+            pairs = zip(covariances, peaks, strict=True)
+            priors = [expected_covariance(covariance, data.freqs, peak) for covariance, peak in pairs]
+        else:
+            priors = mock_covariances(read_mock(self.prior, maps.shape), windows)
+        filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
+        spectra, rows = (list(parts) for parts in zip(*filters, strict=True))
+        sources = [
+            _synthesise(window**2, modes.along(row, lmax), nside)
+            for window, row in zip(progress(windows, self.name), rows, strict=True)
+        ]
+        # Beyond the last l: what is in the maps less what is in their modes.
+        in_modes = _synthesise(np.ones(lmax + 1), modes.along(rows[-1], lmax), nside)
+        sources[-1] += projection(rows[-1], maps) - in_modes
+        local = self._local(modes, windows, priors, filters, nside)
+        if local is not None:
+            spectra.append(np.eye(len(maps)))
+            sources.append(local)
+        mixing, sources = ordered(np.hstack(spectra), np.concatenate(sources))
+        return Separation(mixing=mixing, sources=sources)
 
     def _local(self, modes, windows, priors, filters, nside):
-        """What filters of regions take more, (n_channels, n_pix) float64; None if no needlet has regions."""
+        """The `local_difference` of all needlets, (n_channels, n_pix) float64; None if none has regions."""
         alms = None
-        for window, prior, whole in zip(windows, priors, filters, strict=True):
+        for window, prior, everywhere in zip(windows, priors, filters, strict=True):
             n_modes = np.sum((2 * np.arange(len(window)) + 1) * window**2)
             n_channels = len(prior)
             if n_channels >= self.bias * n_modes:
                 continue
-            data = _through(window[: _last(window) + 1], modes.upto(_last(window)), nside)
-            find = partial(foreground_filter, prior=prior)
-            more = local_difference(data, find, whole, np.sqrt(n_channels / (self.bias * n_modes)))
+            data = _synthesise(window[: _last(window) + 1], modes.upto(_last(window)), nside)
+            more = local_difference(data, prior, everywhere, np.sqrt(n_channels / (self.bias * n_modes)))
             found = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
             found *= window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
             alms = found if alms is None else alms + found
@@ -133,7 +129,7 @@ def _last(window):
     return int(np.flatnonzero(window).max())
 
 
-def _through(weights, modes, nside):
+def _synthesise(weights, modes, nside):
     """Maps of modes times weights of l, (n, (lmax + 1)^2) to (n, n_pix)."""
     maps = np.empty((len(modes), 12 * nside**2))
     for mode, out in zip(modes * weights[harmonic.degrees(len(weights) - 1)], maps, strict=True):
@@ -164,3 +160,166 @@ def n_foreground(values):
     unexplained = values - np.log(values) - 1
     left = np.append(np.cumsum(unexplained[::-1])[::-1], 0)
     return int(np.argmin(2 * np.arange(len(left)) + left))
+
+
+def local_difference(maps, prior, everywhere, width):
+    """What filters of regions remove more than the filter of the sky, (n_channels, n_pix) float32.
+
+    A region has the weight exp(-d^2 / (2 width^2)) at an angle d from its centre. Centres are HEALPix pixels
+    no further apart than `width`; between them the results of their filters are averaged with the squares of
+    those weights. A covariance is that of cells of half that size, each with its weight.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix) float64.
+    prior
+        Q of HI and noise, (n_channels, n_channels), mK^2.
+    everywhere
+        The `foreground_filter` of all pixels.
+    width
+        rad.
+    """
+    nside = sphere.nside_of(maps)
+    coarse = 2 ** max(0, int(np.ceil(np.log2(np.sqrt(np.pi / 3) / width))))
+    products = _cell_products(maps, min(2 * coarse, nside))
+    cells = sphere.pixel_vectors(sphere.nside_of(products.T), nest=True)
+    places, centres = sphere.pixel_vectors(nside), sphere.pixel_vectors(min(coarse, nside))
+
+    def weight(vectors, centre):
+        angle = np.arccos(np.clip(vectors @ centre, -1, 1))
+        return np.exp(-0.5 * (angle / width) ** 2)
+
+    total = sum(weight(places, centre) ** 2 for centre in centres)
+    more = np.zeros(maps.shape, dtype=np.float32)
+    for centre in progress(centres, "regions"):
+        shares = weight(cells, centre)
+        covariance = np.tensordot(shares, products, 1) / (shares.sum() * maps.shape[1] / len(cells))
+        spectra, rows = foreground_filter(covariance, prior)
+        share = weight(places, centre) ** 2 / total
+        near = share > _FAINT * share.max()
+        # Differences alone: a share that is left out of them is one of HI, and not of the foreground.
+        both = np.hstack([spectra, -everywhere[0]]), np.vstack([rows, everywhere[1]])
+        more[:, near] += share[near] * (both[0] @ (both[1] @ maps[:, near]))
+    return more
+
+
+def _cell_products(maps, nside):
+    """Sums of x x^T over the pixels of each NESTED cell, (n_cells, n_channels, n_channels)."""
+    order = sphere.nest_to_ring(sphere.nside_of(maps)).reshape(12 * nside**2, -1)
+    return np.array([maps[:, cell] @ maps[:, cell].T for cell in order])
+
+
+def read_mock(path, shape):
+    """The maps of a mock, (n_channels, n_pix) float32, mK, from a .npy file.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is no array, or not one of finite numbers of that shape.
+    """
+    try:
+        maps = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError) as problem:
+        raise InputError(
+            "prior must be a .npy file with maps of HI and noise, (n_channels, n_pix) in mK, RING, channels "
+            f"ascending; {path}: {problem}."
+        ) from None
+    maps = checked_cube("the mock of prior", maps, min_channels=2)
+    if maps.shape != shape:
+        raise InputError(
+            f"the mock of prior must have the shape of the maps, {shape}, got {maps.shape}; make it for "
+            "this survey, seen through its beam."
+        )
+    return maps
+
+
+def mock_covariances(maps, windows):
+    """The covariance of a mock in every window, made `stationary`, a list of (n_channels, n_channels), mK^2.
+
+    Parameters
+    ----------
+    maps
+        (n_channels, n_pix), mK: HI and noise as the instrument sees them.
+    windows
+        (n_windows, lmax + 1).
+    """
+    lmax = windows.shape[1] - 1
+    modes = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
+    for channel, out in zip(progress(centred(maps), "prior"), modes, strict=True):
+        out[:] = harmonic.to_modes(sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT))
+    return [stationary(band_covariance(modes, window)) for window in windows]
+
+
+def band_covariance(modes, window):
+    """Covariance between channels of maps through a window h_l, (n_channels, n_channels) float64, mK^2.
+
+    Parameters
+    ----------
+    modes
+        Real modes, (n_channels, (lmax + 1)^2).
+    window
+        h_l, to lmax or beyond.
+    """
+    total = np.zeros((len(modes), len(modes)))
+    for weight, block in zip(window, harmonic.blocks(modes), strict=False):
+        if weight:
+            data = weight * block.astype(np.float64)
+            total += data @ data.T
+    return total / (4 * np.pi)
+
+
+def stationary(covariance):
+    """The nearest of the form s_a s_b rho(a - b): what a few modes can tell of a smooth covariance.
+
+    ln s^2 is a cubic in frequency, rho the mean along each diagonal, less far off it by the share of channels
+    that are so far apart: so it is the autocorrelation of a series, which has no negative power. Channels are
+    taken as evenly spaced.
+    """
+    deviation = np.sqrt(_smoothed(np.diag(covariance)))
+    correlation = covariance / np.outer(deviation, deviation)
+    along = np.array([np.trace(correlation, lag) for lag in range(len(correlation))])
+    return np.outer(deviation, deviation) * linalg.toeplitz(along / along[0])
+
+
+def expected_covariance(covariance, freqs, degree):
+    """A covariance of HI without a mock: its shape from theory, its level from the data, mK^2.
+
+    Of matter with P(k) ~ k^-2 the correlation between two distances r < r' at multipole l is
+    exp(-l (r' - r) / r): in redshift, which is distance here, (z / z')^l. The variance by channel is a smooth
+    curve through what `covariance`, that of the data, has off the axes where foreground stands out.
+
+    Parameters
+    ----------
+    covariance
+        Of the data, (n_channels, n_channels).
+    freqs
+        MHz, below the rest frequency of the line.
+    degree
+        Multipole l.
+
+    Raises
+    ------
+    InputError
+        A frequency at or above that of the line, which no HI in the Hubble flow has.
+    """
+    if freqs[-1] >= LINE:
+        raise InputError(
+            f"without a mock HI is expected below {LINE:.1f} MHz, got channels up to {freqs[-1]:g} MHz; give "
+            "prior, a file with a mock."
+        )
+    place = degree * np.log(LINE / freqs - 1)
+    shape = np.exp(-np.abs(place[:, None] - place))
+    values, axes = np.linalg.eigh(covariance)
+    faint = axes[:, values <= _BRIGHT * np.median(values)]
+    found, share = (np.sum((faint @ (faint.T @ one @ faint)) * faint, axis=1) for one in (covariance, shape))
+    deviation = np.sqrt(_smoothed(found / share))
+    return np.outer(deviation, deviation) * shape
+
+
+def _smoothed(variance):
+    """A cubic through the logarithms."""
+    place = np.linspace(-1, 1, len(variance))
+    order = min(_ORDER, len(variance) - 1)
+    floor = np.finfo(float).tiny
+    return np.exp(np.polyval(np.polyfit(place, np.log(np.maximum(variance, floor)), order), place))

@@ -14,7 +14,7 @@ from himap.core.checks import checked_cube, checked_freqs, whole_number
 from himap.core.errors import InputError
 from himap.maps.blocked import in_threads
 from himap.removal.data import check_channels
-from himap.removal.weighted_fits import weighted_clipping
+from himap.removal.weighted_pca import least_squares
 
 _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
 
@@ -59,19 +59,7 @@ class PeakMasked:
 def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
-    Parameters
-    ----------
-    maps, freqs, order, n_sigma, weights
-        As in `smooth_baselines`; `maps` is left as it is.
-
-    Returns
-    -------
-    PeakMasked
-
-    Raises
-    ------
-    InputError
-        As `smooth_baselines`.
+    A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` is left as it is.
     """
     baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, weights=weights)
     smooth = np.array(maps, dtype=np.float32)
@@ -99,8 +87,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     n_sigma
         Threshold in standard deviations.
     weights
-        (n_channels, n_pix), 0 where a voxel is missing, and that is finite (`weighted_clipping`); those of
-        whole pixels, (n_pix,), change nothing.
+        (n_channels, n_pix), 0 where a voxel is missing, and that is finite. Fits and deviation are weighted,
+        and a channel stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
 
     Returns
     -------
@@ -125,19 +113,23 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
 
     def fit(block):
         lines = maps[:, block].astype(np.float64)
-        if weights is not None:
-            some = weights[:, block].astype(np.float64)
-            first[:, block], second[:, block], flagged[:, block] = weighted_clipping(
-                basis, lines, some, n_sigma
-            )
-            return
-        first[:, block] = basis.T @ lines
+        if weights is None:
+            shares, n_seen = 1.0, len(lines)
+            first[:, block] = basis.T @ lines
+        else:
+            shares = weights[:, block].astype(np.float64)
+            shares /= shares.max(axis=0)
+            n_seen = np.count_nonzero(shares, axis=0)
+            first[:, block] = least_squares(basis, lines, shares)
         lines -= basis @ first[:, block]
-        deviation = np.sqrt(np.einsum("ij,ij->j", lines, lines) / len(lines))  # the fit leaves no mean
-        np.greater(np.abs(lines), n_sigma * deviation, out=flagged[:, block])
+        pull = np.sqrt(shares) * np.abs(lines)
+        deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the fit leaves no mean
+        out = np.greater(pull, n_sigma * deviation, out=flagged[:, block])
         second[:, block] = first[:, block]
-        clipped = flagged[:, block].any(axis=0)
-        second[:, block][:, clipped] += _correction(basis, lines[:, clipped], flagged[:, block][:, clipped])
+        clipped = out.any(axis=0)
+        if clipped.any():  # of residuals alone, so that the bright baseline costs no digits
+            rest = np.where(out, 0, shares)[:, clipped]
+            second[:, block][:, clipped] += least_squares(basis, lines[:, clipped], rest)
 
     in_threads(fit, maps.shape[1], "peak masking", _BLOCK)
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
@@ -156,7 +148,7 @@ def check_clipping(n_channels, order, n_sigma):
     real = isinstance(n_sigma, numbers.Real) and not isinstance(n_sigma, bool)
     if not real or not 0 < n_sigma < np.inf:
         raise InputError(f"n_sigma must be a positive number of standard deviations, got {n_sigma!r}.")
-    most = int(np.ceil(n_channels / n_sigma**2)) - 1  # m outliers alone have a variance above m n_sigma^2 / n
+    most = _most_flagged(n_channels, n_sigma)
     if n_channels - most < order + 2:
         raise InputError(
             f"n_sigma = {n_sigma:g} could flag {most} of {n_channels} channels, too many to fit "
@@ -166,8 +158,13 @@ def check_clipping(n_channels, order, n_sigma):
 
 def least_channels(n_channels, order=6, n_sigma=5.0):
     """How many channels that are not missing, of `n_channels`, a line of sight needs for such a fit."""
-    enough = (n for n in range(order + 2, n_channels) if n - int(np.ceil(n / n_sigma**2)) + 1 >= order + 2)
+    enough = (n for n in range(order + 2, n_channels) if n - _most_flagged(n, n_sigma) >= order + 2)
     return next(enough, n_channels)
+
+
+def _most_flagged(n_channels, n_sigma):
+    """m outliers alone have a variance above m n_sigma^2 / n, so that there are fewer than n / n_sigma^2."""
+    return int(np.ceil(n_channels / n_sigma**2)) - 1
 
 
 def _polynomials(freqs, order):
@@ -180,17 +177,3 @@ def _polynomials(freqs, order):
     u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
     basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
     return basis * np.sign(np.diag(triangle))
-
-
-def _correction(basis, residual, flagged):
-    """What to add to the coefficients of a fit to leave out the flagged channels, (order + 1, n).
-
-    With the flagged rows F of the basis Q (Q^T Q = 1) and the residual r of the first fit, the normal
-    equations of the other channels are (1 - F^T F) delta = -F^T r. They hold residuals alone, so the bright
-    baseline costs no digits.
-    """
-    n_coefficients = basis.shape[1]
-    products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
-    normal = np.eye(n_coefficients) - (flagged.T @ products).reshape(-1, n_coefficients, n_coefficients)
-    pull = np.where(flagged, residual, 0).T @ basis
-    return -np.linalg.solve(normal, pull[:, :, None])[:, :, 0].T

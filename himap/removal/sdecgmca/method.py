@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.core.checks import checked_noise
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
@@ -119,11 +118,6 @@ class SDecGMCA(ForegroundRemover):
         for name, value in resolved(self.reading, given).items():
             object.__setattr__(self, name, value)
         super().__post_init__()
-        object.__setattr__(self, "noise", checked_noise("noise", self.noise))
-
-    def check(self, n_channels):
-        super().check(n_channels)
-        checked_noise("noise", self.noise, n_channels)
 
     def check_data(self, data):
         super().check_data(data)
