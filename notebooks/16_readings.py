@@ -184,16 +184,17 @@ plotting.stamp(curves_figure(outcomes), made)
 # bands and bump the value that is furthest from 1 in any run. Without a column there: {glue:text}`readings_empty`.
 
 # %% tags=["hide-input"]
-plain = readings_table.plain_rows(outcomes)
-in_bands = (*BANDS, "bump")
-header, lines = readings_table.with_columns([n for n in readings_table.HEADER if n not in in_bands], plain)
-Table(header, lines, align="l" + "r" * len(header[1:]))
+summary = readings_table.summary_table(outcomes)
+in_bands = [*BANDS, "bump"]
+shown = summary.drop(columns=in_bands)
+Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% tags=["hide-input"]
-header, lines = readings_table.with_columns(["reading", *in_bands], plain)
-empty = [name for name in in_bands if name not in header]
+shown = summary[["reading", *in_bands]]
+shown = shown.loc[:, (shown != "–").any()]
+empty = [name for name in in_bands if name not in shown]
 quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empty else "none")
-Table(header, lines, align="l" + "r" * len(header[1:]))
+Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
 # The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in

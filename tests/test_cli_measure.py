@@ -12,7 +12,6 @@ from himap.app import notebooks
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import EXPERIMENTS, find_experiment
-from himap.paper.experiments.claims import NUDGES
 from himap.paper.record import Experiment, Record, measuring_code
 
 CLAIMS = ("measure", "claims", "--preset", "ci")
@@ -67,9 +66,9 @@ class TestWrite:
 
     def test_five_skies_with_nudges_by_default(self, himap_command, seen):
         assert himap_command(*CLAIMS, "-o", "a.json")[0] == 0
-        assert [len(sky.realisations) for sky in seen[0]] == [1 + len(NUDGES), 1, 1, 1, 1]
+        assert [len(levels) for sky in seen[0] for levels in sky.realisations.values()] == [3, 1, 1, 1, 1]
         assert himap_command(*CLAIMS, "-p", "nudged=false", "-o", "b.json")[0] == 0
-        assert {len(sky.realisations) for sky in seen[1]} == {1}
+        assert {len(levels) for sky in seen[1] for levels in sky.realisations.values()} == {1}
         assert ["nudged", False] in stored("b.json").about["overrides"]
 
     @pytest.mark.parametrize("name", EXPERIMENTS)

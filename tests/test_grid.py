@@ -1,5 +1,7 @@
 """Skies and methods of experiments, and what is made for them: on a small sky."""
 
+from dataclasses import replace
+
 import pytest
 
 from himap.core.errors import InputError
@@ -54,7 +56,7 @@ class TestCases:
 
 class TestMaking:
     def test_observations_and_separations_are_deleted(self, sky):
-        measured_recoveries(sky, ["pca"])
+        measured_recoveries(sky)
         ((case, (pca,)),) = sky.methods.items()
         assert own_recovery.is_cached(case, pca)
         assert not cleaned.separation.is_cached(case, pca)
@@ -63,7 +65,7 @@ class TestMaking:
     def test_what_was_there_before_stays(self, sky):
         ((case, (pca,)),) = sky.methods.items()
         cleaned.separation(case, pca)
-        measured_recoveries(sky, ["pca"])
+        measured_recoveries(sky)
         assert cleaned.separation.is_cached(case, pca) and pipeline.observation.is_cached(case)
 
     @pytest.mark.parametrize("known", [False, True])
@@ -74,22 +76,22 @@ class TestMaking:
             own_recovery(case, pca)
         calls, separate = [], PCA.separate
         monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
-        measured_recoveries(sky, ["pca"])
+        measured_recoveries(sky)
         assert len(calls) == 3  # the sky, and the sky with each mock
 
     def test_what_fails_leaves_no_cubes(self, sky, monkeypatch):
         monkeypatch.setattr(grid, "make_all", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            measured_recoveries(sky, ["pca"])
+            measured_recoveries(sky)
         assert not pipeline.observation.is_cached(next(iter(sky.methods)))
 
     def test_nothing_is_observed_for_what_is_there(self, sky, monkeypatch):
-        before = measured_recoveries(sky, ["pca"])
+        before = measured_recoveries(sky)
         monkeypatch.setattr(grid.plan, "make_observations", lambda asked: [] if not asked else 1 / 0)
-        ((*_, own, transfer),) = measured_recoveries(sky, ["pca"])
+        ((*_, own, transfer),) = measured_recoveries(sky)
         assert (own.output.power == before[0][2].output.power).all()
         assert len(transfer.mocks) == 2
 
     def test_only_some_have_a_transfer_function(self, sky):
-        ((_, _, _, transfer),) = measured_recoveries(sky, ["gnilc"])
+        ((_, _, _, transfer),) = measured_recoveries(replace(sky, corrected=("gnilc",)))
         assert transfer is None

@@ -19,7 +19,7 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import BEAMS
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.experiments.claims import EXPERIMENT, NUDGES, JudgedSky, realisations, skies
-from himap.paper.ledger_table import BADGES, HEADER, LedgerTable, plain_rows, summary
+from himap.paper.ledger_table import BADGES, LedgerTable, plain_table, summary
 from himap.paper.methods import BEAM_AWARE
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,7 +76,7 @@ def test_a_thousandth_of_the_noise_level():
     assert one.nudged_verdicts == [FAILED]
     assert one.values == (2.0, 2.0, 2.0) and one.verdict == REPRODUCED
     assert all(math.isnan(value) for value in entry(REPRODUCED).nudged_values)
-    assert plain_rows([one])[0][5] == "0.5 to 2"
+    assert plain_table([one])["0.1 % of noise"].tolist() == ["0.5 to 2"]
     page = LedgerTable([one])._repr_html_()
     assert "0.1 % of noise level: 0.5 to 2; also not reproduced" in page
     assert "noise level" not in LedgerTable([entry(REPRODUCED)])._repr_html_()
@@ -115,8 +115,8 @@ def test_table_says_what_the_entries_say():
     ]
     assert summary(several) == {REPRODUCED: 1, IN_PART: 1, FAILED: 1, INAPPLICABLE: 1}
     first = ("D1", "degraded", REPRODUCED, "2/2", "0.15 (0.1 to 0.2)", "", "< 0.1", "largest |C/C0 - 1|")
-    assert plain_rows(several)[0] == first and len(HEADER) == len(first)
-    assert plain_rows(several)[3][2] == "in part (1 of 2)"
+    table = plain_table(several)
+    assert tuple(table.iloc[0]) == first and table["verdict"][3] == "in part (1 of 2)"
     page = LedgerTable(several, {"10_results": {"1": "fig-a"}})._repr_html_()
     assert '<a href="10_results.html#fig-a">Fig. 1</a>' in page
     assert '<a href="11_ns_scan.html">Fig. 3</a>' in page
@@ -152,9 +152,11 @@ def test_badges_can_be_read():
 def test_seeds_follow_that_of_the_survey():
     found = skies(preset="ci", survey={"seed": 7}, n_realisations=3)
     assert [sky.survey.seed for sky in found] == [7, 8, 9]
-    assert [[one.noise_level for one in sky.realisations] for sky in found] == [[1, *NUDGES], [1], [1]]
-    assert len({(one.galaxy, one.n_sources) for sky in found for one in sky.realisations}) == 1
-    assert [len(sky.realisations) for sky in skies(preset="ci", n_realisations=2, nudged=False)] == [1, 1]
+    several = [sky.realisations["default"] for sky in found]
+    assert [[one.noise_level for one in levels] for levels in several] == [[1, *NUDGES], [1], [1]]
+    assert len({(one.galaxy, one.n_sources) for levels in several for one in levels}) == 1
+    (sky,) = skies(preset="ci", n_realisations=1, nudged=False)
+    assert [one.noise_level for one in sky.realisations["default"]] == [1]
 
 
 @pytest.mark.parametrize(
@@ -195,7 +197,7 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     sky = replace(sky, options=SHORT)
     before, *others = dict.fromkeys(case for case, *_ in sky.cases.values())
     pipeline.observation(before)
-    judged = JudgedSky((sky, *(replace(sky, noise_level=level) for level in NUDGES)))
+    judged = JudgedSky({"default": [sky, *(replace(sky, noise_level=level) for level in NUDGES)]})
     found = entries(EXPERIMENT.table([judged]))
     assert pipeline.observation.is_cached(before) and pipeline.hi_of_sky.is_cached(sky.survey.sky)
     assert others and not any(pipeline.observation.is_cached(case) for case in others)

@@ -15,7 +15,7 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.experiments import readings as experiment
 from himap.paper.experiments.claims import NUDGES, judge
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import BANDS, outcomes, readings
+from himap.paper.readings import BANDS, COLUMNS, outcomes, readings
 from himap.paper.realisation import Realisation
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
@@ -93,7 +93,7 @@ def tiny(tmp_path_factory):
         some = {label: readings()[label] for label in CHOSEN}
         patch.setattr(experiment, "readings", lambda: some)
         (sky,) = experiment.skies(**TINY, n_realisations=1)
-        yield outcomes(experiment.EXPERIMENT.table([sky])), sky.judged["default"]
+        yield outcomes(experiment.EXPERIMENT.table([sky])), sky.realisations["default"][0]
 
 
 class TestEvaluate:
@@ -160,7 +160,7 @@ class TestEvaluate:
         assert means == pytest.approx(3 * np.array(at))
 
     def test_rows_of_another_version(self, tiny):
-        row = experiment._row("default", 1.0, "D1", 1.0)
+        row = dict.fromkeys(COLUMNS) | {"reading": "default", "noise_level": 1.0, "quantity": "D1"}
         for name, value in (("reading", "backwards"), ("quantity", "Z9")):
             rows = experiment.EXPERIMENT.frame([{"seed": 7} | row | {name: value}])
             with pytest.raises(InputError, match=f"of another version of himap, {value}; measure it again"):

@@ -197,7 +197,8 @@ class TestExperiments:
         prepared = []
         shared = replace(EXPERIMENT, prepare=prepared.append)
         shared.table(EXPERIMENT.skies())
-        assert not prepared
+        assert [[sky.seed for sky in skies] for skies in prepared] == [[7], [8]]
+        prepared.clear()
         monkeypatch.setattr(record_module, "dask_address", lambda: "tcp://host:8786")
         shared.table(EXPERIMENT.skies())
         assert [[sky.seed for sky in skies] for skies in prepared] == [[7, 8]]
@@ -211,7 +212,7 @@ class TestExperiments:
     def test_each_is_found_and_knows_its_code(self, name):
         experiment = find_experiment(name)
         assert experiment.name == name and set(experiment.key) <= set(experiment.columns)
-        assert experiment.code() == measuring_code(name, CodeTree(loaded=True))
+        assert measuring_code(name) == measuring_code(name, CodeTree(loaded=True))
 
     def test_unknown(self):
         with pytest.raises(InputError, match="unknown experiment 'x'; there are beam_errors, claims"):

@@ -13,7 +13,6 @@ from himap.measures.diagnostics import JUDGED
 from himap.paper.experiments.beam_errors import KINDS, worst_excess
 from himap.paper.experiments.methods import METHOD, distances, middles
 
-_MARKERS = "osD^v"
 _THIN = {"linewidth": 0.8}
 _PANELS = {"C/C0": "angular", "P/P0": "frequency"}
 _BAND_GAP = 0.15  # of the distance of two bands: between the points of two methods
@@ -31,43 +30,43 @@ def transfer_figure(tables):
     panels = []
     for title, table in tables.items():
         for name, kind in _PANELS.items():
-            own = table[table["band"].str.startswith(name)]
-            if len(own):
-                panels.append(_transfer_panel(own, title, styles.AXES[kind]))
+            shown = table[table["band"].str.startswith(name)]
+            if len(shown):
+                panels.append(_transfer_panel(shown) | {"title": title, **_labels(kind)})
     return plotting.lines(panels, size=(5.2, 3.4))
 
 
-def _transfer_panel(table, title, axes):
+def _labels(kind):
+    return {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": styles.AXES[kind]["ratio_label"]}
+
+
+def _transfer_panel(table):
     bands = table["band"].unique().tolist()
     methods = table.groupby(["method", "n_sources"], sort=False)
     ends = [-0.5, len(bands) - 0.5]
     curves = [(ends, [at, at], {"color": "0.75"} | _THIN) for at in (1 - _CLOSE, 1 + _CLOSE)]
     curves.append((ends, [1, 1], {"color": "black"} | _THIN))
     points = []
-    for n, ((name, n_sources), own) in enumerate(methods):
+    for n, (((name, n_sources), rows), marker) in enumerate(zip(methods, cycle("osD^v"), strict=False)):
         at = np.arange(len(bands)) + (n - (len(methods) - 1) / 2) * _BAND_GAP
-        by_band = own.groupby("band")
-        means = by_band[["uncorrected", "corrected"]].mean().reindex(bands)
-        scatters = by_band["corrected"].std().fillna(0).reindex(bands)
+        by_band = rows.groupby("band")
+        before, after = (by_band[one].mean().reindex(bands) for one in ("uncorrected", "corrected"))
+        scatter = by_band["corrected"].std().fillna(0).reindex(bands)
         colour = styles.METHOD_STYLES.get(name, {"color": "0.35"})["color"]
-        look = {"color": colour, "marker": _MARKERS[n % len(_MARKERS)]}
-        label = styles.numbered(name, n_sources)
-        open_look = look | {"fillstyle": "none", "label": f"_{label}, uncorrected"}
-        points.append((at, means["uncorrected"].to_numpy(), open_look))
-        points.append((at, means["corrected"].to_numpy(), look | {"label": label}))
-        for x, mean, scatter in zip(at, means["corrected"], scatters, strict=True):
-            bar = {"color": colour, "label": f"_{label}, one standard deviation"}
-            curves.append(([x, x], [mean - scatter, mean + scatter], bar))
+        look, label = {"color": colour, "marker": marker}, styles.numbered(name, n_sources)
+        hollow = look | {"fillstyle": "none", "label": f"_{label}, uncorrected"}
+        points += [(at, before.to_numpy(), hollow), (at, after.to_numpy(), look | {"label": label})]
+        bar = {"color": colour, "label": f"_{label}, one standard deviation"}
+        curves += [
+            ([x, x], list(pair), bar) for x, *pair in zip(at, after - scatter, after + scatter, strict=True)
+        ]
     return {
-        "title": title,
         "curves": curves,
         "points": points,
         "xlim": ends,
         "ylim": (0.8, 1.2),
         "xticks": range(len(bands)),
         "xticklabels": [band.partition(", ")[2].removeprefix("k ") for band in bands],
-        "xlabel": axes["xlabel"],
-        "ylabel": axes["ratio_label"],
         "legend": {"ncols": 2},
     }
 
@@ -85,33 +84,25 @@ def beam_errors_figure(table, *, kinds=None, columns=2):
         Of panels.
     """
     excess = worst_excess(table)
-    wrong = {kind for *_, kind, error in excess if error}
-    kinds = [kind for kind in KINDS if kind in wrong and kind != "beam"] if kinds is None else kinds
+    tried = {kind: sorted({key[3] for key in excess if key[2] == kind and key[3]}) for kind in KINDS}
+    kinds = [kind for kind in KINDS if tried[kind] and kind != "beam"] if kinds is None else kinds
     looks = styles.of_methods(dict.fromkeys(key[:2] for key in excess))
-    panels = [_beam_errors_panel(excess, looks, kind) for kind in kinds]
+    panels = []
+    for kind in kinds:
+        errors = tried[kind]
+        ends = [errors[0] / 1.5, errors[-1] * 1.5]
+        curves = [(ends, [_CLOSE, _CLOSE], {"color": "0.75"} | _THIN)]
+        for (method, look), marker in zip(looks.items(), cycle("os^Dv"), strict=False):
+            blind = excess.get((*method, "none", 0.0))
+            if blind is None:
+                values = [excess.get((*method, kind, error), np.nan) for error in errors]
+                curves.append((errors, values, look | {"marker": marker, "markersize": 4}))
+            else:
+                curves.append((ends, [blind, blind], look | {"marker": "", "linewidth": 1}))
+        panel = {"curves": curves, "xlim": ends, "xscale": "log", "xlabel": KINDS[kind]}
+        panel |= {"ylim": (1e-3, 1e2), "yscale": "log", "ylabel": "foreground residual / (HI + noise)"}
+        panels.append(panel)
     return plotting.lines(panels, columns=min(columns, len(panels)), size=(4.6, 3.4), legend_above=True)
-
-
-def _beam_errors_panel(excess, looks, kind):
-    errors = sorted({error for *_, name, error in excess if name == kind and error})
-    ends = [errors[0] / 1.5, errors[-1] * 1.5]
-    curves = [(ends, [_CLOSE, _CLOSE], {"color": "0.75"} | _THIN)]
-    for (method, look), marker in zip(looks.items(), cycle("os^Dv"), strict=False):
-        blind = excess.get((*method, "none", 0.0))
-        if blind is None:
-            values = [excess.get((*method, kind, error), np.nan) for error in errors]
-            curves.append((errors, values, look | {"marker": marker, "markersize": 4}))
-        else:
-            curves.append((ends, [blind, blind], look | {"marker": "", "linewidth": 1}))
-    return {
-        "curves": curves,
-        "xscale": "log",
-        "yscale": "log",
-        "xlim": ends,
-        "ylim": (1e-3, 1e2),
-        "xlabel": KINDS[kind],
-        "ylabel": "foreground residual / (HI + noise)",
-    }
 
 
 def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
@@ -135,52 +126,43 @@ def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
     InputError
         There are no such curves.
     """
-    axes = styles.AXES[kind]
     panels = []
     for title, table in tables.items():
         labels = labels_of(table)
         looks = styles.of_methods(dict.fromkeys(labels.values()))
-        beams = table["beam"].unique()
         shown = table[(table["kind"] == kind) & (table["corrected"] == corrected)]
         if methods is not None:
             shown = shown[shown["method"].isin(methods)]
         for beam, through in shown.groupby("beam", sort=False):
-            curves = [
-                _mean_and_range(own, looks[labels[key[:3]]])
-                for key, own in through.groupby(METHOD, sort=False)
-            ]
-            texts = [text for text in (title, beam if len(beams) > 1 else "") if text]
-            panels.append({"title": ", ".join(texts), "curves": curves, "xlabel": axes["xlabel"]})
+            curves = []
+            for key, rows in through.groupby(METHOD, sort=False):
+                ratios = rows.pivot(index="low", columns="seed", values="ratio").to_numpy()
+                x = middles(rows[rows["seed"] == rows["seed"].iloc[0]]).to_numpy()
+                ends = np.percentile(ratios, _RANGE, axis=1)
+                curves.append((x, ratios.mean(axis=1), *ends, looks[labels[key[:3]]]))
+            texts = [title, beam if table["beam"].nunique() > 1 else ""]
+            panels.append({"title": ", ".join(filter(None, texts)), "curves": curves, **_labels(kind)})
     if not panels:
         raise InputError(
             "the records have no such curves: nothing was corrected, or by none of these methods."
         )
     columns = min(columns, len(panels))
-    for first in panels[::columns]:
-        first["ylabel"] = axes["ratio_label"]
+    for n, panel in enumerate(panels):
+        if n % columns:
+            del panel["ylabel"]
     return plotting.ratios(panels, columns=columns, size=(_WIDTH / columns, 2.9 if columns == 3 else 3.8))
-
-
-def _mean_and_range(own, look):
-    """(x, mean, low, high, style) of the curves of one method on all skies."""
-    ratios = own.pivot(index="low", columns="seed", values="ratio").to_numpy()
-    low, high = np.percentile(ratios, _RANGE, axis=1)
-    x = middles(own[own["seed"] == own["seed"].iloc[0]]).to_numpy()
-    return x, ratios.mean(axis=1), low, high, look
 
 
 def labels_of(table):
     """{(beam, method, n_sources): (method, its number as a text)}; such as "3/4/5" where beams differ."""
-    numbers = {}
-    for beam, method, n_sources in table[METHOD[:3]].drop_duplicates().itertuples(index=False):
-        numbers.setdefault(method, {}).setdefault(beam, []).append(n_sources)
     labels = {}
-    for method, by_beam in numbers.items():
-        for place in range(max(map(len, by_beam.values()))):  # a beam with fewer repeats its last
-            several = {beam: own[min(place, len(own) - 1)] for beam, own in by_beam.items()}
-            texts = [str(n_sources or "") for n_sources in several.values()]
+    for method, rows in table[METHOD[:3]].drop_duplicates().groupby("method", sort=False):
+        by_beam = rows.groupby("beam", sort=False)["n_sources"].agg(list)
+        for place in range(by_beam.map(len).max()):  # a beam with fewer repeats its last
+            numbers = by_beam.map(lambda several, place=place: several[min(place, len(several) - 1)])
+            texts = [str(n_sources or "") for n_sources in numbers]
             text = texts[0] if len(set(texts)) == 1 else "/".join(texts)
-            for beam, n_sources in several.items():
+            for beam, n_sources in numbers.items():
                 labels.setdefault((beam, method, n_sources), (method, text))
     return labels
 
@@ -189,9 +171,8 @@ def signed(value):
     """A distance (`himap.paper.experiments.methods.distances`) as a text, in percent."""
     if np.isnan(value):
         return "–"
-    percent = 100 * value
-    digits = 0 if abs(percent) >= 10 else 1
-    return f"{percent:+.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "−")
+    digits = 0 if abs(100 * value) >= 10 else 1
+    return f"{100 * value:+.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "−")
 
 
 def methods_table(tables, *, of=JUDGED):

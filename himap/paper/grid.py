@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, replace
 
+import pandas as pd
+
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
+from himap.figures import styles
 from himap.instrument.beams import named
 from himap.paper import cleaned, pipeline, plan
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.mocks import make_mocks, own_recovery, recovered, transfer_functions
+from himap.paper.mocks import first_mocks, make_mocks, own_recovery, recovered, transfer_functions
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
 from himap.store.parallel import make_all
@@ -21,9 +24,13 @@ class Sky:
     Attributes
     ----------
     methods
-        {`pipeline.Case`: [method]}: the sky through each beam, and what cleans that.
+        {`pipeline.Case`: [method]}: the sky through each beam, and the methods that clean it.
     mocks
         Tuple of `himap.paper.mocks.Mock`, of other skies.
+    corrected
+        Names of the methods whose spectra are corrected by transfer functions; None for all.
+    beams
+        {(kind, error): `Beam`} that methods assume (`himap.paper.experiments.beam_errors`).
 
     Raises
     ------
@@ -33,6 +40,8 @@ class Sky:
 
     methods: dict
     mocks: tuple = ()
+    corrected: tuple | None = None
+    beams: dict | None = None
 
     def __post_init__(self):
         if not all(self.methods.values()):
@@ -89,38 +98,55 @@ def cases_and_methods(
         galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
         beam=selected,
     )
-    removers = [_remover(pair, selected, reading) for pair in methods]
-    for remover in removers:
-        remover.check(first.survey.n_channels)
+    removers = []
+    for pair in methods:
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise InputError(
+                "each of the methods is [name, number of sources], such as ['pca', 5], or ['gnilc', null]; "
+                f"got {pair!r}."
+            )
+        name, n_sources = pair
+        if name == "sdecgmca" and n_sources is not None:
+            removers.append(sdecgmca_for(selected, n_sources=n_sources, reading=reading))
+        else:
+            removers.append(create(name, **({} if n_sources is None else {"n_sources": n_sources})))
+        removers[-1].check(first.survey.n_channels)
     seeds = range(first.survey.seed, first.survey.seed + n_realisations)
     return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds], removers
 
 
-def _remover(pair, beam, reading):
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise InputError(
-            "each of the methods is [name, number of sources], such as ['pca', 5], or ['gnilc', null]; got "
-            f"{pair!r}."
+def skies_of(*observed, n_mocks=0, **attributes):
+    """A list of `Sky` from pairs (cases, methods), one for each beam, as of `cases_and_methods`.
+
+    Each sky has so many mocks, of seeds that no sky has; `attributes` are others of `Sky`.
+    """
+    mocks = tuple(first_mocks(n_mocks, observed[0][0]))
+    return [
+        Sky(
+            methods=dict(zip(cases, (methods for _, methods in observed), strict=True)),
+            mocks=mocks,
+            **attributes,
         )
-    name, n_sources = pair
-    if n_sources is None:  # of a method that has none
-        return create(name)
-    if name == "sdecgmca":
-        return sdecgmca_for(beam, n_sources=n_sources, reading=reading)
-    return create(name, n_sources=n_sources)
+        for cases in zip(*(cases for cases, _ in observed), strict=True)
+    ]
 
 
 def make_products(work):
-    """Make what is measured on cases; observations and separations that are made for it are deleted.
+    """Make products of cases; observations and separations that are made for it are deleted.
 
     `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
     again, and nothing is observed for it.
     """
     missing = [(product, call) for product, call in work if not product.is_cached(*call)]
     cases = list(dict.fromkeys(call[0] for _, call in missing))
-    cleanings = dict.fromkeys(pair for product, call in missing for pair in _separations(product, call))
-    mocks = dict.fromkeys(call[2] for product, call in missing if product is recovered)
-    with plan.temporary_observations(cases), plan.temporary_separations(cleanings):
+    separations, mocks = {}, {}
+    for product, call in missing:
+        if product is recovered:
+            separations |= dict.fromkeys((call[0], remover) for remover in call[1])
+            mocks[call[2]] = None
+        elif product in (own_recovery, cleaned.assessment):
+            separations[call[:2]] = None
+    with plan.temporary_observations(cases), plan.temporary_separations(separations):
         if mocks:
             make_mocks([case.survey for case in cases], mocks)
         for product in dict.fromkeys(product for product, _ in missing):
@@ -128,25 +154,58 @@ def make_products(work):
             make_all(product, calls, product.name.rpartition(".")[2])
 
 
-def _separations(product, call):
-    """Pairs (case, method) of the separations that a product reads."""
-    if product is recovered:
-        return [(call[0], remover) for remover in call[1]]
-    return [call[:2]] if product in (own_recovery, cleaned.assessment) else []
+def measured_recoveries(sky):
+    """The recovery of the truth of a `Sky` by each method, and of its mocks by those that are corrected.
 
-
-def measured_recoveries(sky, corrected):
-    """What methods keep of the truth of a `Sky`, and of its mocks.
-
-    `corrected` are the names of the methods that have a transfer function. Returns a list of (case, method,
-    `MockPower` of the truth, `TransferFunction` or None).
+    Returns a list of (case, method, `MockPower` of the truth, `TransferFunction` or None).
     """
-    wanted = {
-        case: tuple(one for one in removers if one.name in corrected)
+    pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
+    corrected = {
+        case: tuple(one for one in removers if sky.corrected is None or one.name in sky.corrected)
         for case, removers in sky.methods.items()
     }
-    pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
-    work = [(recovered, (case, several, mock)) for case, several in wanted.items() for mock in sky.mocks]
-    make_products([one for one in work if one[1][1]] + [(own_recovery, pair) for pair in pairs])
-    found = {case: transfer_functions(case, own, sky.mocks) if own else {} for case, own in wanted.items()}
-    return [(case, remover, own_recovery(case, remover), found[case].get(remover)) for case, remover in pairs]
+    work = [
+        (recovered, (case, removers, mock))
+        for case, removers in corrected.items()
+        if removers
+        for mock in sky.mocks
+    ]
+    make_products(work + [(own_recovery, pair) for pair in pairs])
+    transfers = {}
+    for case, removers in corrected.items():
+        transfers[case] = transfer_functions(case, removers, sky.mocks) if removers else {}
+    return [(case, one, own_recovery(case, one), transfers[case].get(one)) for case, one in pairs]
+
+
+def method_columns(remover):
+    """{"method": name, "n_sources": number}, 0 of a method that has none."""
+    return {"method": remover.name, "n_sources": getattr(remover, "n_sources", 0)}
+
+
+def band_rows(power, **spectra):
+    """A row for each band that a `MockPower` reaches, with the means of {column: {kind: values}} in it."""
+    means = {name: power.band_means(values) for name, values in spectra.items()}
+    return [
+        {"band": band} | {name: float(mean[band]) for name, mean in means.items()}
+        for band in next(iter(means.values()))
+    ]
+
+
+def summarise(table, by, cells):
+    """A DataFrame of texts with a row for each group of a table.
+
+    Parameters
+    ----------
+    table, by
+        DataFrame, and the columns that it is grouped by, in the order of their first rows.
+    cells
+        {column of the result: column of the table that is the same in a group, or function from a group to a
+        text}; "method" is the method with its number of sources.
+    """
+    rows = []
+    for _, group in table.groupby(by, sort=False):
+        first = group.iloc[0]
+        row = {name: cell(group) if callable(cell) else first[cell] for name, cell in cells.items()}
+        row["method"] = styles.numbered(first["method"], first.get("n_sources"))
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -3,6 +3,8 @@
 import html
 from collections import Counter
 
+import pandas as pd
+
 from himap.figures.tables import HTML, Table
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 
@@ -22,12 +24,9 @@ BADGES = {
     FAILED: ("✗", "#a33c00"),
     INAPPLICABLE: ("–", "#666666"),
 }
-"""{verdict: (sign, colour)}; dark enough for white letters, and told apart without colours by the sign."""
+"""{verdict: (sign, colour)}; dark enough for white letters, and distinct without colours by the sign."""
 
 _WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
-
-HEADER = ("claim", "beam", "verdict", "in", "measured", "0.1 % of noise", "paper", "what is measured")
-"""Of the columns of `plain_rows`."""
 
 
 def summary(entries):
@@ -36,21 +35,21 @@ def summary(entries):
     return {verdict: count[verdict] for verdict in BADGES}
 
 
-def plain_rows(entries):
-    """Rows of text, columns as in `HEADER`."""
-    return [
-        (
-            entry.claim.id,
-            entry.claim.beam,
-            entry.label,
-            f"{entry.agreeing}/{len(entry.findings)}",
-            measured(entry),
-            _nudged(entry),
-            entry.claim.paper,
-            entry.claim.number,
-        )
+def plain_table(entries):
+    """A DataFrame of texts, with a row for each entry."""
+    return pd.DataFrame(
+        {
+            "claim": entry.claim.id,
+            "beam": entry.claim.beam,
+            "verdict": entry.label,
+            "in": f"{entry.agreeing}/{len(entry.findings)}",
+            "measured": measured(entry),
+            "0.1 % of noise": _nudged(entry),
+            "paper": entry.claim.paper,
+            "what is measured": entry.claim.number,
+        }
         for entry in entries
-    ]
+    )
 
 
 class LedgerTable:
@@ -68,7 +67,7 @@ class LedgerTable:
         self.entries, self.links = entries, links or {}
 
     def __repr__(self):
-        return repr(Table([], plain_rows(self.entries)))
+        return repr(Table([], plain_table(self.entries).to_numpy().tolist()))
 
     def _repr_html_(self):
         rows = []
@@ -85,48 +84,33 @@ class LedgerTable:
             f'<span style="background:{colour};color:white;padding:1px 6px;border-radius:4px;'
             f'white-space:nowrap">{sign} {entry.label}</span>'
         )
+        page, figure = entry.claim.notebook, entry.claim.figure
+        name = self.links.get(page, {}).get(figure, "")
+        link = f'<a href="{page}.html{name and "#"}{name}">{f"Fig. {figure}" if figure else "chapter"}</a>'
+        parts = "; ".join(f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items())
+        total = len(entry.findings)
+        failed = f"<br>Does not hold (in how many of {total} realisations): {parts}" if parts else ""
+        nudged = ""
+        if entry.nudged:
+            verdicts = f"; also {' and '.join(entry.nudged_verdicts)}" if entry.nudged_verdicts else ""
+            nudged = f"<br>0.1 % of noise level: {_nudged(entry) or 'no number'}{verdicts}"
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
             # As wide as can be read: on a phone the table scrolls.
             f'<div style="min-width:16em">{claim["statement"]} <em>({claim["beam"]})</em> '
-            f"{self._link(entry.claim)}<details><summary>reading and numbers</summary>{claim['reading']} "
-            f"{html.escape(entry.sentence)}{_failed(entry)}</details></div>",
-            f"{badge}<br>{entry.agreeing} of {len(entry.findings)} realisations",
-            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{_within_noise(entry)}",
+            f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
+            f"{html.escape(entry.sentence)}{failed}</details></div>",
+            f"{badge}<br>{entry.agreeing} of {total} realisations",
+            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{nudged}",
             claim["paper"],
         )
         return [HTML(cell) for cell in cells]
 
-    def _link(self, claim):
-        page, figure = claim.notebook, claim.figure
-        name = self.links.get(page, {}).get(figure, "")
-        anchor = f"#{name}" if name else ""
-        text = f"Fig. {html.escape(figure)}" if figure else "chapter"
-        return f'<a href="{page}.html{anchor}">{text}</a>'
-
-
-def _failed(entry):
-    """The parts of the claim that do not hold, and in how many realisations."""
-    parts = [f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items()]
-    total = len(entry.findings)
-    return f"<br>Does not hold (in how many of {total} realisations): {'; '.join(parts)}" if parts else ""
-
-
-def _within_noise(entry):
-    """What a thousandth of the noise level changes, of the first realisation."""
-    if not entry.nudged:
-        return ""
-    others = entry.nudged_verdicts
-    verdicts = f"; also {' and '.join(others)}" if others else ""
-    return f"<br>0.1 % of noise level: {_nudged(entry) or 'no number'}{verdicts}"
-
 
 def _nudged(entry):
     """The range under a thousandth of the noise level, empty where there is none."""
-    low, high = entry.nudged_values
-    if low != low:
-        return ""
-    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
+    low, high = (f"{value:.3g}" for value in entry.nudged_values)
+    return "" if low == "nan" else low if low == high else f"{low} to {high}"
 
 
 def measured(entry):

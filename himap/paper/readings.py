@@ -1,6 +1,7 @@
 """The readings of what the paper leaves open about SDecGMCA, and what a record says of each."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 from himap.core.errors import InputError
@@ -77,7 +78,7 @@ class Reading:
         """The label, and of a reading with a name the one option that it changes."""
         if self.changed is None or self.label not in READINGS:
             return self.label
-        return f"{self.label} ({_words(*self.changed)})"
+        return f"{self.label} ({' = '.join(map(str, self.changed))})"
 
     @property
     def values(self):
@@ -88,9 +89,7 @@ class Reading:
     @property
     def unlike(self):
         """How many values are not those of the letter."""
-        return sum(
-            self.values[name] != value for name, value in READINGS["letter"].items() if name in OPTIONS
-        )
+        return sum(self.values[name] != READINGS["letter"][name] for name in OPTIONS)
 
     @property
     def distance(self):
@@ -105,31 +104,20 @@ def readings():
     are left out.
     """
     default = READINGS["default"]
-    found = {
+    known = {
         name: Reading(label=name, options=() if name == "default" else (("reading", name),))
         for name in READINGS
     }
     for option, value in ((name, value) for name, one in OPTIONS.items() for value in one.choices):
         values = default | {option: value}
-        if value == default[option] or _refused(values):
-            continue
-        twins = [name for name, named in READINGS.items() if named == values]
-        label = twins[0] if twins else _words(option, value)
-        options = found[label].options if twins else ((option, value),)
-        found[label] = Reading(label=label, options=options, changed=(option, value))
-    return found
-
-
-def _words(option, value):
-    return f"{option} = {value}"
-
-
-def _refused(values):
-    try:
-        resolved("default", values)
-    except InputError:
-        return True
-    return False
+        with suppress(InputError):
+            resolved("default", values)
+            names = [name for name, named in READINGS.items() if named == values]
+            label = names[0] if names else f"{option} = {value}"
+            options = known[label].options if names else ((option, value),)
+            if value != default[option]:
+                known[label] = Reading(label=label, options=options, changed=(option, value))
+    return known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,32 +183,24 @@ def outcomes(rows):
         Readings or quantities that himap does not have.
     """
     known = readings()
-    for what, column, names in (
-        ("readings", "reading", known),
-        ("claims", "quantity", (*CLAIMS, *QUANTITIES)),
-    ):
+    for column, names in (("reading", known), ("quantity", (*CLAIMS, *QUANTITIES))):
         if unknown := sorted(set(rows[column]) - set(names)):
             raise InputError(
-                f"the record has {what} of another version of himap, {', '.join(unknown)}; measure it again "
-                "with `himap measure readings`."
+                f"the record has a {column} of another version of himap, {', '.join(unknown)}; measure it "
+                "again with `himap measure readings`."
             )
-    found = {label: _outcome(group) for label, group in rows.groupby("reading", sort=False)}
-    return {label: found[label] for label in known if label in found}
+    groups = dict(list(rows.groupby("reading")))
+    return {label: _outcome(groups[label]) for label in known if label in groups}
 
 
 def _outcome(rows):
     judged = rows["quantity"].isin(list(CLAIMS))
     claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
-    groups = rows[~judged].groupby(["seed", "noise_level"], sort=False)
-    runs = tuple(_run(seed, level, group) for (seed, level), group in groups)
-    return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=runs)
-
-
-def _run(seed, noise_level, rows):
-    curves = {
-        name: (own["x"].to_numpy(), own["value"].to_numpy())
-        for name, own in rows[rows["quantity"].isin(CURVES)].groupby("quantity")
-    }
-    single = rows[~rows["quantity"].isin(CURVES)]
-    numbers = dict(zip(single["quantity"], single["value"], strict=True))
-    return Run(seed=seed, noise_level=noise_level, numbers=numbers, curves=curves)
+    runs = []
+    for (seed, level), own in rows[~judged].groupby(["seed", "noise_level"], sort=False):
+        by_name = {name: group for name, group in own.groupby("quantity", sort=False)}
+        curves = {name: (one["x"].to_numpy(), one["value"].to_numpy()) for name, one in by_name.items()}
+        numbers = {name: value[0] for name, (_, value) in curves.items() if name not in CURVES}
+        curves = {name: curves[name] for name in CURVES if name in curves}
+        runs.append(Run(seed=seed, noise_level=level, numbers=numbers, curves=curves))
+    return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=tuple(runs))

@@ -1,13 +1,15 @@
-"""What readings lead to, as lists of claims and as tables: in the chapter on readings and on a terminal."""
+"""Outcomes of readings as lists of claims and as tables: in the chapter on readings and on a terminal."""
 
 import math
+
+import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
-"""Where a claim stands: it holds, at least in part, under these readings."""
+"""How robust a claim is: under which readings it holds, at least in part."""
 
 MARKS = {
     REPRODUCED: ("✓", "#00553f", "white"),
@@ -17,55 +19,38 @@ MARKS = {
 }
 """{verdict: (sign, colour, colour of the sign)}, from dark to light, so that they differ in grey too."""
 
-HEADER = (
-    "reading",
-    "choices off the text",
-    "fails",
-    *(MARKS[verdict][0] for verdict in MARKS),
-    *BANDS,
-    "bump",
-)
-"""Of the columns of `plain_rows`."""
-
 _MANY = 1e3  # from where on one digit and a power of ten are enough
 
 
-def plain_rows(outcomes):
-    """Rows of text, one for each of {label: `Outcome`}, columns as in `HEADER`.
+def summary_table(outcomes):
+    """A DataFrame of texts with a row for each of {label: `Outcome`}.
 
-    Of bands and bump the value that is furthest from 1 over all runs, as a factor.
+    Of bands and bump the value that is furthest from 1 over all runs, as a factor, or a dash.
     """
-    known = readings()
-    return [
-        (
-            known[label].title,
-            f"{known[label].distance}",
-            f"{one.n_failing} of {len(one.runs)}",
-            *(f"{n}" for n in _count(one)),
-            *(_furthest(run.numbers.get(name, math.nan) for run in one.runs) for name in (*BANDS, "bump")),
+    known, rows = readings(), []
+    for label, one in outcomes.items():
+        verdicts = [entry.verdict for entry in one.entries.values()]
+        rows.append(
+            {
+                "reading": known[label].title,
+                "choices off the text": f"{known[label].distance}",
+                "fails": f"{one.n_failing} of {len(one.runs)}",
+                **{sign: f"{verdicts.count(verdict)}" for verdict, (sign, *_) in MARKS.items()},
+                **{
+                    name: _furthest([run.numbers.get(name, math.nan) for run in one.runs])
+                    for name in (*BANDS, "bump")
+                },
+            }
         )
-        for label, one in outcomes.items()
-    ]
-
-
-def with_columns(names, rows):
-    """(header, rows) of those columns of `plain_rows` in which some reading has a number."""
-    places = [HEADER.index(name) for name in names]
-    filled = [place for place in places if any(row[place] != "–" for row in rows)]
-    return [HEADER[place] for place in filled], [[row[place] for place in filled] for row in rows]
-
-
-def _count(outcome):
-    verdicts = [entry.verdict for entry in outcome.entries.values()]
-    return [verdicts.count(verdict) for verdict in MARKS]
+    return pd.DataFrame(rows)
 
 
 def _furthest(values):
     """Of some ratios the one that is furthest from 1 as a factor; a dash where there is none."""
-    there = [value for value in values if math.isfinite(value)]
-    if not there:
+    finite = [value for value in values if math.isfinite(value)]
+    if not finite:
         return "–"
-    furthest = max(there, key=lambda value: abs(math.log(value)) if value > 0 else math.inf)
+    furthest = max(finite, key=lambda value: abs(math.log(value)) if value > 0 else math.inf)
     if furthest < _MANY:
         return f"{furthest:#.3g}".rstrip(".")
     return f"{furthest:.0e}".replace("e+0", "e")
@@ -77,15 +62,15 @@ def robustness(outcomes):
     A claim holds under a reading if it is reproduced there, at least in part. Where it does not apply it does
     not hold.
     """
-    places = {EVERY: [], SOME: [], NONE: [], VOID: []}
+    claims = {EVERY: [], SOME: [], NONE: [], VOID: []}
     for claim in _judged(outcomes):
-        there = [one for one in outcomes.values() if claim in one.entries]
-        holds = {one.holds(claim) for one in there}
-        if all(one.verdict(claim) == INAPPLICABLE for one in there):
-            places[VOID].append(claim)
+        judging = [one.entries[claim] for one in outcomes.values() if claim in one.entries]
+        holds = {entry.holds for entry in judging}
+        if all(entry.verdict == INAPPLICABLE for entry in judging):
+            claims[VOID].append(claim)
         else:
-            places[SOME if len(holds) == 2 else EVERY if True in holds else NONE].append(claim)
-    return places
+            claims[SOME if len(holds) == 2 else EVERY if True in holds else NONE].append(claim)
+    return claims
 
 
 def decisive_options(outcomes, claim):
@@ -94,29 +79,21 @@ def decisive_options(outcomes, claim):
     """
     base = outcomes["default"].holds(claim) if "default" in outcomes else None
     single = [label for label, reading in readings().items() if reading.changed and label in outcomes]
-    held = {label: outcomes[label].holds(claim) for label in single}
-    return [label for label, one in held.items() if None not in (one, base) and one != base]
+    return [label for label in single if {base, outcomes[label].holds(claim)} == {True, False}]
 
 
 def insensitive_claims(outcomes):
-    """The claims of which every reading says the same, to the last number: no choice about SDecGMCA is in
-    them.
-    """
-    said = {
-        claim: {
-            tuple((seed, *_said(finding)) for seed, finding in outcome.entries[claim].findings.items())
-            for outcome in outcomes.values()
-            if claim in outcome.entries
-        }
-        for claim in _judged(outcomes)
-    }
-    return [claim for claim, versions in said.items() if len(versions) == 1]
-
-
-def _said(finding):
-    """Verdict, how many parts hold if some do, and the number as text, so that NaN is equal to itself."""
-    held = (finding.n_held, len(finding.parts)) if finding.verdict == IN_PART else ()
-    return finding.verdict, held, f"{finding.value}"
+    """The claims whose verdicts and numbers are the same under every reading: they do not depend on it."""
+    versions = {}
+    for outcome in outcomes.values():
+        for claim, entry in outcome.entries.items():
+            # Of a verdict in part how many parts hold, and numbers as texts, in which NaN is equal to itself.
+            version = [
+                (seed, one.verdict, one.verdict == IN_PART and (one.n_held, len(one.parts)), f"{one.value}")
+                for seed, one in entry.findings.items()
+            ]
+            versions.setdefault(claim, set()).add(tuple(version))
+    return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
 
 def _judged(outcomes):
@@ -129,43 +106,29 @@ def closest_converged(outcomes):
     Of several such, those that have the fewest choices unlike the letter.
     """
     known = readings()
-    sound = [label for label, one in outcomes.items() if not one.n_failing]
-    places = {label: (known[label].distance, known[label].unlike) for label in sound}
-    return [label for label in sound if places[label] == min(places.values())]
+    distances = {
+        label: (known[label].distance, known[label].unlike)
+        for label, one in outcomes.items()
+        if not one.n_failing
+    }
+    return [label for label, distance in distances.items() if distance == min(distances.values())]
 
 
 def option_rows(outcomes):
-    """Rows of text for every choice of `OPTIONS`: what is to be decided, the paper's word, what the readings
-    with a name take, and of every other choice in how many runs it fails and which claims it decides.
+    """Rows of text for every choice of `OPTIONS`: the question, the paper's word, the choice, the readings
+    with a name that have it, and of every other choice in how many runs it fails and which claims it decides.
     """
+    changes = {reading.changed: label for label, reading in readings().items()}
+    decisive = {claim: decisive_options(outcomes, claim) for claim in _judged(outcomes)}
     rows = []
     for option, one in OPTIONS.items():
-        changes = {
-            r.changed[1]: label for label, r in readings().items() if r.changed and r.changed[0] == option
-        }
         for value, meaning in one.choices.items():
-            taken = [name for name, named in READINGS.items() if named[option] == value]
-            label = changes.get(value)
-            found = outcomes.get(label)
-            rows.append(
-                (
-                    f"{option} = {value}",
-                    one.question,
-                    one.word,
-                    meaning,
-                    ", ".join(taken),
-                    f"{found.n_failing} of {len(found.runs)}" if found else "",
-                    _decided(outcomes, label),
-                )
-            )
+            named = [name for name, values in READINGS.items() if values[option] == value]
+            row = [f"{option} = {value}", one.question, one.word, meaning, ", ".join(named), "", ""]
+            label = changes.get((option, value))
+            if label in outcomes:
+                decided = [claim for claim, labels in decisive.items() if label in labels]
+                runs = outcomes[label].runs
+                row[-2:] = [f"{outcomes[label].n_failing} of {len(runs)}", ", ".join(decided) or "none"]
+            rows.append(tuple(row))
     return rows
-
-
-def _decided(outcomes, label):
-    """The claims that a reading with one choice changed decides, one after the other."""
-    if label not in outcomes:
-        return ""
-    return (
-        ", ".join(claim for claim in _judged(outcomes) if label in decisive_options(outcomes, claim))
-        or "none"
-    )

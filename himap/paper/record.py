@@ -24,13 +24,12 @@ from himap.store.provenance import Provenance, environment
 _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
 _TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1
-_SEED = "seed"
 _SKIES = "n_realisations"  # how much is measured, not how
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """What is measured on many skies: a grid of runs and a measure, which gives a table.
+    """A grid of runs and a measure, which give a table with rows of many skies.
 
     Attributes
     ----------
@@ -44,8 +43,8 @@ class Experiment:
     key
         The columns that identify a row on one sky; the others may have several values for a key.
     skies
-        Function from the parameters to a list with what is measured on each sky: objects with `survey` and
-        `galaxy`. Skies are told apart by the seed of their survey.
+        Function from the parameters to a list of skies: objects with `survey`, whose seed identifies them,
+        and `galaxy`.
     measure
         Function from one of these to its rows, a list of dicts with a value for each column.
     summary
@@ -54,14 +53,13 @@ class Experiment:
         {parameter: value} where that is not the default of the chapter.
     without
         Parameters of the chapter that the experiment does not have.
-    more
-        {parameter: (type, default, help)} of the experiment that the chapter does not have.
     stated
         Parameters that are always stored.
     words
         Columns of text that are not compared when a sky is measured again.
     prepare
-        Function that makes all that a list of skies needs, for a cluster that shares the work; optional.
+        Function that makes what some skies need before they are measured: one after the other, or all at
+        once on a cluster that shares the work.
     """
 
     name: str
@@ -73,13 +71,12 @@ class Experiment:
     summary: Callable
     defaults: Mapping = field(default_factory=dict)
     without: tuple = ()
-    more: Mapping = field(default_factory=dict)
     stated: tuple = (_SKIES,)
     words: tuple = ()
-    prepare: Callable | None = None
+    prepare: Callable = lambda skies: None
 
     def table(self, skies):
-        """What is measured on some skies, a DataFrame with the columns of the experiment, "seed" first.
+        """Rows of some skies, a DataFrame with the columns of the experiment, "seed" first.
 
         What the cache holds is not computed again; observations that were made for it are deleted.
 
@@ -90,9 +87,11 @@ class Experiment:
         """
         if not skies:
             raise InputError(f"the experiment {self.name} needs one sky or more, got none.")
-        if self.prepare and dask_address():
-            self.prepare(skies)
-        return self.frame([{_SEED: sky.survey.seed} | row for sky in skies for row in self.measure(sky)])
+        rows = []
+        for several in [skies] if dask_address() else [[sky] for sky in skies]:
+            self.prepare(several)
+            rows += [{"seed": sky.survey.seed} | row for sky in several for row in self.measure(sky)]
+        return self.frame(rows)
 
     def frame(self, rows):
         """A DataFrame of rows, dicts with a value for each column, whose types are checked.
@@ -102,16 +101,12 @@ class Experiment:
         ValueError
             Other columns, or a value of another type.
         """
-        types = {_SEED: int, **self.columns}
+        types = {"seed": int, **self.columns}
         if any(row.keys() != types.keys() for row in rows):
             raise ValueError(f"the columns are not {', '.join(types)}")
         return pd.DataFrame(
             {name: _column([row[name] for row in rows], name, kind) for name, kind in types.items()}
         )
-
-    def code(self, tree=None):
-        """Fingerprint of the code that measures it, as on disk or in a `CodeTree`."""
-        return measuring_code(self.name, tree)
 
 
 def measuring_code(name, tree=None):
@@ -122,7 +117,7 @@ def measuring_code(name, tree=None):
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """What was measured in one experiment, and what made it.
+    """The table of an experiment, with its provenance.
 
     Attributes
     ----------
@@ -131,7 +126,7 @@ class Record:
     rows
         DataFrame with its columns.
     about
-        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of what measured it; with
+        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code; with
         "checked" where one sky was measured again, {"code", "commit", "dirty"}, and "grown", the commits that
         added skies.
     """
@@ -148,7 +143,7 @@ class Record:
     @property
     def seeds(self):
         """Of its skies, a list."""
-        return self.rows[_SEED].unique().tolist()
+        return self.rows["seed"].unique().tolist()
 
     @property
     def codes(self):
@@ -157,14 +152,14 @@ class Record:
 
     def save(self, path):
         """Write it as JSON; the file is whole or not there."""
-        columns, key = self.rows.columns.tolist(), [_SEED, *self.experiment.key]
-        groups = self.rows.groupby(key, sort=False, dropna=False)
-        lines = [[_cell(group[name].tolist()) for name in columns] for _, group in groups]
+        groups = self.rows.groupby(["seed", *self.experiment.key], sort=False, dropna=False)
+        lines = [[_cell(group[name].tolist()) for name in self.rows] for _, group in groups]
         head = {"format": _FORMAT, "experiment": self.experiment.name, "about": dict(self.about)}
-        text = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in head.items())
+        head = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in head.items()]
         rows = ",\n".join(json.dumps(line, allow_nan=False) for line in lines)
+        head.append(f'"columns": {json.dumps(list(self.rows))}')
         with whole_file(path) as temporary:
-            temporary.write_text(f'{{{text},\n"columns": {json.dumps(columns)},\n"rows": [\n{rows}\n]}}\n')
+            temporary.write_text("{" + ",\n".join(head) + f',\n"rows": [\n{rows}\n]}}\n')
 
     @classmethod
     def load(cls, experiment, path):
@@ -182,11 +177,10 @@ class Record:
             content = json.loads(regular_file(path, "record").read_text())
             if (content["format"], content["experiment"]) != (_FORMAT, experiment.name):
                 raise ValueError(f"format {content['format']!r} of {content['experiment']!r}")
-            columns, about = content["columns"], dict(content["about"])
-            rows = [row for line in content["rows"] for row in _rows(columns, line)]
+            rows = [row for line in content["rows"] for row in _rows(content["columns"], line)]
             if not rows:
                 raise ValueError("no row")
-            record = cls(experiment=experiment, rows=experiment.frame(rows), about=about)
+            record = cls(experiment=experiment, rows=experiment.frame(rows), about=dict(content["about"]))
             if not (record.made and all(isinstance(code, dict) for code in record.codes)):
                 raise ValueError("nothing says what made it")
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -194,14 +188,14 @@ class Record:
         return record
 
     def check(self, rows, about):
-        """This record, marked as what today's code gives, if one of its skies says so.
+        """This record, marked as confirmed by today's code, if that gives the same numbers of one sky.
 
         Parameters
         ----------
         rows
             Of that sky, measured again.
         about
-            What made them, as of the record.
+            Their provenance, as of the record.
 
         Raises
         ------
@@ -209,21 +203,21 @@ class Record:
             The record was made with other parameters, or has other numbers of that sky.
         """
         self._check_parameters(about)
-        seed = int(rows[_SEED].iloc[0])
-        columns = [name for name in rows.columns if name not in self.experiment.words]
-        own = self.rows.loc[self.rows[_SEED] == seed, columns].reset_index(drop=True)
-        if len(own) != len(rows):
+        seed = int(rows["seed"].iloc[0])
+        columns = [name for name in rows if name not in self.experiment.words]
+        stored = self.rows.loc[self.rows["seed"] == seed, columns].reset_index(drop=True)
+        if len(stored) != len(rows):
             raise InputError(
-                f"the record has {len(own)} rows of the seed {seed}, {len(rows)} were measured: give the "
+                f"the record has {len(stored)} rows of the seed {seed}, {len(rows)} were measured: give the "
                 "parameters that it was made with."
             )
-        same = pd.concat([_agree(own[name], rows[name]) for name in columns], axis=1).all(axis=1)
-        if not same.all():
-            first = int(np.flatnonzero(~same)[0])
+        moved_rows = np.any([~_agree(stored[name], rows[name]) for name in columns], axis=0)
+        if moved_rows.any():
+            first = moved_rows.argmax()
             raise InputError(
-                f"{int((~same).sum())} of {len(own)} rows of the seed {seed} have changed, such as "
-                f"{own.iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; measure all of it "
-                "again."
+                f"{moved_rows.sum()} of {len(stored)} rows of the seed {seed} have changed, such as "
+                f"{stored.iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; measure all of "
+                "it again."
             )
         now = environment()
         checked = {"code": about["code"], "commit": now["commit"], "dirty": now["dirty"]}
@@ -245,24 +239,22 @@ class Record:
     def grow(self, rows, about):
         """This record with the rows of more skies, the time of all, and the commits that added to it."""
         rows = pd.concat([self.rows, rows], ignore_index=True)
-        n_skies = rows[_SEED].nunique()
-        overrides = [[name, n_skies if name == _SKIES else value] for name, value in self.about["overrides"]]
-        grown = dict.fromkeys([*self.about.get("grown", []), about["commit"]])
+        overrides = dict(self.about["overrides"]) | {_SKIES: rows["seed"].nunique()}
         changed = {
-            "overrides": overrides,
+            "overrides": [list(pair) for pair in overrides.items()],
             "seconds": self.about["seconds"] + about["seconds"],
-            "grown": list(grown),
+            "grown": list(dict.fromkeys([*self.about.get("grown", []), about["commit"]])),
         }
         return replace(self, rows=rows, about={**self.about, **changed})
 
     def _check_parameters(self, about):
         """Refuse what was made with other parameters than the record."""
-        differing = [name for name in ("preset", "galaxy", _SEED) if about[name] != self.about[name]]
         ours, theirs = (
-            {name: json.dumps(value) for name, value in one["overrides"]} for one in (about, self.about)
+            {name: made[name] for name in ("preset", "galaxy", "seed")} | dict(made["overrides"])
+            for made in (self.about, about)
         )
-        names = (ours.keys() | theirs.keys()) - {_SKIES}
-        differing += sorted(name for name in names if ours.get(name) != theirs.get(name))
+        names = sorted((ours.keys() | theirs.keys()) - {_SKIES})
+        differing = [name for name in names if json.dumps(ours.get(name)) != json.dumps(theirs.get(name))]
         if differing:
             raise InputError(
                 f"the record was made with other parameters ({', '.join(differing)}): give those that it was "
@@ -275,27 +267,18 @@ def _column(values, name, kind):
     kinds = kind if isinstance(kind, tuple) else (kind,)
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
     if float in kinds:
-        values = [math.nan if value is None else value for value in values]
-    accepted = (*kinds, int) if float in kinds else kinds
+        kinds, values = (*kinds, int), [math.nan if value is None else value for value in values]
     for value in values:
-        absent = value is None and int not in kinds
-        wrong_bool = isinstance(value, bool) and bool not in kinds
-        if not absent and (wrong_bool or not isinstance(value, accepted)):
+        if type(value) not in kinds and (value is not None or int in kinds):
             raise ValueError(f"a value of {name} is {value!r}")
-    dtype = {(int,): "int64", (float,): "float64"}.get(kinds, "object")
-    return pd.Series(values, dtype=dtype)
+    return pd.Series(values, dtype={int: "int64", float: "float64"}.get(kind, "object"))
 
 
 def _cell(values):
-    """What a file has of the values of one key: one, if they are all the same, or the list."""
-    plain = [_rounded(value) for value in values]
+    """The values of one key in a file: one, if they are all the same, or the list."""
+    floats = isinstance(values[0], float)
+    plain = [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values] if floats else values
     return plain[0] if all(value == plain[0] for value in plain) else plain
-
-
-def _rounded(value):
-    if not isinstance(value, float):
-        return value
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
 
 
 def _rows(columns, line):
@@ -310,10 +293,10 @@ def _rows(columns, line):
     ]
 
 
-def _agree(own, again):
+def _agree(stored, again):
     """Whether two columns agree, row by row: numbers to a thousandth, all else to the letter."""
-    if own.dtype == "float64":
-        own, again = own.to_numpy(), again.to_numpy()
-        near = np.abs(own - again) <= _TOLERANCE * np.maximum(1, np.abs(own))
-        return pd.Series(near | (np.isnan(own) & np.isnan(again)))
-    return pd.Series([one == other for one, other in zip(own, again, strict=True)])
+    one, other = stored.to_numpy(), again.to_numpy()
+    if stored.dtype != "float64":
+        return one == other
+    near = np.abs(one - other) <= _TOLERANCE * np.maximum(1, np.abs(one))
+    return near | (np.isnan(one) & np.isnan(other))

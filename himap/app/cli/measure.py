@@ -62,7 +62,7 @@ def measure(name, **options):
 def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     # Imported here: other commands need not wait for what does the work.
     from himap.paper.experiments import find_experiment
-    from himap.paper.record import Record
+    from himap.paper.record import Record, measuring_code
 
     experiment = find_experiment(name)
     chosen, given = _parameters(experiment, pairs, preset)
@@ -84,7 +84,7 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
             skies[0].survey, galaxy=skies[0].galaxy, preset=preset, parameters=stated, started=since
         )
         # The code that ran, whatever was edited in the hours since.
-        return asdict(made) | {"code": experiment.code(CodeTree(loaded=True))}
+        return asdict(made) | {"code": measuring_code(name, CodeTree(loaded=True))}
 
     if check is not None:
         rows = experiment.table(skies[:1])
@@ -109,7 +109,7 @@ def _parameters(experiment, pairs, preset):
     """{name: value} of all parameters of an experiment, and of those that were given."""
     chapter = [one for one in find(experiment.chapter).parameters if one.name not in experiment.without]
     more = {} if any(one.name == "n_realisations" for one in chapter) else _SKIES
-    declared = chapter + [Parameter(one, *rest) for one, rest in (more | dict(experiment.more)).items()]
+    declared = chapter + [Parameter(one, *rest) for one, rest in more.items()]
     declared = [replace(one, default=experiment.defaults.get(one.name, one.default)) for one in declared]
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:

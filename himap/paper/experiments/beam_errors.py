@@ -1,13 +1,11 @@
 """What it costs a method to assume a wrong beam: against the truth, over several skies."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from himap.core.errors import InputError
-from himap.figures import styles
 from himap.instrument.beams import named
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
@@ -15,7 +13,14 @@ from himap.instrument.beams.rippled import Rippled
 from himap.measures.diagnostics import JUDGED
 from himap.measures.transfer import mock_power
 from himap.paper import cleaned, pipeline
-from himap.paper.grid import Sky, cases_and_methods, make_products
+from himap.paper.grid import (
+    band_rows,
+    cases_and_methods,
+    make_products,
+    method_columns,
+    skies_of,
+    summarise,
+)
 from himap.paper.mocks import own_recovery
 from himap.paper.record import Experiment
 from himap.store.store import product
@@ -55,13 +60,6 @@ _ERRORS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class AssumedBeams(Sky):
-    """A `Sky`, and the beams that methods assume, {(kind, error): `Beam`}; the true one is ("width", 0)."""
-
-    beams: dict
-
-
 def assumed_beam(beam, kind, error):
     """The `Beam` that a method assumes where `kind` of `beam` is wrong by `error`.
 
@@ -83,9 +81,8 @@ def assumed_beam(beam, kind, error):
         raise InputError(
             f"the {kind} of a ripple can be wrong of the beams rippled and oscillating, got {beam}."
         )
-    own = {name: getattr(ripple, name) for name in ("amplitude", "period", "phase")}
-    own[kind] = own[kind] + error if kind == "phase" else own[kind] * (1 + error)
-    return Rippled(**own)
+    true = getattr(ripple, kind)
+    return replace(ripple, **{kind: true + error if kind == "phase" else true * (1 + error)})
 
 
 @product
@@ -100,7 +97,7 @@ def recovery_assuming(case, remover, beam):
 
 
 def skies(*, errors=_ERRORS, **settings):
-    """A list of `AssumedBeams`.
+    """A list of `Sky` with the beams that methods assume; the true one is ("width", 0).
 
     Parameters
     ----------
@@ -119,13 +116,13 @@ def skies(*, errors=_ERRORS, **settings):
     beams = {("width", 0.0): beam}
     for kind, several in errors.items():
         beams |= {(kind, error): assumed_beam(beam, kind, error) for error in several}
-    for one in beams.values():
-        one.of_survey(cases[0].survey)  # fails now
-    return [AssumedBeams(methods={case: removers}, beams=beams) for case in cases]
+    for assumed in beams.values():
+        assumed.of_survey(cases[0].survey)  # fails now
+    return skies_of((cases, removers), beams=beams)
 
 
 def measure(sky):
-    """Ratios to the truth in each band, of each method and beam of an `AssumedBeams`."""
+    """Ratios to the truth in each band, of each method and assumed beam of a `Sky`."""
     ((case, removers),) = sky.methods.items()
     work = {}
     for remover in removers:
@@ -137,23 +134,12 @@ def measure(sky):
     make_products(work.values())
     rows = []
     for (remover, kind, error), (measured, call) in work.items():
-        method = {"method": remover.name, "n_sources": getattr(remover, "n_sources", 0)}
-        rows += [method | {"kind": kind, "error": error} | row for row in _bands(measured(*call))]
+        found = measured(*call)
+        ratio, recovered = found.ratios(), found.ratios("cross")
+        excess = {axis: ratio[axis] - recovered[axis] for axis in ratio}
+        first = method_columns(remover) | {"kind": kind, "error": error}
+        rows += [first | row for row in band_rows(found, ratio=ratio, recovered=recovered, excess=excess)]
     return rows
-
-
-def _bands(found):
-    """The last columns of each band, from a `MockPower`."""
-    ratio, recovered = found.ratios(), found.ratios("cross")
-    spectra = {
-        "ratio": ratio,
-        "recovered": recovered,
-        "excess": {kind: ratio[kind] - recovered[kind] for kind in ratio},
-    }
-    means = {name: found.band_means(one) for name, one in spectra.items()}
-    return [
-        {"band": band} | {name: float(mean[band]) for name, mean in means.items()} for band in means["ratio"]
-    ]
 
 
 def mean_over_skies(table):
@@ -183,33 +169,42 @@ def tolerated(table, limit=0.01):
         if kind not in ("none", "beam") and error:
             more = value - excess[*method, "width", 0.0]
             curves.setdefault((*method, kind), {})[error] = max(more, limit / 1e6)
-    return {key: _crossing(more, limit) for key, more in curves.items()}
-
-
-def _crossing(more, limit):
-    """The error at which a curve {error: value} first comes to `limit`."""
-    errors = np.array(sorted(more))
-    values = np.array([more[error] for error in errors])
-    above = np.flatnonzero(values > limit)
-    if not len(above):
-        return float(errors[-1])
-    if above[0] == 0:
-        return math.nan
-    pair = slice(above[0] - 1, above[0] + 1)
-    return float(np.exp(np.interp(np.log(limit), np.log(values[pair]), np.log(errors[pair]))))
+    largest = {}
+    for key, more in curves.items():
+        errors, values = np.array(sorted(more.items())).T
+        above = np.flatnonzero(values > limit)
+        if len(above) and above[0]:
+            pair = slice(above[0] - 1, above[0] + 1)
+            largest[key] = float(np.exp(np.interp(np.log(limit), *np.log([values[pair], errors[pair]]))))
+        else:
+            largest[key] = math.nan if len(above) else float(errors[-1])
+    return largest
 
 
 def _summary(table):
     """The band that is furthest from 1 and that with most excess, for each method and error."""
-    rows = []
-    for (method, n_sources, kind, error), own in mean_over_skies(table).groupby(_METHOD, sort=False):
-        furthest = own.loc[(own["ratio"] - 1).abs().idxmax()]
-        most = own.loc[own["excess"].idxmax()]
-        cells = [styles.numbered(method, n_sources), kind, error if isinstance(error, str) else f"{error:g}"]
-        cells += [f"{furthest['ratio']:.4g}", furthest["band"], f"{furthest['recovered']:.3f}"]
-        rows.append([*cells, f"{most['excess']:.2%}", most["band"]])
-    header = ["method", "what is wrong", "by", "furthest from 1", "in", "HI recovered", "most excess", "in"]
-    return pd.DataFrame(rows, columns=header)
+
+    def furthest(group):
+        return group.loc[(group["ratio"] - 1).abs().idxmax()]
+
+    def most(group):
+        return group.loc[group["excess"].idxmax()]
+
+    def error(group):
+        value = group["error"].iloc[0]
+        return value if isinstance(value, str) else f"{value:g}"
+
+    cells = {
+        "method": "method",
+        "what is wrong": "kind",
+        "by": error,
+        "furthest from 1": lambda group: f"{furthest(group)['ratio']:.4g}",
+        "in": lambda group: furthest(group)["band"],
+        "HI recovered": lambda group: f"{furthest(group)['recovered']:.3f}",
+        "most excess": lambda group: f"{most(group)['excess']:.2%}",
+        "in ": lambda group: most(group)["band"],
+    }
+    return summarise(mean_over_skies(table), _METHOD, cells).rename(columns=str.strip)
 
 
 EXPERIMENT = Experiment(

@@ -1,9 +1,6 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
-from collections import Counter
 from dataclasses import dataclass, replace
-
-import pandas as pd
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
@@ -24,23 +21,24 @@ NUDGES = (0.999, 1.001)
 
 @dataclass(frozen=True)
 class JudgedSky:
-    """One sky on which the claims are judged.
+    """One sky on which claims are judged.
 
     Attributes
     ----------
     realisations
-        Tuple of `Realisation`, alike but for the noise level that SDecGMCA assumes.
+        {reading of SDecGMCA: list of `Realisation`}, the first at the noise level of the survey and the
+        others, if any, at other assumed ones.
     """
 
-    realisations: tuple
+    realisations: dict
 
     @property
     def survey(self):
-        return self.realisations[0].survey
+        return next(iter(self.realisations.values()))[0].survey
 
     @property
     def galaxy(self):
-        return self.realisations[0].galaxy
+        return next(iter(self.realisations.values()))[0].galaxy
 
 
 def realisations(
@@ -97,47 +95,52 @@ def realisations(
     return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
 
 
-def skies(*, nudged=True, **settings):
+def skies(*, nudged=True, reading="default", **settings):
     """A list of `JudgedSky`; parameters as of `realisations`.
 
     With `nudged` the first of them is judged at the noise levels `NUDGES` too; InputError where the method in
     the place of SDecGMCA has no noise level.
     """
-    first, *others = realisations(**settings)
-    levels = [replace(first, noise_level=level) for level in NUDGES] if nudged else []
-    return [JudgedSky((first, *levels)), *(JudgedSky((sky,)) for sky in others)]
+    first, *others = realisations(reading=reading, **settings)
+    levels = (1.0, *NUDGES) if nudged else (1.0,)
+    judged = [[replace(first, noise_level=level) for level in levels], *([sky] for sky in others)]
+    return [JudgedSky({reading: several}) for several in judged]
 
 
 def judge(realisation):
-    """{id: `Finding`} of every claim on one realisation, in the order of the paper."""
-    return {id: _checked(claim, realisation) for id, claim in CLAIMS.items()}
+    """{id: `Finding`} of every claim on one realisation, in the order of the paper.
 
-
-def _checked(claim, realisation):
-    """The finding; the claim does not apply where the maps do not hold the scales that it is about."""
-    try:
-        return claim.check(realisation)
-    except InputError as error:
-        return not_applicable(f"Not on these maps: {error}")
+    A claim does not apply where the maps do not hold the scales that it is about.
+    """
+    findings = {}
+    for id, claim in CLAIMS.items():
+        try:
+            findings[id] = claim.check(realisation)
+        except InputError as error:
+            findings[id] = not_applicable(f"Not on these maps: {error}")
+    return findings
 
 
 def measure(sky):
-    """What is found of every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
-    make(sky.realisations)
-    return [row for one in sky.realisations for row in finding_rows(judge(one), one.noise_level)]
+    """Findings on every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
+    return [
+        row
+        for several in sky.realisations.values()
+        for one in several
+        for row in finding_rows(judge(one), one.noise_level)
+    ]
 
 
 def _prepare(several):
-    make([one for sky in several for one in sky.realisations])
+    make([one for sky in several for levels in sky.realisations.values() for one in levels])
 
 
 def _summary(rows):
     """A row for each claim, and how many have which verdict."""
     found = entries(rows)
-    table = pd.DataFrame(ledger_table.plain_rows(found), columns=ledger_table.HEADER)
-    count = Counter(entry.verdict for entry in found)
-    said = ", ".join(f"{count[verdict]} {verdict}" for verdict in ledger_table.BADGES if count[verdict])
-    table.loc[len(table)] = ["all", "", said, *[""] * (len(ledger_table.HEADER) - 3)]
+    table = ledger_table.plain_table(found)
+    count = [f"{n} {verdict}" for verdict, n in ledger_table.summary(found).items() if n]
+    table.loc[len(table)] = ["all", "", ", ".join(count), *[""] * (table.shape[1] - 3)]
     return table
 
 

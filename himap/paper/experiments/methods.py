@@ -1,18 +1,21 @@
 """All methods side by side over many skies: ratios to the truth along l and k, as they are and corrected."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.figures import styles
 from himap.measures import diagnostics
 from himap.measures.diagnostics import JUDGED, bands
-from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
-from himap.paper.mocks import first_mocks
+from himap.paper.grid import (
+    cases_and_methods,
+    measured_recoveries,
+    method_columns,
+    skies_of,
+    summarise,
+)
 from himap.paper.record import Experiment
 
 COLUMNS = {
@@ -36,15 +39,8 @@ METHOD = ["beam", "method", "n_sources", "corrected"]
 _WIDTH = 1.2  # of a bin: its end over its beginning, but for the narrowest
 
 
-@dataclass(frozen=True, kw_only=True)
-class BeamsAndMethods(Sky):
-    """A `Sky` with the names of the methods whose spectra are also shown corrected."""
-
-    corrected: tuple
-
-
 def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
-    """A list of `BeamsAndMethods`.
+    """A list of `Sky`.
 
     Parameters
     ----------
@@ -67,46 +63,35 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
     whole_number("n_mocks", n_mocks, 1, 1000)
     if not isinstance(beams, list | tuple) or not beams or len(set(beams)) < len(beams):
         raise InputError(f"beams must be a list of names, each once, got {beams!r}.")
-    grid = []
+    observed = []
     for place, beam in enumerate(beams):
-        own = []
-        for pair in methods:
-            one = _of_beam(pair, place, len(beams))
-            own += [one] if one not in own else []
-        cases, removers = cases_and_methods(beam=beam, methods=own, **settings)
-        grid.append([(case, removers) for case in cases])
-    there = {remover.name for (_, removers), *_ in grid for remover in removers}
+        pairs = [_of_beam(pair, place, len(beams)) for pair in methods]
+        pairs = [pair for n, pair in enumerate(pairs) if pair not in pairs[:n]]
+        observed.append(cases_and_methods(beam=beam, methods=pairs, **settings))
+    there = {remover.name for _, removers in observed for remover in removers}
     if unknown := set(corrected) - there:
         absent, present = (", ".join(sorted(names)) for names in (unknown, there))
         raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
-    mocks = tuple(first_mocks(n_mocks, [case for case, _ in grid[0]]))
-    return [
-        BeamsAndMethods(methods=dict(sky), mocks=mocks, corrected=tuple(corrected))
-        for sky in zip(*grid, strict=True)
-    ]
+    return skies_of(*observed, n_mocks=n_mocks, corrected=tuple(corrected))
 
 
 def _of_beam(pair, place, n_beams):
-    """A pair (name, number of sources) of the beam at `place`."""
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        return pair  # refused with the others
-    name, number = pair
-    if isinstance(number, list | tuple):
-        if len(number) != n_beams:
-            raise InputError(f"{name} has {len(number)} numbers of sources for {n_beams} beams: one each.")
-        number = number[place]
-    return name, number
+    """A pair (name, number of sources) of the beam at `place`; anything else is refused with the others."""
+    match pair:
+        case [name, [*numbers]] if len(numbers) != n_beams:
+            raise InputError(f"{name} has {len(numbers)} numbers of sources for {n_beams} beams: one each.")
+        case [name, [*numbers]]:
+            return name, numbers[place]
+        case [name, number]:
+            return name, number
+    return pair
 
 
 def measure(sky):
-    """Ratios to the truth in bins of l and k, of each beam and method of a `BeamsAndMethods`."""
+    """Ratios to the truth in bins of l and k, of each beam and method of a `Sky`."""
     rows = []
-    for case, remover, own, transfer in measured_recoveries(sky, sky.corrected):
-        first = {
-            "beam": str(case.beam),
-            "method": remover.name,
-            "n_sources": getattr(remover, "n_sources", 0),
-        }
+    for case, remover, own, transfer in measured_recoveries(sky):
+        first = {"beam": str(case.beam)} | method_columns(remover)
         for divisor in (None, transfer) if transfer else (None,):
             corrected = {"corrected": divisor is not None}
             rows += [first | corrected | row for row in curves(own, divisor)]
@@ -114,38 +99,31 @@ def measure(sky):
 
 
 def curves(own, transfer=None):
-    """The last columns of each bin, from the `MockPower` of the truth, over a `TransferFunction` if given."""
+    """The last columns of each bin, from the `MockPower` of the truth, over a `TransferFunction` if given.
+
+    Bins have even logarithmic widths in each of the `bands`, and do not cross their ends.
+    """
     rows = []
     ratios = own.ratios()
     known_at = {"angular": own.degrees, "frequency": own.k}
     for kind, x in known_at.items():
-        edges = _edges([inside for its, inside in bands(**known_at).values() if its == kind])
+        edges = set()
+        for its, inside in bands(**known_at).values():
+            if its == kind:
+                low, high = np.flatnonzero(inside)[[0, -1]] + [0, 1]
+                n_bins = math.ceil(math.log(high / low) / math.log(_WIDTH))
+                edges |= set(np.round(np.geomspace(low, high, n_bins + 1)).astype(int).tolist())
+        edges = np.array(sorted(edges))
         ratio = ratios[kind][edges[0] : edges[-1]]
         if transfer is not None:
             ratio = diagnostics.ratio(ratio, getattr(transfer, kind)[edges[0] : edges[-1]])
         means = np.add.reduceat(ratio, edges[:-1] - edges[0]) / np.diff(edges)
+        first = {"kind": kind, "step": float(x[1] - x[0])}
         rows += [
-            {
-                "kind": kind,
-                "low": int(low),
-                "high": int(end - 1),
-                "step": float(x[1] - x[0]),
-                "ratio": float(mean),
-            }
+            first | {"low": int(low), "high": int(end - 1), "ratio": float(mean)}
             for low, end, mean in zip(edges[:-1], edges[1:], means, strict=True)
         ]
     return rows
-
-
-def _edges(parts):
-    """Edges of bins of even logarithmic width that do not cross the ends of neighbouring parts of an axis."""
-    edges = set()
-    for inside in parts:
-        (found,) = np.nonzero(inside)
-        low, high = found[0], found[-1] + 1
-        n_bins = math.ceil(math.log(high / low) / math.log(_WIDTH))
-        edges |= set(np.round(np.geomspace(low, high, n_bins + 1)).astype(int).tolist())
-    return np.array(sorted(edges))
 
 
 def middles(table):
@@ -159,7 +137,7 @@ def widths(table):
 
 
 def in_bands(table):
-    """Means of the ratio over `himap.measures.transfer.bands`: a Series by `METHOD`, band and seed."""
+    """Means of the ratio over `himap.measures.diagnostics.bands`: a Series by `METHOD`, band and seed."""
     ends = table["high"] * table["step"]
     known_at = {kind: np.unique(ends[table["kind"] == kind]) for kind in ("angular", "frequency")}
     names = {
@@ -174,7 +152,7 @@ def in_bands(table):
         weighted=weight * table["ratio"],
     )
     sums = found.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
-    return sums["weighted"] / sums["weight"]
+    return (sums["weighted"] / sums["weight"]).rename("ratio")
 
 
 def distances(tables, of=JUDGED):
@@ -199,13 +177,15 @@ def distances(tables, of=JUDGED):
 
 def _summary(table):
     """The mean over skies of every band, and the scatter."""
-    rows = []
-    for (beam, method, n_sources, corrected, band), own in in_bands(table).groupby(
-        [*METHOD, "band"], sort=False
-    ):
-        label, spectra = styles.numbered(method, n_sources), "corrected" if corrected else "uncorrected"
-        rows.append([beam, label, spectra, band, f"{own.mean():.4f}", f"{own.std():.4f}"])
-    return pd.DataFrame(rows, columns=["beam", "method", "spectra", "band", "residual / truth", "scatter"])
+    cells = {
+        "beam": "beam",
+        "method": "method",
+        "spectra": lambda group: "corrected" if group["corrected"].iloc[0] else "uncorrected",
+        "band": "band",
+        "residual / truth": lambda group: f"{group['ratio'].mean():.4f}",
+        "scatter": lambda group: f"{group['ratio'].std():.4f}",
+    }
+    return summarise(in_bands(table).reset_index(), [*METHOD, "band"], cells)
 
 
 EXPERIMENT = Experiment(

@@ -3,15 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.figures import styles
 from himap.paper import cleaned
 from himap.paper.choice import eigenvalues, minka, views_of
-from himap.paper.grid import Sky, cases_and_methods, make_products
-from himap.paper.mocks import first_mocks, own_recovery, recovered
+from himap.paper.grid import cases_and_methods, make_products, skies_of, summarise
+from himap.paper.mocks import own_recovery, recovered
 from himap.paper.record import Experiment
 from himap.removal import create
 
@@ -70,51 +68,45 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
         )
     counts = range(1, n_sources_max + 1)
     removers = [create(name, n_sources=n) for name in dict.fromkeys(methods) for n in counts]
-    by_beam = [cases_and_methods(beam=beam, methods=(), **settings)[0] for beam in beams]
-    for remover in removers:
-        remover.check(by_beam[0][0].survey.n_channels)
-    mocks = tuple(first_mocks(n_mocks, by_beam[0]))
-    return [
-        Sky(methods={_noisier(case, noise): removers for case in cases for noise in noises}, mocks=mocks)
-        for cases in zip(*by_beam, strict=True)
-    ]
-
-
-def _noisier(case, factor):
-    return replace(case, survey=replace(case.survey, t_obs=case.survey.t_obs / factor**2))
+    observed = []
+    for beam in beams:
+        cases, _ = cases_and_methods(beam=beam, methods=(), **settings)
+        for remover in removers:
+            remover.check(cases[0].survey.n_channels)
+        for noise in noises:
+            noisier = [replace(one.survey, t_obs=one.survey.t_obs / noise**2) for one in cases]
+            pairs = zip(cases, noisier, strict=True)
+            observed.append(([replace(case, survey=survey) for case, survey in pairs], removers))
+    return skies_of(*observed, n_mocks=n_mocks)
 
 
 def measure(sky):
-    """What every criterion recommends for every case and method of a `Sky`, and what is best."""
-    return [
-        {"beam": str(case.beam), "noise": float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))} | row
-        for case, removers in sky.methods.items()
-        for row in _of_case(case, removers, sky.mocks)
-    ]
+    """Recommendations of every criterion for every case and method of a `Sky`, and the best number."""
+    rows = []
+    for case, every in sky.methods.items():
+        by_name = {}
+        for remover in every:
+            by_name[remover.name] = (*by_name.get(remover.name, ()), remover)
+        work = [(minka, (case,))]
+        for removers in by_name.values():
+            work += [(made, (case, one)) for made in (own_recovery, cleaned.assessment) for one in removers]
+            work += [(recovered, (case, removers, mock)) for mock in sky.mocks]
+            work.append((eigenvalues, (case, "beams" in removers[0].uses)))
+        make_products(work)
+        noise = float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))
+        for name, removers in by_name.items():
+            first = {"beam": str(case.beam), "noise": noise, "method": name}
+            rows += [first | row for row in _recommendations(case, name, removers, sky.mocks)]
+    return rows
 
 
-def _of_case(case, removers, mocks):
-    by_name = {}
-    for remover in removers:
-        by_name.setdefault(remover.name, []).append(remover)
-    work = [(minka, (case,))]
-    for several in by_name.values():
-        work += [
-            (made, (case, remover)) for made in (own_recovery, cleaned.assessment) for remover in several
-        ]
-        work += [(recovered, (case, tuple(several), mock)) for mock in mocks]
-        work.append((eigenvalues, (case, "beams" in several[0].uses)))
-    make_products(work)
-    return [row for name, several in by_name.items() for row in _rows(case, name, several, mocks)]
-
-
-def _rows(case, name, removers, mocks):
+def _recommendations(case, name, removers, mocks):
+    """The last columns of each criterion, for a method with each number of sources."""
     views = views_of(case, removers, mocks)
     recommended = views.advised() | ({"minka": minka(case)} if name == "pca" else {})
     bias = dict(zip(views.counts.tolist(), views.error.tolist(), strict=True))
     return [
         {
-            "method": name,
             "criterion": criterion,
             "recommended": int(number or 0),
             "best": views.best,
@@ -128,16 +120,27 @@ def _rows(case, name, removers, mocks):
 def _summary(table):
     """How often each criterion is right, or wrong by how much, and the median bias over all observations."""
     more = (table["recommended"] - table["best"]).where(table["recommended"] > 0)
-    rows = []
-    for (method, criterion), own in table.groupby(["method", "criterion"], sort=False):
-        off = more[own.index]
-        counts = [off == 0, off == 1, off > 1, off == -1, off < -1, off.isna()]
-        tried = own.dropna(subset="bias")[["bias", "least_bias"]].median()
-        costs = ["" if np.isnan(value) else f"{value:.3f}" for value in tried]
-        label = styles.numbered(method, None)
-        rows.append([label, CRITERIA[criterion], *(str(one.sum()) for one in counts), *costs])
-    counted = ["right", "one more", "more", "one less", "less", "none"]
-    return pd.DataFrame(rows, columns=["method", "criterion", *counted, "bias", "least bias"])
+    table = table.assign(more=more, least_bias=table["least_bias"].where(table["bias"].notna()))
+
+    def count(least, most):
+        return lambda group: f"{group['more'].between(least, most).sum()}"
+
+    def median(column):
+        return lambda group: f"{group[column].median():.3f}" if group["bias"].notna().any() else ""
+
+    cells = {
+        "method": "method",
+        "criterion": lambda group: CRITERIA[group["criterion"].iloc[0]],
+        "right": count(0, 0),
+        "one more": count(1, 1),
+        "more": count(2, np.inf),
+        "one less": count(-1, -1),
+        "less": count(-np.inf, -2),
+        "none": lambda group: f"{group['more'].isna().sum()}",
+        "bias": median("bias"),
+        "least bias": median("least_bias"),
+    }
+    return summarise(table, ["method", "criterion"], cells)
 
 
 EXPERIMENT = Experiment(

@@ -3,13 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from himap.core.checks import whole_number
-from himap.figures import styles
 from himap.measures.transfer import DEFINITIONS
-from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
-from himap.paper.mocks import first_mocks
+from himap.paper.grid import (
+    band_rows,
+    cases_and_methods,
+    measured_recoveries,
+    method_columns,
+    skies_of,
+    summarise,
+)
 from himap.paper.record import Experiment
 
 COLUMNS = {
@@ -21,25 +25,22 @@ COLUMNS = {
     "corrected_auto": float,
     "error_bar": float,
 }
-"""Power over that of the truth, mean in a band such as "C/C0, 10-19": as the method leaves it, divided by the
-transfer function of cross power, and by that of auto power; and what the mocks predict of the scatter of
-`corrected`."""
+"""Power over that of the truth, mean in a band such as "C/C0, 10-19": of the residual, divided by the
+transfer function of cross power, and by that of auto power; and the scatter of `corrected` that the mocks
+predict."""
 
 
 def skies(*, n_mocks=10, **settings):
     """A list of `Sky`, each with two mocks or more; parameters and errors as of `cases_and_methods`."""
     whole_number("n_mocks", n_mocks, 2, 1000)  # one mock has no scatter
-    cases, removers = cases_and_methods(**settings)
-    mocks = tuple(first_mocks(n_mocks, cases))
-    return [Sky(methods={case: removers}, mocks=mocks) for case in cases]
+    return skies_of(cases_and_methods(**settings), n_mocks=n_mocks)
 
 
 def measure(sky):
     """Ratios to the truth with and without correction, in each band and of each method of a `Sky`."""
-    names = [remover.name for removers in sky.methods.values() for remover in removers]
     return [
-        {"method": remover.name, "n_sources": getattr(remover, "n_sources", 0)} | row
-        for _, remover, own, transfer in measured_recoveries(sky, names)
+        method_columns(remover) | row
+        for _, remover, own, transfer in measured_recoveries(sky)
         for row in corrected_bands(own, transfer)
     ]
 
@@ -47,37 +48,33 @@ def measure(sky):
 def corrected_bands(own, transfer):
     """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more."""
     cross, auto = (replace(transfer, definition=name) for name in DEFINITIONS)
-    uncorrected = own.ratios()
-    ratios, ratios_auto = (
-        own.band_means({kind: ratio / getattr(one, kind) for kind, ratio in uncorrected.items()})
-        for one in (cross, auto)
-    )
-    errors = own.band_means({kind: cross.errors(kind) for kind in uncorrected})
-    return [
-        {
-            "band": band,
-            "uncorrected": float(mean),
-            "corrected": float(ratios[band]),
-            "corrected_auto": float(ratios_auto[band]),
-            "error_bar": float(np.sqrt(np.mean(errors[band] ** 2))),
-        }
-        for band, mean in own.band_means(uncorrected).items()
-    ]
+    ratios = own.ratios()
+    over = [{kind: ratio / getattr(one, kind) for kind, ratio in ratios.items()} for one in (cross, auto)]
+    rows = band_rows(own, uncorrected=ratios, corrected=over[0], corrected_auto=over[1])
+    errors = own.band_means({kind: cross.errors(kind) for kind in ratios})
+    return [row | {"error_bar": float(np.sqrt(np.mean(errors[row["band"]] ** 2)))} for row in rows]
 
 
 def _summary(table):
     """Means over skies for each method and band, and on how many skies the truth is within the error bar."""
-    within = (table["corrected"] - 1).abs() < table["error_bar"]
-    rows = []
-    for (method, n_sources, band), own in table.groupby(["method", "n_sources", "band"], sort=False):
-        means = own[["uncorrected", "corrected", "corrected_auto"]].mean()
-        numbers = [*means, own["corrected"].std(), own["error_bar"].mean()]
-        label = styles.numbered(method, n_sources)
-        rows.append(
-            [label, band, *(f"{one:.4f}" for one in numbers), f"{within[own.index].sum()} of {len(own)}"]
-        )
-    header = ["method", "band", "uncorrected", "corrected", "by T auto", "scatter", "expected", "within 1σ"]
-    return pd.DataFrame(rows, columns=header)
+
+    def mean(column):
+        return lambda group: f"{group[column].mean():.4f}"
+
+    def within(group):
+        return f"{((group['corrected'] - 1).abs() < group['error_bar']).sum()} of {len(group)}"
+
+    cells = {
+        "method": "method",
+        "band": "band",
+        "uncorrected": mean("uncorrected"),
+        "corrected": mean("corrected"),
+        "by T auto": mean("corrected_auto"),
+        "scatter": lambda group: f"{group['corrected'].std():.4f}",
+        "expected": mean("error_bar"),
+        "within 1σ": within,
+    }
+    return summarise(table, ["method", "n_sources", "band"], cells)
 
 
 EXPERIMENT = Experiment(
