@@ -16,8 +16,8 @@ from himap.core.errors import InputError
 from himap.core.memory import LIMIT_VARIABLE
 from himap.core.reading import read_numbers, regular_file
 from himap.cubes import clean_cube, read_cube, save_cleaned
-from himap.cubes.cube import read_truth
-from himap.cubes.masks import read_mask
+from himap.cubes.files import read_truth
+from himap.cubes.layout import SpherePixels
 from himap.cubes.mocks import read_mocks
 from himap.maps.healpix_files import read_maps
 
@@ -42,7 +42,7 @@ class TestHDF5:
     def test_names_of_frequencies(self, name, maps):
         write_hdf5("a.h5", freqs_name=f"index_map/{name}", more={"freq_weights": np.ones(24)})
         cube = read_cube("a.h5")
-        assert np.array_equal(cube.freqs, FREQS) and cube.freqs_from == f"the dataset index_map/{name}"
+        assert np.array_equal(cube.freqs, FREQS) and cube.layout.freqs_from == f"the dataset index_map/{name}"
 
     def test_the_unit_in_a_name(self):
         write_hdf5("a.h5", freqs_name="nu_ghz", freqs=FREQS / 1e3)
@@ -286,7 +286,7 @@ class TestUnreadable:
             read_cube(name)
 
     def test_a_mask_and_a_beam(self, locked):
-        for read in (lambda: read_mask("a.h5", NSIDE), lambda: read_numbers("a.h5")):
+        for read in (lambda: SpherePixels(nside=NSIDE).read_mask("a.h5"), lambda: read_numbers("a.h5")):
             with pytest.raises(InputError, match="Permission denied"):
                 read()
 
@@ -340,4 +340,4 @@ def test_messages_are_short_and_plain():
 
 def test_a_mask_in_healpix_order(maps):
     write_fits("m.fits", hp.reorder(np.arange(N_PIX) < 9, r2n=True).astype(np.float32), nest=True)
-    assert np.array_equal(read_mask("m.fits", NSIDE), np.arange(N_PIX) < 9)
+    assert np.array_equal(SpherePixels(nside=NSIDE).read_mask("m.fits"), np.arange(N_PIX) < 9)

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, write_report
-from himap.cubes.cube import read_truth
+from himap.cubes.files import read_truth
 from himap.removal.pca import PCA
 
 NSIDE = 8

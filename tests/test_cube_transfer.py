@@ -11,9 +11,9 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
-from himap.cubes.corrected_report import HEADER, corrected_rows, write_spectra
 from himap.cubes.mocks import made_mocks, mock_survey, read_mocks
-from himap.cubes.report import compared, spectra_of
+from himap.cubes.spectra import compared, spectra_of
+from himap.cubes.transfer import HEADER, corrected_table, write_spectra
 from himap.maps import sphere
 from himap.measures.spectra import angular_power, frequency_power
 
@@ -143,7 +143,7 @@ class TestMeasured:
         assert angular.x[low] == pytest.approx(comparison.degrees[low])
         left, corrected = (
             abs((power[low] / comparison.true_angular[low]).mean() - 1)
-            for power in (angular.left, angular.corrected)
+            for power in (angular.residual, angular.corrected)
         )
         assert corrected < 0.02 < 0.08 < left
         ratio = frequency.corrected / comparison.true_frequency
@@ -166,7 +166,7 @@ class TestMeasured:
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng)]))
         assert np.isnan(both["angular"].sigma(np.eye(len(both["angular"].x)))).all()
-        assert all(row[2] == "needs two mocks" for row in corrected_rows(both))
+        assert all(row[2] == "needs two mocks" for row in corrected_table(both).rows)
 
     def test_no_mock(self, cleaned):
         with pytest.raises(InputError, match="one or more, got none"):
@@ -219,9 +219,11 @@ class TestCommands:
     def test_peaks_of_mocks_are_masked_as_those_of_the_cube(self, here, monkeypatch, keep):
         from himap.removal import cleaning
 
-        masked, without_peaks = [], cleaning.without_peaks
+        masked, mask_peaks = [], cleaning.mask_peaks
         monkeypatch.setattr(
-            cleaning, "without_peaks", lambda data: masked.append(data) or without_peaks(data)
+            cleaning,
+            "mask_peaks",
+            lambda maps, *more, **options: masked.append(maps) or mask_peaks(maps, *more, **options),
         )
         words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "-o", "t.html")
         assert himap("transfer", "cube.h5", *words, *["--keep-peaks"] * keep).exit_code == 0
@@ -229,17 +231,17 @@ class TestCommands:
 
     def test_nothing_is_measured_twice(self, here, monkeypatch):
         """Spectra of the cleaned cube, and those beside the truth, once each."""
-        from himap.cubes import report
+        from himap.cubes import spectra
 
         called = []
         for name in ("spectra_of", "compared"):
-            function = getattr(report, name)
+            function = getattr(spectra, name)
 
             def counted(*given, function=function, name=name):
                 called.append(name)
                 return function(*given)
 
-            monkeypatch.setattr(report, name, counted)
+            monkeypatch.setattr(spectra, name, counted)
         words = ("--method", "pca", "-p", "n_sources=2", "--truth", "truth.h5", "-o", "c.h5", "--overwrite")
         assert himap("clean", "cube.h5", *words, "--mocks", "mock0.h5").exit_code == 0
         assert sorted(called) == ["compared", "spectra_of"]

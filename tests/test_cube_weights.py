@@ -9,8 +9,8 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
 from himap.cubes.cleaning import with_enough_channels
-from himap.cubes.cube import read_truth
-from himap.cubes.report import compared, spectra_of
+from himap.cubes.files import read_truth
+from himap.cubes.spectra import compared, spectra_of
 from himap.measures.spectra import frequency_power
 from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial

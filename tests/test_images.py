@@ -9,8 +9,7 @@ from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, header_of, powe
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned, suggest
-from himap.cubes.report import check_truth, spectra_of
-from himap.cubes.views import PlaneSpectra
+from himap.cubes.spectra import PlaneSpectra, check_truth, spectra_of
 from himap.measures.cylindrical import cell_of
 
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)

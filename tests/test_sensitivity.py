@@ -6,7 +6,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
-from himap.cubes.sensitivity import sensitivity_figure, sensitivity_rows
+from himap.cubes.sensitivity import sensitivity_figure, sensitivity_table
 from himap.instrument.beams import Evolving, Misjudged
 from himap.maps import sphere
 from himap.measures.low_rank_spectra import masked_alms
@@ -61,8 +61,8 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
     assert list(none.ratios.values()) == pytest.approx([1] * len(none.ratios), abs=1e-3)
     assert width.furthest[1] > 1.2 and ripple.furthest[1] > 1.2
     assert ripple.beam.period == 50
-    rows = sensitivity_rows(found)
-    assert rows[1][:2] == ("FWHM of all channels", "+10 %") and rows[2][:2] == ("ripple of 50 MHz", "+1 %")
+    rows = sensitivity_table(found).rows
+    assert rows[1][:2] == ["FWHM of all channels", "+10 %"] and rows[2][:2] == ["ripple of 50 MHz", "+1 %"]
     first, second = sensitivity_figure(found).axes
     assert len(first.get_lines()) == 2 + len(width.ratios)
     assert [text.get_text() for text in second.get_xticklabels()] == ["+1"]

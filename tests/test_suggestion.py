@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
-from himap.cubes import beams_of, clean_cube, read_cube, report, suggestion
+from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.study import Study
@@ -41,9 +41,9 @@ class TestSuggestion:
         np.save(tmp_path / "a.npy", maps)
         cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = report.views_of(cube).spectra_beside(three)
+        beside = spectra.spectra_beside(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
-            found, expected = beside(cleaned), report.spectra_of(cleaned)
+            found, expected = beside(cleaned), spectra.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE
             assert found.angular.degrees == pytest.approx(expected.angular.degrees)
             means = found.angular.mean[inside], expected.angular.mean[inside]

@@ -1,8 +1,7 @@
 """Cubes of one's own: read, cleaned by any of the methods, judged, and written as they came."""
 
-from himap.cubes.beams import beams_of
-from himap.cubes.cleaning import clean_cube
-from himap.cubes.cube import read_cube
+from himap.cubes.cleaning import beams_of, clean_cube
+from himap.cubes.files import read_cube
 from himap.cubes.report import write_report
 from himap.cubes.sensitivity import beam_sensitivity
 from himap.cubes.suggestion import suggest

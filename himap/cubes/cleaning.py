@@ -1,55 +1,34 @@
-"""Foregrounds removed from a cube of one's own, by any method, and what is written of it."""
+"""Foregrounds removed from a cube by any method, with its beams, and the cleaned cube."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.checks import checked_beams
 from himap.core.errors import InputError
 from himap.cubes.cube import Cube
+from himap.instrument import beams as all_beams
+from himap.instrument.beams.base import DISH, Beam
 from himap.removal import available, create
-from himap.removal.base import REGISTRY, Cleaned, ForegroundRemover
-from himap.removal.cleaning import Cleaning
+from himap.removal.base import REGISTRY, ForegroundRemover
+from himap.removal.cleaning import Cleaning, without_peaks
 from himap.removal.data import Data
 from himap.removal.peaks import least_channels
 
 _LEAST_FOR_PEAKS = 8
 
 
-@dataclass(frozen=True, kw_only=True)
-class CleanedCube(Cleaned):
-    """What `clean_cube` made of a `Cube`: what every method gives (`Cleaned`), and where it comes from.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CleanedCube(Cleaning):
+    """The `Cleaning` of the seen pixels of a `Cube`; where a voxel is missing the residual is 0.
 
     Attributes
     ----------
     cube
-        What was cleaned; `maps`, `residual` and `foreground` are of its seen pixels. Where a voxel is missing
-        the residual is 0, and maps and foreground have what was found of it.
-    cleaning
-        The `Cleaning`, to be done again with something changed.
-    flagged
-        Share of the voxels that peak masking replaced before the foreground was looked for.
+        The `Cube`.
     """
 
     cube: Cube
-    cleaning: Cleaning
-    flagged: float
-
-    @classmethod
-    def of(cls, cube, cleaning):
-        """What a `Cleaning` of a `Cube` makes of it."""
-        return cls(
-            maps=cleaning.maps,
-            residual=cleaning.residual,
-            separation=cleaning.separation,
-            cube=cube,
-            cleaning=cleaning,
-            flagged=cleaning.flagged,
-        )
-
-    @property
-    def method(self):
-        """The `ForegroundRemover`."""
-        return self.cleaning.method
 
     @property
     def residual_with_nan(self):
@@ -65,40 +44,15 @@ class CleanedCube(Cleaned):
     @property
     def remarks(self):
         """What the user should know of the result, a list of sentences."""
-        separation, remarks = self.separation, []
-        if not separation.converged:
+        lmax, remarks = self.separation.lmax, []
+        if not self.separation.converged:
             remarks.append(f"{self.method.name} stopped before it converged.")
-        if separation.lmax is not None:
+        if lmax is not None:
             remarks.append(
-                f"{self.method.name} finds nothing beyond l = {separation.lmax}: what is left ends there, "
+                f"{self.method.name} finds nothing beyond l = {lmax}: what is left ends there, "
                 "but for peaks that were masked; compare it with what ends there too."
             )
         return remarks
-
-
-def cleaning_of(cube, method, *, beams=None, peaks=True, seed=2025):
-    """The `Cleaning` of a `Cube` by a `ForegroundRemover`; parameters and errors as of `clean_cube`.
-
-    Nothing is separated before it is asked for; peaks are masked now.
-    """
-    if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
-        raise InputError(
-            f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
-            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
-        )
-    return Cleaning.of(_data_of(cube, method, beams, seed), method, peaks=peaks)
-
-
-def _data_of(cube, method, beams, seed):
-    part = None if cube.whole_sky else cube.mask
-    return Data(
-        maps=cube.maps,
-        freqs=cube.freqs,
-        grid=part if cube.image is None else cube.image,
-        weights=cube.weights,
-        beams=beams if "beams" in method.uses else None,
-        seed=np.random.default_rng(seed),
-    )
 
 
 def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters):
@@ -130,18 +84,36 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
         sky.
     """
     remover = method_for(cube, method, beams=beams, **parameters)
-    return CleanedCube.of(cube, cleaning_of(cube, remover, beams=beams, peaks=peaks, seed=seed))
+    cleaned = cleaning_of(cube, remover, beams, peaks=peaks, seed=seed)
+    _ = cleaned.residual  # the work is done now, and kept
+    return cleaned
 
 
-def check_pixels(cube, remover):
-    """Refuse a method that needs the sphere for a cube of images in the plane."""
-    if "sphere" in remover.uses and not cube.layout.pixels.whole_sky:
-        able = [name for name in available() if "sphere" not in REGISTRY[name].uses]
+def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
+    """The `CleanedCube` by a `ForegroundRemover`; parameters and errors as of `clean_cube`.
+
+    Nothing is separated before it is asked for; peaks are masked now.
+    """
+    if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
         raise InputError(
-            f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
-            f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "
-            "the package reproject does."
+            f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
+            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
         )
+    data = _data_of(cube, method, beams, seed)
+    basis = without_peaks(data) if peaks else data
+    return CleanedCube(data=data, method=method, basis=basis, cube=cube)
+
+
+def _data_of(cube, method, beams, seed=0):
+    part = None if cube.whole_sky else cube.mask
+    return Data(
+        maps=cube.maps,
+        freqs=cube.freqs,
+        grid=part if cube.image is None else cube.image,
+        weights=cube.weights,
+        beams=beams if "beams" in method.uses else None,
+        seed=np.random.default_rng(seed),
+    )
 
 
 def method_for(cube, method, *, beams=None, **parameters):
@@ -166,8 +138,19 @@ def method_for(cube, method, *, beams=None, **parameters):
             f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
             f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
         )
-    remover.check_data(_data_of(cube, remover, beams, 0))
+    remover.check_data(_data_of(cube, remover, beams))
     return remover
+
+
+def check_pixels(cube, remover):
+    """Refuse a method that needs the sphere for a cube of images in the plane."""
+    if "sphere" in remover.uses and cube.image is not None:
+        able = [name for name in available() if "sphere" not in REGISTRY[name].uses]
+        raise InputError(
+            f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
+            f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "
+            "the package reproject does."
+        )
 
 
 def with_enough_channels(cube, method, *, peaks=True):
@@ -184,3 +167,45 @@ def with_enough_channels(cube, method, *, peaks=True):
     if peaks and len(cube.freqs) >= _LEAST_FOR_PEAKS:
         least = max(least, least_channels(len(cube.freqs)))
     return cube.seen_in(least)
+
+
+def beams_of(cube, beam, *, dish=None):
+    """b_l of every channel of a `Cube`, (n_channels, 3 nside), or as far as a file tells them.
+
+    Parameters
+    ----------
+    cube
+        The `Cube`.
+    beam
+        A `Beam`, or what `himap.instrument.beams.named` takes: a name, such as "meerkat", or the path of a
+        file with one line for each channel in the order of the cube's own file, the FWHM in degrees or b_l.
+    dish
+        Diameter in m, 13.5 unless given; for beams whose width follows from it.
+
+    Raises
+    ------
+    InputError
+        An unknown name, a file that does not fit, or frequencies that a beam is not known at.
+    """
+    try:
+        beam = beam if isinstance(beam, Beam) else all_beams.named(beam)
+    except TypeError as error:
+        raise InputError(
+            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or in the place of "
+            "`file` the path of the file itself."
+        ) from None
+    if dish is not None and not beam.follows_dish:
+        able = [name for name in all_beams.available() if all_beams.base.REGISTRY[name].follows_dish]
+        raise InputError(f"dish= is for the beams that follow from it: {', '.join(able)}.")
+    layout, lmax = cube.layout, 3 * cube.nside - 1
+    options = {"lmax": lmax, "dish_diameter": DISH if dish is None else dish}
+    if beam.by_line:
+        beams = beam.windows(layout.freqs, **options).total[layout.channels]
+    else:
+        beams = beam.windows(cube.freqs, **options).total
+    if beams.shape[1] <= 2 * cube.nside:
+        raise InputError(
+            f"{beam} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {beams.shape[1]} "
+            "numbers a line; for widths give one FWHM (deg) a line."
+        )
+    return checked_beams(str(beam), beams, len(cube.freqs))

@@ -1,21 +1,15 @@
-"""A cube of channel maps of one's own, as himap works with it: mK, frequencies ascending, HEALPix in RING."""
+"""A cube of channel maps as himap works with it: mK, frequencies ascending, HEALPix in RING."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
-from himap.cubes.files import read_file
-from himap.cubes.layout import Layout, same_freqs
-from himap.cubes.resolve import resolved
-from himap.cubes.seeing import cube_floats, look_at, own_freqs, seen_everywhere, seen_somewhere, wide
-from himap.cubes.weights import missing_remarks, own_datasets, voxel_weights
+from himap.cubes.layout import LARGEST, Layout, same_freqs
+from himap.maps.blocked import precision
 from himap.maps.healpix_files import MILLIKELVIN
 from himap.removal.data import checked_mask, checked_weights
-
-_HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
-_BESIDE = 2  # of one beside another
-_WEIGHED = 3  # more of them where there are weights
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,16 +48,11 @@ class Cube:
         return self.weights == 0 if np.ndim(self.weights) == 2 else None
 
     @property
-    def freqs_from(self):
-        """What stated the frequencies, in words."""
-        return self.layout.freqs_from
-
-    @property
     def summary(self):
         """What was read, a sentence for the user to check."""
         return (
             f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, told by "
-            f"{self.freqs_from}; {self.layout.pixels.described(self.layout.unit)}."
+            f"{self.layout.freqs_from}; {self.layout.pixels.described(self.layout.unit)}."
         )
 
     @property
@@ -159,113 +148,85 @@ class Cube:
         return true if self.missing is None else np.where(self.missing, 0, true)
 
 
-def read_cube(
-    path,
-    *,
-    freqs=None,
-    unit=None,
-    order=None,
-    maps_name=None,
-    freqs_name=None,
-    weights=None,
-    flags=None,
-):
-    """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
-
-    Parameters
-    ----------
-    path
-        File, or folder of files.
-    freqs
-        Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
-        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
-        state them.
-    unit
-        "K", "mK" or "uK", if the file does not say.
-    order
-        "RING" or "NESTED", if the file does not say; RING unless given.
-    maps_name, freqs_name
-        Datasets of an HDF5 file.
-    weights
-        Hits or inverse variances, of which only ratios matter, 0 where not seen: of pixels, (n_pix,), or of
-        voxels, (n_channels, n_pix), pixels and channels in the order of the file; or the path of such an
-        array in .npy, of HEALPix maps in FITS, in any order of pixels, or of HDF5 with a dataset ``weights``.
-    flags
-        True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
-
-    Raises
-    ------
-    InputError
-        What is missing or contradicts the file, and how to give it.
-
-    Notes
-    -----
-    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
-    left out, by the method. Without, the pixels that are seen in all channels are kept.
-    """
-    weighed = weights is not None or flags is not None
-    names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": own_datasets(path, weights, flags)}
-    maps, layout = read_file(path, **names, held=_HELD + _WEIGHED * weighed)
-    layout = resolved(path, maps, layout, freqs=freqs, unit=unit, order=order)
-    if weighed:
-        weights = voxel_weights(maps, layout, weights=weights, flags=flags)
-    return make_cube(maps, layout, weights=weights)
-
-
-def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, beside=None):
-    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say.
-
-    Channels that are in the file of the cube `beside`, but left out of that, are left out.
-    """
-    try:
-        maps, layout = read_file(path, held=_BESIDE)
-    except InputError:
-        if maps_name is None and freqs_name is None:
-            raise
-        maps, layout = read_file(path, maps_name=maps_name, freqs_name=freqs_name, held=_BESIDE)
-    layout = resolved(path, maps, layout, freqs=freqs, unit=unit, order=order, only_gaps=True)
-    truth = make_cube(maps, layout)
-    return truth if beside is None else truth.channels_of(beside)
-
-
 def make_cube(maps, layout, *, weights=None):
     """The `Cube` of maps as a file has them: sorted, in mK, RING, with the pixels seen in every channel.
 
     NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out. With weights,
-    (n_in_file, n_pix) as `voxel_weights` gives them, pixels that are seen in some channel are kept.
+    pixels that are seen in some channel are kept.
 
     Parameters
     ----------
     maps, layout
         As of `himap.cubes.files.read_file`, complete.
     weights
-        Of its voxels, 0 where missing.
+        Of its voxels, (n_in_file, n_pix), 0 where missing (`himap.cubes.weights.voxel_weights`).
     """
     remarks, pixels, factor = list(layout.remarks), layout.pixels, MILLIKELVIN[layout.unit]
-    places = np.argsort(layout.freqs, kind="stable")
+    # float16 ends at 65504, and longer floats take room.
+    floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     if weights is None:
-        channels, mask = seen_everywhere(maps, places, remarks)
+        seen = np.array([np.abs(row.astype(floats, copy=False)) < LARGEST for row in maps])  # False for NaN
     else:
-        maps = np.where(weights > 0, maps, np.zeros((), maps.dtype))
-        channels, mask = seen_somewhere(weights, places, remarks)
-    freqs = own_freqs(layout.freqs[channels])
+        seen = weights > 0
+        maps = np.where(seen, maps, np.zeros((), maps.dtype))
+    channels = np.argsort(layout.freqs, kind="stable")
+    channels = channels[seen[channels].any(axis=1)]
+    n_blind = len(maps) - len(channels)
+    if len(channels) < 2:
+        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(maps)}.")
+    if n_blind:
+        remarks.append(f"{n_blind} of {len(maps)} channels see nothing and are left out.")
+    freqs = layout.freqs[channels]
+    twice = freqs[1:][np.diff(freqs) == 0]
+    if len(twice):
+        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
+    freqs = checked_freqs(freqs, len(freqs))
+    mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
         raise InputError(
             "no pixel is seen in every channel; leave out the channels that see least, or give weights or "
             "flags to a method that takes them: then what is missing is missing in its channel alone."
         )
-    dtype = cube_floats(maps, channels, mask, factor)
+    dtype = floats
+    if floats == np.float64:  # for maps that have these digits and need them
+        squares = (np.mean(np.square(maps[place][mask], dtype=np.float64)) for place in channels)
+        dtype = precision(factor * np.sqrt(max(squares)))
     mask = pixels.sorted(mask)
-    seen = np.empty((len(channels), int(mask.sum())), dtype=dtype)
-    for place, out in zip(channels, seen, strict=True):
-        out[:] = pixels.sorted(wide(maps[place]))[mask] * factor
+    lines = np.empty((len(channels), int(mask.sum())), dtype=dtype)
+    for place, out in zip(channels, lines, strict=True):
+        out[:] = pixels.sorted(maps[place].astype(floats, copy=False))[mask] * factor
     if not mask.all():
         where = "every" if weights is None else "some"
         remarks.append(f"{mask.mean():.1%} of {pixels.area} is seen in {where} channel; the rest is masked.")
     if weights is not None:
         weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
-        remarks += missing_remarks(weights)
+        share = np.mean(weights == 0)
+        if share:
+            remarks.append(
+                f"{share:.2%} of the voxels in these pixels are missing (flagged, not seen or of no weight): "
+                "they count nothing, what is left of them is not told, and the spectra have 0 in their place."
+            )
         weights = checked_weights(weights, weights.shape)[1]
-    look_at(seen, freqs, remarks)
+    remarks += _oddities(lines, freqs)
     layout = replace(layout, channels=channels)
-    return Cube(maps=seen, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights)
+    return Cube(maps=lines, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights)
+
+
+def _oddities(maps, freqs):
+    """What may be a mistake, a list of sentences: zeros, constant channels, uneven ones."""
+    if not maps.any():
+        raise InputError("all maps are zero.")
+    remarks = []
+    constant = [freq for freq, pixels in zip(freqs, maps, strict=True) if pixels.min() == pixels.max()]
+    if constant and maps.shape[1] > 1:
+        names = ", ".join(f"{freq:g}" for freq in constant[:5])
+        remarks.append(f"{len(constant)} channels have one value everywhere, as dead ones: {names} MHz.")
+    empty = np.mean(~maps.any(axis=0))
+    if empty:
+        remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")
+    if not evenly_spaced(freqs):
+        steps = np.diff(freqs)
+        remarks.append(
+            f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) takes them as evenly spaced."
+        )
+    return remarks

@@ -1,18 +1,98 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import Layout, SpherePixels, check_cube_room, same_freqs
-from himap.maps.healpix_files import ENDINGS
+from himap.cubes.cube import make_cube
+from himap.cubes.layout import Layout, check_cube_room, same_freqs
+from himap.cubes.weights import is_path, own_datasets, voxel_weights
+from himap.maps.healpix_files import ENDINGS, is_nested, temperature_unit
 from himap.maps.shapes import pixels_last, sphere_sizes
 from himap.sky.cosmology import FREQ_21CM
 
+_HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
+_HELD_TRUTH = 2  # more of them for a truth
+_HELD_WEIGHTS = 3  # more of them for weights
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
+
+
+def read_cube(
+    path,
+    *,
+    freqs=None,
+    unit=None,
+    order=None,
+    maps_name=None,
+    freqs_name=None,
+    weights=None,
+    flags=None,
+):
+    """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
+
+    Parameters
+    ----------
+    path
+        File, or folder of files.
+    freqs
+        Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
+        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
+        state them.
+    unit
+        "K", "mK" or "uK", if the file does not say.
+    order
+        "RING" or "NESTED", if the file does not say; RING unless given.
+    maps_name, freqs_name
+        Datasets of an HDF5 file.
+    weights
+        Hits or inverse variances, of which only ratios matter, 0 where not seen: of pixels, (n_pix,), or of
+        voxels, (n_channels, n_pix), pixels and channels in the order of the file; or the path of such an
+        array in .npy, of HEALPix maps in FITS, in any order of pixels, or of HDF5 with a dataset ``weights``.
+    flags
+        True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
+
+    Raises
+    ------
+    InputError
+        What is missing or contradicts the file, and how to give it.
+
+    Notes
+    -----
+    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
+    left out, by the method. Without, the pixels that are seen in all channels are kept.
+    """
+    weighed = weights is not None or flags is not None
+    names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": own_datasets(path, weights, flags)}
+    maps, layout = read_file(path, **names, held=_HELD + _HELD_WEIGHTS * weighed)
+    layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
+    if weighed:
+        weights = voxel_weights(maps, layout, weights=weights, flags=flags)
+    return make_cube(maps, layout, weights=weights)
+
+
+def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, beside=None):
+    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say.
+
+    Channels that are in the file of the cube `beside`, but left out of that, are left out.
+    """
+    try:
+        maps, layout = read_file(path, held=_HELD_TRUTH)
+    except InputError:
+        if maps_name is None and freqs_name is None:
+            raise
+        maps, layout = read_file(path, maps_name=maps_name, freqs_name=freqs_name, held=_HELD_TRUTH)
+    given = {
+        "freqs": freqs if layout.freqs is None else None,
+        "unit": unit if layout.unit is None else None,
+        "order": order if layout.pixels.nested is None else None,
+    }
+    truth = make_cube(maps, completed(path, len(maps), layout, **given))
+    return truth if beside is None else truth.channels_of(beside)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
@@ -43,29 +123,23 @@ def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
     InputError
         No such file, another format, a file that does not hold one cube, or too large a one.
     """
-    is_folder = _is_folder(path)
+    try:
+        is_folder = bool(str(path)) and Path(path).is_dir()
+    except (OSError, ValueError, RuntimeError):  # no name that a file can have
+        is_folder = False
     path = Path(path) if is_folder else regular_file(path)
-    name = path.name.lower()
+    name, names = path.name.lower(), {"maps_name": maps_name, "freqs_name": freqs_name}
     if not is_folder and name.endswith(hdf5.ENDINGS):
-        names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": aside}
-        return hdf5.read_hdf5(path, **names, held=held)
-    readers = {ENDINGS: fits.read_fits, (".npy",): read_npy}
-    read = fits.read_folder if is_folder else None
-    read = read or next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
-    if read is None:
+        return hdf5.read_hdf5(path, **names, aside=aside, held=held)
+    if not (is_folder or name.endswith((*ENDINGS, ".npy"))):
         raise InputError(
             f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
         )
     if maps_name is not None or freqs_name is not None:
         raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
-    return read(path, held=held)
-
-
-def _is_folder(path):
-    try:
-        return bool(str(path)) and Path(path).is_dir()
-    except (OSError, ValueError, RuntimeError):  # no name that a file can have
-        return False
+    if is_folder:
+        return fits.read_folder(path, held=held)
+    return (read_npy if name.endswith(".npy") else fits.read_fits)(path, held=held)
 
 
 def read_npy(path, *, held=1):
@@ -78,7 +152,66 @@ def read_npy(path, *, held=1):
         )
     check_cube_room(path, maps.size, maps.dtype.itemsize, held)
     maps = pixels_last(read_array(path))
-    return maps, Layout(pixels=SpherePixels.of(maps))
+    return maps, Layout.of_sphere(maps)
+
+
+def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
+    """The `Layout` of a file with the frequencies, unit and order that the caller gives, as of `read_cube`.
+
+    Raises
+    ------
+    InputError
+        What is given contradicts the file, or neither says what is needed.
+    """
+    pixels, remarks, freqs_from = layout.pixels, layout.remarks, layout.freqs_from or "what was given"
+    if is_path(freqs):
+        freqs, given_from = read_freqs(freqs)
+        freqs_from = layout.freqs_from or given_from
+    freqs = None if freqs is None else real_array("freqs", freqs).astype(float)
+    if freqs is not None and layout.freqs is not None:
+        same = freqs.shape == layout.freqs.shape and same_freqs(freqs, layout.freqs).all()
+        _check_same(same, path, "list of frequencies", _listed(layout.freqs), _listed(freqs))
+    freqs = layout.freqs if layout.freqs is not None else freqs
+    if freqs is None:
+        raise InputError(
+            f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name their "
+            f"dataset (--freqs-name). {layout.nearly}".rstrip()
+        )
+    if freqs.shape != (n_channels,):
+        raise InputError(
+            f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}."
+        )
+    stated = [temperature_unit(one) for one in (layout.unit, unit) if one is not None]
+    if not stated:
+        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
+    _check_same(stated[0] == stated[-1], path, "unit", layout.unit, unit)
+    if order is not None and not pixels.whole_sky:
+        raise InputError(f"an image has no order of HEALPix pixels; leave order = {order} (--order) out.")
+    if pixels.whole_sky:
+        nested = None if order is None else is_nested(str(order), "order")
+        if pixels.nested is None:
+            pixels = replace(pixels, nested=bool(nested))
+            if order is None:
+                remark = (
+                    "the file does not say the order of its pixels: taken as RING (--order to change it)."
+                )
+                remarks = (*remarks, remark)
+        _check_same(nested in (None, pixels.nested), path, "order", pixels.order, order)
+    return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=stated[0], remarks=remarks)
+
+
+def _check_same(same, path, what, stated, given):
+    if not same:
+        raise InputError(
+            f"{path}: the file says {stated}, but the {what} given is {given}; leave it out, or mend "
+            "the file."
+        )
+
+
+def _listed(freqs):
+    """Frequencies in their order, for messages."""
+    texts = [f"{freq:g}" for freq in freqs.ravel()]
+    return f"{', '.join(texts if len(texts) < 5 else [*texts[:3], '...', texts[-1]])} MHz ({len(texts)})"
 
 
 def read_freqs(path):

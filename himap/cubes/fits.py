@@ -7,7 +7,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.cubes.images import holds_image, read_image_fits
-from himap.cubes.layout import Layout, SpherePixels, check_cube_room, one_unit
+from himap.cubes.layout import Layout, check_cube_room, one_unit
 from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
 from himap.maps.healpix_files import ENDINGS, read_maps
 
@@ -32,8 +32,10 @@ def read_fits(path, *, held=1):
         )
     stated = [freqs_in(name) for name in file.names]
     freqs = np.array([name.freq for (name,) in stated]) if all(len(one) == 1 for one in stated) else None
-    layout = Layout(
-        pixels=SpherePixels.of(file.maps, file.nested, partial=file.partial),
+    layout = Layout.of_sphere(
+        file.maps,
+        file.nested,
+        partial=file.partial,
         freqs=freqs,
         freqs_from=None if freqs is None else "the names of its columns",
         nearly=_nearly(file.names),
@@ -65,8 +67,10 @@ def read_folder(folder, *, held=1):
     freqs, freqs_from = _freqs_of(paths, [file.header for file in files])
     maps = np.concatenate([file.maps for file in files])
     n_polarised = sum(file.names in _STOKES for file in files)
-    layout = Layout(
-        pixels=SpherePixels.of(maps, files[0].nested, partial=all(file.partial for file in files)),
+    layout = Layout.of_sphere(
+        maps,
+        files[0].nested,
+        partial=all(file.partial for file in files),
         freqs=freqs,
         freqs_from=freqs_from,
         nearly=_nearly([path.name for path in paths]),

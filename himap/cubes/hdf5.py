@@ -1,6 +1,9 @@
 """Cubes in HDF5: a dataset of maps, one of frequencies, and what the attributes of these say.
 
-Only what lies in the file itself is read. Nothing is guessed from a part of a name.
+Only what lies in the file itself is read. Nothing is guessed from a part of a name. The containers of cora,
+draco and caput (radiocosmology) have one exact structure: `map` with the axes (freq, pol, pixel), of the
+sphere; `index_map/freq`, a table with a column `centre`, or plain numbers, both in MHz; and `index_map/pol`,
+the names of the polarisations.
 """
 
 from contextlib import contextmanager
@@ -10,8 +13,8 @@ import numpy as np
 from astropy import units as u
 
 from himap.core.errors import InputError
-from himap.cubes import containers
-from himap.cubes.layout import Layout, SpherePixels, as_input_error, check_cube_room
+from himap.cubes.layout import Layout, as_input_error, check_cube_room
+from himap.maps import sphere
 from himap.maps.healpix_files import is_nested
 from himap.maps.shapes import pixels_last, sphere_sizes
 
@@ -20,38 +23,47 @@ ENDINGS = (".h5", ".hdf5", ".hdf")
 _FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "nu", "nus"}
 _IN_UNIT = {f"{name}_{unit.lower()}": unit for name in _FREQUENCIES for unit in ("Hz", "kHz", "MHz", "GHz")}
 _MASKS = {"mask", "masks", "flag", "flags"}
-_MISSING = ("_FillValue", "missing_value")
+_MAP, _MAP_FREQS, _MAP_POLS = "map", "index_map/freq", "index_map/pol"  # of a container
+_MAP_AXES = ["freq", "pol", "pixel"]
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 _LISTED = 20  # datasets in a message
 
 
 def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
-    """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_maps_of`."""
-    with _opened(path, aside) as file:
+    """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
+    with _Datasets.opened(path, aside) as file:
+        container = maps_name in (None, _MAP) and freqs_name is None and _is_container(file)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        if maps_name in (None, containers.MAPS) and freqs_name is None and containers.is_one(file):
-            if maps_name is None and fitting:
+        name = maps_name
+        if container:
+            if name is None and fitting:
                 raise InputError(
-                    f"{path} is a container with {containers.MAPS}, and has {fitting[0]} too; name the one "
+                    f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one "
                     "that is meant with --maps."
                 )
-            name, (freqs, place, remarks) = containers.MAPS, containers.axes(file)
-            freqs_from, part = f"{containers.FREQS} of the container", (slice(None), place)
-        else:
-            name, part, remarks = _name_of_maps(file, maps_name, fitting), ..., ()
-        item = file[name]
-        shape = (item.shape[0], item.shape[-1])
-        check_cube_room(path, np.prod(shape, dtype=float), item.dtype.itemsize, held)
+            name = _MAP
+        elif name is None:
+            name = _only_one(file, fitting)
+        item = file.get(name, "--maps")
+        if not container and (item.ndim != 2 or not sphere_sizes(item.shape)):
+            raise InputError(
+                f"{name} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got {item.shape}."
+            )
+        part, freqs, freqs_from, nearly, remarks = ..., None, f"{_MAP_FREQS} of the container", "", ()
+        if container:
+            freqs, part, remarks = _container_axes(file, item)
+        check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
         _check_no_mask(file, item.shape)
         maps = _unpacked(file, name, part)
-        if part is ...:
+        if not container:
             maps = pixels_last(maps)
-            freqs, freqs_from = _freqs_of(file, freqs_name, len(maps))
-        layout = Layout(
-            pixels=SpherePixels.of(maps, _order(file, item)),
+            freqs, freqs_from, nearly = _freqs_of(file, freqs_name, len(maps))
+        layout = Layout.of_sphere(
+            maps,
+            _order(file, item),
             freqs=freqs,
             freqs_from=freqs_from,
-            nearly="" if freqs is not None else _nearly(file, len(maps)),
+            nearly=nearly,
             unit=_text(item, "unit") or _text(file.file, "unit"),
             remarks=remarks,
         )
@@ -71,22 +83,15 @@ def read_dataset(path, word, *, held=1):
     InputError
         There is none, or several; and as `read_hdf5`.
     """
-    with _opened(path) as file:
+    with _Datasets.opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if _last(name) == word]
         if len(names) != 1:
             listing = ", ".join(names[:_LISTED]) or file.listing()
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
-        item = file[names[0]]
+        item = file.get(names[0])
         check_cube_room(path, item.size, item.dtype.itemsize, held)
         values = item[...] if names[0] in file.masks else _unpacked(file, names[0])
         return values, _freqs_of(file, None, min(values.shape, default=0))[0], _order(file, item)
-
-
-@contextmanager
-def _opened(path, aside=()):
-    """The `_Datasets` of a file."""
-    with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
-        yield _Datasets(path, file, aside)
 
 
 class _Datasets:
@@ -110,6 +115,13 @@ class _Datasets:
         self.masks = {name: item for name, item in known.items() if _last(name) in _MASKS}
         self.arrays = {n: item for n, item in known.items() if n not in self.masks and _is_numeric(item)}
 
+    @classmethod
+    @contextmanager
+    def opened(cls, path, aside=()):
+        """Those of the file called `path`, while it is read."""
+        with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
+            yield cls(path, file, aside)
+
     def _add(self, name, item):
         self._n += 1
         if name.count("/") > _DEEPEST or self._n > _MOST:
@@ -123,18 +135,14 @@ class _Datasets:
         elif isinstance(item, h5py.Dataset):
             self.items[name] = item
 
-    def named(self, name, option):
-        """The dataset called `name`, which `option` of the command gave."""
-        if name in self.elsewhere:
+    def get(self, name, option=None):
+        """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
+        if option is not None and name in self.elsewhere:
             raise InputError(f"{name} in {self.path} is a link to another file; name that file instead.")
-        if name not in self.arrays:
+        if option is not None and name not in self.arrays:
             raise InputError(
                 f"{self.path} has no dataset {name}; it has {self.listing()}. Name one of these ({option})."
             )
-        return self[name]
-
-    def __getitem__(self, name):
-        """The dataset called `name`, if its numbers are in this file."""
         item = self.items[name]
         if item.is_virtual or item.external:
             raise InputError(
@@ -170,9 +178,7 @@ def _text(item, *names):
         Several are there, and say different things.
     """
     texts = {
-        name: _decoded(value) if isinstance(value, bytes) else str(value)
-        for name, value in item.attrs.items()
-        if name.lower().removesuffix("s") in names
+        name: _decoded(value) for name, value in item.attrs.items() if name.lower().removesuffix("s") in names
     }
     if len(set(texts.values())) > 1:
         both = ", ".join(f"{name} = {text!r}" for name, text in texts.items())
@@ -182,7 +188,7 @@ def _text(item, *names):
 
 def _decoded(value):
     try:
-        return value.decode()
+        return value.decode() if isinstance(value, bytes) else str(value)
     except UnicodeDecodeError:
         return value.decode("latin-1")
 
@@ -192,15 +198,8 @@ def _order(file, item):
     return is_nested(_text(item, "order", "ordering") or _text(file.file, "order", "ordering"))
 
 
-def _name_of_maps(file, name, fitting):
-    """Which dataset has the maps: the one that is named, or the only one of `fitting`."""
-    if name is not None:
-        shape = file.named(name, "--maps").shape
-        if len(shape) != 2 or not sphere_sizes(shape):
-            raise InputError(
-                f"{name} in {file.path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got {shape}."
-            )
-        return name
+def _only_one(file, fitting):
+    """The only name of `fitting`."""
     if len(fitting) != 1:
         listing = f"it has {file.listing()}"
         if fitting:
@@ -229,9 +228,10 @@ def _check_no_mask(file, shape):
 def _unpacked(file, name, part=...):
     """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an
     offset."""
-    item = file[name]
+    item = file.get(name)
     *missing, scale, offset = (
-        _number(file, item, name, key) for key in (*_MISSING, "scale_factor", "add_offset")
+        _number(file, item, name, key)
+        for key in ("_FillValue", "missing_value", "scale_factor", "add_offset")
     )
     if scale is not None and not (np.isfinite(scale) and scale):
         raise InputError(f"scale_factor of {name} in {file.path} must be a number other than 0, got {scale}.")
@@ -261,37 +261,29 @@ def _number(file, item, name, key):
 
 
 def _freqs_of(file, name, n_channels):
-    """(frequencies in MHz, where they are from in words), (None, None) where no dataset states them."""
+    """Frequencies in MHz and what states them, None if nothing does; then a sentence on what nearly does."""
     if name is not None:
-        if file.named(name, "--freqs-name").shape != (n_channels,):
+        if file.get(name, "--freqs-name").shape != (n_channels,):
             raise InputError(
                 f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has "
                 f"{file.listing()}."
             )
-        return _in_mhz(file, name), f"the dataset {name}"
-    named = [
-        dataset
-        for dataset, item in file.arrays.items()
-        if item.shape == (n_channels,) and _last(dataset) in {*_FREQUENCIES, *_IN_UNIT}
-    ]
+        return _in_mhz(file, name), f"the dataset {name}", ""
+    lines = {dataset: len(item) for dataset, item in file.arrays.items() if item.ndim == 1}
+    lines = {dataset: n for dataset, n in lines.items() if _last(dataset) in {*_FREQUENCIES, *_IN_UNIT}}
+    named = [dataset for dataset, n in lines.items() if n == n_channels]
     values = [_in_mhz(file, dataset) for dataset in named]
     if any(not np.array_equal(values[0], others) for others in values[1:]):
         raise InputError(
             f"{file.path} has several datasets of frequencies: {', '.join(named[:_LISTED])}. Name the "
             "right one with --freqs-name."
         )
-    return (values[0], f"the dataset {named[0]}") if named else (None, None)
-
-
-def _nearly(file, n_channels):
-    """A sentence on frequencies that are there, but not for these channels; empty where there are none."""
-    for dataset, item in file.arrays.items():
-        if _last(dataset) in _FREQUENCIES and len(item.shape) == 1:
-            return (
-                f"It has {n_channels} channels, and {item.shape[0]} frequencies in the dataset {dataset}: "
-                "there must be one for each channel."
-            )
-    return ""
+    if named:
+        return values[0], f"the dataset {named[0]}", ""
+    for dataset, n in lines.items():
+        text = f"It has {n_channels} channels, and {n} frequencies in the dataset {dataset}"
+        return None, None, f"{text}: there must be one for each channel."
+    return None, None, ""
 
 
 def _in_mhz(file, name):
@@ -308,3 +300,49 @@ def _in_mhz(file, name):
             f"the dataset {name} in {file.path} says {stated!r}, which is not the unit of its name."
         )
     return _unpacked(file, name).astype(float) * factor
+
+
+def _is_container(file):
+    """Whether a file is a container of maps: `map` of three axes beside an `index_map`."""
+    has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
+    return has_index and _MAP in file.arrays and file.arrays[_MAP].ndim == 3
+
+
+def _container_axes(file, maps):
+    """Channel centres of a container, MHz, (n_channels,); which part of `maps` is Stokes I; and remarks."""
+    path, (n_channels, n_pols, n_pix) = file.path, maps.shape
+    stated = [_decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
+    if stated != _MAP_AXES or not sphere.is_n_pix(n_pix):
+        raise InputError(
+            f"{_MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {stated} and "
+            f"{maps.shape}."
+        )
+    pols = _container_column(file, _MAP_POLS, n_pols)
+    if not h5py.check_string_dtype(pols.dtype):
+        raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
+    names = [_decoded(name) for name in pols[...]]
+    if names.count("I") != 1:
+        raise InputError(
+            f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
+            "each channel to a dataset of (channels, pixels)."
+        )
+    table = _container_column(file, _MAP_FREQS, n_channels)
+    freqs = table.fields("centre")[...] if "centre" in (table.dtype.names or ()) else table[...]
+    if freqs.dtype.kind not in "fiu":
+        raise InputError(
+            f"{_MAP_FREQS} in {path} must be numbers, or a table with a column centre, in MHz; got "
+            f"{table.dtype}."
+        )
+    others = ", ".join(name for name in names if name != "I")
+    remarks = (f"Of the polarisations {others} are left out.",) if others else ()
+    return freqs.astype(float), (slice(None), names.index("I")), remarks
+
+
+def _container_column(file, name, length):
+    """The dataset of that name, of that length."""
+    if name not in file.items:
+        raise InputError(f"{file.path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
+    item = file.get(name)
+    if item.shape != (length,):
+        raise InputError(f"{name} in {file.path} must have {length} entries, got {item.shape}.")
+    return item

@@ -8,9 +8,9 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
-from himap.cubes.masks import read_mask
+from himap.core.reading import regular_file
 from himap.maps import sphere
-from himap.maps.healpix_files import MILLIKELVIN, to_ring, write_maps
+from himap.maps.healpix_files import ENDINGS, MILLIKELVIN, read_maps, to_ring, write_maps
 from himap.maps.shapes import pixels_last, sphere_sizes
 
 LARGEST = 1e15
@@ -39,11 +39,6 @@ class SpherePixels:
     nside: int
     nested: bool | None = None
     partial: bool = False
-
-    @classmethod
-    def of(cls, maps, nested=None, *, partial=False):
-        """Those of maps (n_channels, n_pix); InputError for another number of pixels than a sphere has."""
-        return cls(nside=sphere.nside_of(maps), nested=nested, partial=partial)
 
     def __str__(self):
         return f"{self.nside}"
@@ -84,8 +79,36 @@ class SpherePixels:
         return isinstance(other, SpherePixels) and self.nside == other.nside
 
     def read_mask(self, path):
-        """The mask in a file, (n_pix,) bool, True where kept; InputError where it does not fit."""
-        return read_mask(path, self.nside)
+        """The mask in a FITS file, (n_pix,) bool, RING, True where kept.
+
+        The file has a HEALPix map of 1 (kept) and 0; UNSEEN, NaN and pixels that a partial file leaves out
+        are not kept.
+
+        Raises
+        ------
+        InputError
+            No such file, no order of pixels, another nside, values between 0 and 1, or nothing kept.
+        """
+        if not regular_file(path, "mask").name.lower().endswith(ENDINGS):
+            raise InputError(
+                f"the mask {path} must be a FITS file ({', '.join(ENDINGS)}); healpy.write_map writes one."
+            )
+        file = read_maps(path, n_maps=1)
+        check_order(f"the mask {path}", file.nested)
+        values = np.nan_to_num(file.maps[0], nan=0.0)
+        if sphere.nside_of(values) != self.nside:
+            raise InputError(
+                f"the mask {path} has nside {sphere.nside_of(values)}, and the cube {self}; write it again "
+                "at that nside, as healpy.ud_grade(mask, nside) > 0.5 does."
+            )
+        if not np.isin(values, (0, 1)).all():
+            raise InputError(
+                f"the mask {path} must be 1 where kept and 0 elsewhere, got values from {values.min():g} to "
+                f"{values.max():g}; write mask > 0.5, or the like."
+            )
+        if not values.any():
+            raise InputError(f"the mask {path} keeps no pixel; 1 means kept.")
+        return to_ring(values > 0) if file.nested else values > 0
 
     def attributes(self):
         """What HDF5 keeps of them, {name: text}."""
@@ -100,12 +123,12 @@ class SpherePixels:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a file has a cube; None for what it does not state, until `himap.cubes.resolve` completes it.
+    """How a file has a cube; None for what it does not state, until `read_cube` completes it.
 
     Attributes
     ----------
     pixels
-        The `SpherePixels` or `himap.cubes.image_pixels.ImagePixels`.
+        The `SpherePixels` or `himap.cubes.images.ImagePixels`.
     freqs
         MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
     freqs_from
@@ -127,6 +150,12 @@ class Layout:
     unit: str | None = None
     remarks: tuple[str, ...] = ()
     channels: np.ndarray | None = None
+
+    @classmethod
+    def of_sphere(cls, maps, nested=None, *, partial=False, **stated):
+        """That of HEALPix maps (n_channels, n_pix); InputError for a number of pixels that no sphere has."""
+        pixels = SpherePixels(nside=sphere.nside_of(maps), nested=nested, partial=partial)
+        return cls(pixels=pixels, **stated)
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
@@ -156,6 +185,14 @@ def same_freqs(first, second):
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
+def check_order(label, nested):
+    """Refuse HEALPix maps of which it is not known whether they are NESTED, with an InputError."""
+    if nested is None:
+        raise InputError(
+            f"{label} must say ORDERING = RING or NESTED in its header; write it again with healpy.write_map."
+        )
+
+
 def one_unit(path, units):
     """The unit that all maps in `path` have, None where none is stated; InputError where they differ."""
     if len(set(units)) > 1:
@@ -167,11 +204,7 @@ def one_unit(path, units):
 def check_cube_room(path, n_values, itemsize, held):
     """Refuse a cube of `n_values` voxels of `itemsize` bytes before it is read, if work on it cannot fit.
 
-    `held` is how many cubes in float32 will be held at once, beside the one as it is in the file.
-
-    Raises
-    ------
-    InputError
-        It needs more memory than may be used.
+    `held` is how many cubes in float32 will be held at once, beside the one as it is in the file. Raises an
+    InputError.
     """
     check_room(f"work on {path}", PROCESS + n_values * (itemsize + 4 * held))

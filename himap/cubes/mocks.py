@@ -6,8 +6,8 @@ from himap.core.checks import checked_noise, evenly_spaced, whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.core.survey import Survey
-from himap.cubes.cube import read_truth
-from himap.cubes.report import check_truth
+from himap.cubes.files import read_truth
+from himap.cubes.spectra import check_truth
 from himap.maps import sphere
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
@@ -76,21 +76,20 @@ def made_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
         )
     sigma = checked_noise("noise", noise)
     survey = mock_survey(cube, seed=seed)
-    return (_made(cube, beams, survey, seed + n, sigma) for n in range(n_mocks))
 
+    def mock(rng):
+        maps = hi_maps(survey, rng)[np.abs(survey.freqs[:, None] - cube.freqs).argmin(axis=0)]
+        for channel, window in zip(progress(maps, "mock"), beams, strict=True):
+            lmax = min(3 * cube.nside, len(window)) - 1
+            alm = sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT)
+            channel[:] = sphere.synthesise(sphere.multiply_beam(alm, window), cube.nside)
+        maps = maps[:, cube.mask]
+        if sigma is not None:
+            spread = np.broadcast_to(np.asarray(sigma, dtype=np.float32), len(maps))
+            maps += spread[:, None] * rng.standard_normal(maps.shape, dtype=np.float32)
+        return maps
 
-def _made(cube, beams, survey, seed, sigma):
-    rng = np.random.default_rng(seed)
-    maps = hi_maps(survey, rng)[np.abs(survey.freqs[:, None] - cube.freqs).argmin(axis=0)]
-    for channel, window in zip(progress(maps, "mock"), beams, strict=True):
-        lmax = min(3 * cube.nside, len(window)) - 1
-        alm = sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT)
-        channel[:] = sphere.synthesise(sphere.multiply_beam(alm, window), cube.nside)
-    maps = maps[:, cube.mask]
-    if sigma is not None:
-        spread = np.broadcast_to(np.asarray(sigma, dtype=np.float32), len(maps))
-        maps += spread[:, None] * rng.standard_normal(maps.shape, dtype=np.float32)
-    return maps
+    return (mock(np.random.default_rng(seed + n)) for n in range(n_mocks))
 
 
 def mock_survey(cube, *, seed=1):

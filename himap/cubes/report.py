@@ -1,30 +1,44 @@
-"""A page on a cleaned cube: spectra, leading modes, maps of the residual, and what to look at."""
+"""Pages in HTML on a cleaned cube, of tables, figures and notes, that need no other file and no network."""
 
+import base64
+import html
+import io
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from himap import __version__
 from himap.core.errors import InputError
-from himap.cubes import page
-from himap.cubes.views import spectra_figure, views_of
-from himap.figures import plotting, styles
+from himap.cubes.spectra import PATCH, compared, patch_power, spectra_of
+from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
+from himap.measures.cylindrical import cell_of
+from himap.measures.diagnostics import Comparison
 from himap.removal.covariance import channel_covariance
 
-__all__ = [
-    "check_truth",
-    "compared",
-    "maps_figure",
-    "modes_figure",
-    "spectra_figure",
-    "spectra_of",
-    "views_of",
-    "write_report",
-]
-
-_ALIKE = 1e-5  # relative: the same maps but for rounding
+_STYLE = """
+:root { color-scheme: light dark; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+img { max-width: 100%; background: white; border-radius: 4px; }
+.himap-table { overflow-x: auto; }
+table { border-collapse: collapse; }
+td, th { padding: .2rem .8rem .2rem 0; }
+figure { margin: 1.5rem 0; } figcaption { font-size: .9rem; opacity: .85; }
+"""
+_WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
+_BANDS = {  # of ratios to the truth: (quantity, l or k above, up to)
+    "C/C0, l < 10": ("angular", 0, 10),
+    "C/C0, beyond": ("angular", 10, np.inf),
+    "P/P0, k < 0.03 / MHz": ("frequency", 0, 0.03),
+    "P/P0, beyond": ("frequency", 0.03, np.inf),
+}
+_CLEANED = {"label": "cleaned", "color": styles.BLUE}
+_SPECTRA = (
+    "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
+    "was taken. A bump at one k is a ripple of the instrument."
+)
 _MODES = (
     "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
     "out still mean too few sources; spectra that are one spike mean too many. The last eigenvalues "
@@ -36,76 +50,38 @@ _MAPS = (
 )
 
 
-def spectra_of(cleaned):
-    """The power spectra of a `CleanedCube`.
-
-    Returns
-    -------
-    PowerSpectra or PlaneSpectra
-        Of HEALPix maps C_l, decoupled with a mask, and P(k_nu); of images P(k_perp, k_par) and P(k_nu).
-    """
-    return views_of(cleaned.cube).spectra_of(cleaned)
-
-
-def compared(cleaned, truth):
-    """The spectra of a `CleanedCube` beside those of the truth.
-
-    Parameters
-    ----------
-    cleaned
-        The `CleanedCube`.
-    truth
-        A `Cube` of what a perfect cleaning would leave, with the same channels.
-
-    Returns
-    -------
-    Comparison or PlaneSpectra
-
-    Raises
-    ------
-    InputError
-        A truth of other pixels, other channels, or that does not see what was cleaned.
-    """
-    cube = cleaned.cube
-    check_truth(cube, truth)
-    return views_of(cube).compared(cleaned, cube.seen_of(truth))
+def write_page(path, title, parts):
+    """Write a page of `parts`, each HTML, a `Table` or a sentence that must not be overlooked."""
+    head = [
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>{html.escape(title)}</title><style>{_STYLE}</style></head><body>",
+        f"<h1>{html.escape(title)}</h1>",
+        f"<p>himap {__version__}</p>",
+    ]
+    texts = [part.html() if isinstance(part, Table) else part for part in parts]
+    Path(path).write_text("\n".join([*head, *texts, "</body></html>\n"]), encoding="utf-8")
 
 
-def check_truth(cube, truth):
-    """Refuse a truth, a `Cube`, that is not one of `cube`.
+def note(text):
+    """HTML of a paragraph that must not be overlooked."""
+    return f"<p><strong>Note:</strong> {html.escape(text)}</p>"
 
-    Raises
-    ------
-    InputError
-        It has another resolution or other channels, does not see what the cube does, or is the cube itself.
-    """
-    pixels, others = cube.layout.pixels, truth.layout.pixels
-    if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
-        raise InputError(
-            f"the truth must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
-            f"{pixels}; got {len(truth.freqs)} and {others}."
-        )
-    differs = ~np.isclose(truth.freqs, cube.freqs, rtol=1e-6, atol=0)
-    if differs.any():
-        channel = int(differs.argmax())
-        raise InputError(
-            f"the truth must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
-            f"that has {cube.freqs[channel]:.10g}."
-        )
-    if (cube.mask & ~truth.mask).any():
-        raise InputError("the truth must see all pixels of the cube.")
-    seen = cube.mask[truth.mask]
-    if all(
-        np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0)
-        for true, pixels in zip(truth.maps, cube.maps, strict=True)
-    ):
-        raise InputError(
-            "the truth is the cube itself: give what a perfect cleaning would leave, HI and noise."
-        )
+
+def figure(picture, alt, text, *, title=""):
+    """HTML of a matplotlib figure with a text under it, and a title above."""
+    buffer = io.BytesIO()
+    picture.savefig(buffer, format="png", dpi=100, bbox_inches="tight")
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return (
+        (f"<h2>{html.escape(title)}</h2>\n" if title else "")
+        + f'<figure><img alt="{html.escape(alt)}" src="data:image/png;base64,{data}">'
+        + f"<figcaption>{html.escape(text)}</figcaption></figure>"
+    )
 
 
 def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
-    """Write the page to `path`, one HTML file that needs nothing else.
+    """Write the page on a `CleanedCube`: spectra, leading modes, maps of the residual, and what to look at.
 
     Parameters
     ----------
@@ -118,50 +94,145 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
     spectra
         What `compared` gives with a truth, and `spectra_of` without, where it is at hand.
     more
-        HTML that stands after the spectra.
+        Parts of the page that follow the spectra, as of `write_page`.
     """
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [
         *_head(cleaned),
-        *views_of(cleaned.cube).spectra_part(cleaned, spectra),
+        *(_sphere_parts(spectra) if cleaned.cube.image is None else _plane_parts(cleaned.cube, spectra)),
         *more,
-        *page.section("Leading modes", modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES),
-        *page.section("What is left", maps_figure(cleaned), "Maps of the residual", _MAPS),
+        figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
+        figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="What is left"),
     ]
-    Path(path).write_text(page.page(f"Cleaned with {cleaned.method.name}", parts), encoding="utf-8")
+    write_page(path, f"Cleaned with {cleaned.method.name}", parts)
 
 
 def _head(cleaned):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
+    rms_before, rms_after = (  # of maps less their channel means
+        np.sqrt(np.mean([channel.var(dtype=np.float64) for channel in maps]))
+        for maps in (cube.maps, cleaned.residual)
+    )
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
         "sky": f"{pixels.grid} {pixels}, {cube.mask.mean():.1%} seen",
-        "rms of what came": f"{_rms(cube.maps):.4g} mK",
-        "rms of what is left": f"{_rms(cleaned.residual):.4g} mK",
+        "rms of what came": f"{rms_before:.4g} mK",
+        "rms of what is left": f"{rms_after:.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
         "iterations": f"{cleaned.separation.n_iterations}",
     }
-    notes = [*cube.remarks, *cleaned.remarks]
-    return [Table([], facts.items()).html(), *map(page.note, notes)]
+    return [Table([], facts.items()), *map(note, [*cube.remarks, *cleaned.remarks])]
 
 
-def _rms(maps):
-    """Rms of maps less their channel means, mK."""
-    return float(np.sqrt(np.mean([pixels.var(dtype=np.float64) for pixels in maps])))
+def _sphere_parts(spectra):
+    """Both spectra, and their ratios to the truth where it is known."""
+    text = (
+        f"{_SPECTRA} A rise towards the largest multipoles, after a method that uses the beam, means that "
+        "the beam is not that of the cube."
+    )
+    picture = spectra_figure(spectra)
+    part = figure(picture, "Angular and frequency power spectrum", text, title="Spectra")
+    return [part, *(_ratios(spectra) if isinstance(spectra, Comparison) else [])]
+
+
+def _plane_parts(cube, spectra):
+    """P(k_nu) and P(k_perp, k_par) of images, and their ratios to the truth where it is known."""
+    if spectra.true is not None:
+        picture = plotting.spectrum(
+            [plotting.comparison_panel("frequency", [(_CLEANED, spectra.comparison)])]
+        )
+        ratios = _ratios(spectra.comparison)
+    else:
+        panel = _panel("frequency", spectra.frequency.k, spectra.frequency.power)
+        picture, ratios = plotting.lines([panel], columns=1, size=(6, 3.6)), []
+    parts = [figure(picture, "Frequency power spectrum", _SPECTRA, title="Spectra"), *ratios]
+    if spectra.cylindrical is None:
+        return [*parts, note(f"There is no P(k_perp, k_par): {spectra.why_not}")]
+    angles = cube.layout.pixels.pixel_angles()
+    text = (
+        f"Scales are comoving, at redshift {cell_of(cube.freqs, angles)[1]:.3g}, on a flat sky, with the "
+        "cosmology of the paper; the area that is not seen is left out of the normalisation. Foreground that "
+        "is left fills the smallest k_par, and where the beam changes with frequency a wedge above them."
+    )
+    widest = np.max(cube.layout.pixels.shape * angles)
+    if widest > _WIDE:
+        text += f" The image is {np.rad2deg(widest):.0f} deg wide: scales are those in its middle."
+    return [*parts, _cylindrical(spectra.cylindrical, spectra.true and spectra.true.cylindrical, text)]
+
+
+def patches_part(cleaned, truth=None):
+    """A part of a page: `patch_power` of a `CleanedCube`, beside that of the truth, a `Cube`, if known."""
+    cube, true = cleaned.cube, None
+    try:
+        power, n_patches = patch_power(cube, cleaned.residual)
+        if truth is not None:
+            true, _ = patch_power(cube, cube.seen_of(truth))
+    except InputError as error:
+        return note(f"There is no P(k_perp, k_par): {error}")
+    text = (
+        f"The mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, as far as the Nyquist "
+        "wavenumber of the pixels, whose window it has. Scales are comoving, with the cosmology of the "
+        "paper. Foreground that is left fills the smallest k_par, and where the beam changes with frequency "
+        "a wedge above them."
+    )
+    return _cylindrical(power, true, text)
+
+
+def _cylindrical(power, true, text):
+    """P(k_perp, k_par), a `CylindricalPower`; beside that of the truth, and their ratio, if it is known."""
+    shown, ratio = {"cleaned": power.power}, None
+    if true is not None:
+        shown["HI + noise"] = true.power
+        ratio = (r"$P / P_0$", power.power / true.power)
+    picture = planes.power_planes(
+        shown,
+        x=power.perp_edges,
+        y=power.par_edges,
+        xlabel=r"$k_\perp$ [$h$/Mpc]",
+        ylabel=r"$k_\parallel$ [$h$/Mpc]",
+        unit=r"$P$ [mK$^2$ (Mpc/$h$)$^3$]",
+        ratio=ratio,
+    )
+    return figure(picture, "P(k_perp, k_par)", text, title="Across and along the line of sight")
+
+
+def _ratios(comparison):
+    """The mean ratios of a `Comparison`, of those spectra that it has."""
+    x, rows = {"angular": comparison.degrees, "frequency": comparison.k}, []
+    for name, (kind, low, high) in _BANDS.items():
+        inside = (x[kind] > low) & (x[kind] < high)
+        if len(x[kind]):
+            ratio = getattr(comparison, f"{kind}_ratio")
+            rows.append((name, f"{ratio[inside].mean():.3f}" if inside.any() else "no such scale"))
+    return ["<h3>Over the truth</h3>", Table([], rows)]
+
+
+def spectra_figure(spectra):
+    """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
+    if isinstance(spectra, Comparison):
+        panels = [plotting.comparison_panel(kind, [(_CLEANED, spectra)]) for kind in ("angular", "frequency")]
+        return plotting.spectrum(panels)
+    angular, frequency = spectra.angular, spectra.frequency
+    panels = [("angular", angular.degrees, angular.mean), ("frequency", frequency.k, frequency.power)]
+    return plotting.lines([_panel(*each) for each in panels])
+
+
+def _panel(kind, x, y):
+    """A panel of `plotting.lines` with a spectrum beyond 0."""
+    labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
+    return labels | {"curves": [(x[x > 0], y[x > 0], _CLEANED)], "xscale": "log", "yscale": "log"}
 
 
 def modes_figure(cleaned):
     """Eigenvalues of the channel covariance before and after, and the mixing matrix."""
-    cube = cleaned.cube
     before, after = (
         np.linalg.eigvalsh(channel_covariance(maps))[::-1] for maps in (cleaned.maps, cleaned.residual)
     )
-    numbers = np.arange(1, len(before) + 1)
-    mixing = cleaned.separation.mixing
-    blue = {"color": styles.BLUE}
+    numbers, mixing = np.arange(1, len(before) + 1), cleaned.separation.mixing
+    looks = styles.sequence([f"source {n + 1}" for n in range(mixing.shape[1])])
     panels = [
         {
             "title": "Eigenvalues of the channel covariance",
@@ -171,7 +242,7 @@ def modes_figure(cleaned):
             "yscale": "log",
             "curves": [
                 (numbers, before, {"label": "as it came", "color": styles.VERMILION}),
-                (numbers, np.maximum(after, before.min() * _FAINT), blue | {"label": "cleaned"}),
+                (numbers, np.maximum(after, before.min() * _FAINT), _CLEANED),
             ],
         },
         {
@@ -180,12 +251,7 @@ def modes_figure(cleaned):
             "ylabel": "mixing coefficient",
             "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
             "curves": [
-                (cube.freqs, column, style)
-                for column, style in zip(
-                    mixing.T,
-                    styles.sequence([f"source {n + 1}" for n in range(mixing.shape[1])]),
-                    strict=True,
-                )
+                (cleaned.cube.freqs, spectrum, look) for spectrum, look in zip(mixing.T, looks, strict=True)
             ],
         },
     ]
@@ -193,5 +259,17 @@ def modes_figure(cleaned):
 
 
 def maps_figure(cleaned):
-    """What is left in the channel in the middle, and its rms over channels."""
-    return views_of(cleaned.cube).maps_figure(cleaned)
+    """The residual in the channel in the middle, and its rms over channels; grey where nothing is seen."""
+    cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
+    seen = {
+        f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
+        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
+    }
+    maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
+    for title, values in seen.items():
+        maps[title][cube.mask] = values
+    spans = {title: tuple(np.percentile(values, (1, 99))) for title, values in seen.items()}
+    if cube.image is None:
+        return plotting.sky_maps(maps, span=spans)
+    images = {title: values.reshape(cube.image.shape) for title, values in maps.items()}
+    return planes.sky_images(images, cube.layout.pixels.celestial, span=spans)

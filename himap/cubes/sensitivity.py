@@ -1,26 +1,20 @@
 """How far the residual of a cube depends on the beam that is assumed, without the truth."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
-from himap.cubes import page
-from himap.cubes.beams import beams_of
-from himap.cubes.corrected_report import plain_band
+from himap.cubes.cleaning import beams_of
+from himap.cubes.report import figure, write_page
+from himap.cubes.transfer import alms_of, mock_power_of_change, plain_band
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams import named
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.misjudged import Misjudged
-from himap.maps import sphere
-from himap.maps.modes import MapModes
-from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import mock_power
-
-HEADER = ("what is wrong", "by", "furthest from 1", "in the band")
-"""Columns of `sensitivity_rows`."""
+from himap.measures.low_rank_spectra import FAINT
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
 """What is tried unless given: errors of the FWHM, of all channels and oscillating, relative."""
@@ -59,15 +53,7 @@ class Sensitivity:
         return max(self.ratios.items(), key=lambda item: abs(np.log(max(item[1], np.finfo(float).tiny))))
 
 
-def beam_sensitivity(
-    cleaned,
-    beam,
-    *,
-    widths=WIDTHS,
-    ripples=RIPPLES,
-    period=20.0,
-    dish=None,
-):
+def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20.0, dish=None):
     """How the residual of a cleaned cube changes if another beam is assumed, a list of `Sensitivity`.
 
     The truth is not needed: where the power of the residual depends on an error of the beam that cannot be
@@ -94,20 +80,15 @@ def beam_sensitivity(
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
     assumed = misjudged_beams(beam, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
-    alms = masked_alms(cube.on_sphere(cleaned.residual), mask=cube.sky_mask)
-    if cleaned.separation.lmax is not None:
-        alms = sphere.alms_upto(alms, cleaned.separation.lmax)
+    alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
-    found = []
+    sensitivities = []
     for one, beams in progress(known, "beams"):
-        other = cleaned.cleaning.with_beams(beams).separation
-        more = (cleaned.separation.foreground + -other.foreground).truncate(faint)
-        if not len(more.maps):  # nothing moves
-            more = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
-        more = replace(more, maps=cube.on_sphere(more.maps))
-        means = mock_power(alms, more, cube.channel_width).band_means()
-        found.append(Sensitivity(beam=one, ratios={band: float(mean) for band, mean in means.items()}))
-    return found
+        other = cleaned.with_beams(beams).separation
+        found = mock_power_of_change(cube, alms, cleaned.separation, other, faint)
+        ratios = {band: float(mean) for band, mean in found.band_means().items()}
+        sensitivities.append(Sensitivity(beam=one, ratios=ratios))
+    return sensitivities
 
 
 def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
@@ -120,14 +101,14 @@ def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
     return assumed
 
 
-def sensitivity_rows(found):
-    """One line of texts for each `Sensitivity`, a list of tuples; see `HEADER`."""
+def sensitivity_table(found):
+    """A `Table` with a line for each `Sensitivity` of a list."""
     rows = []
     for one in found:
         band, ratio = one.furthest
         wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.beam.period:g} MHz"
         rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", plain_band(band)))
-    return rows
+    return Table(("what is wrong", "by", "furthest from 1", "in the band"), rows, align="lrrl")
 
 
 def sensitivity_figure(found):
@@ -138,11 +119,11 @@ def sensitivity_figure(found):
         if not several:
             continue
         at = range(len(several))
-        bands_of, looks = list(several[0].ratios), styles.sequence(list(map(plain_band, several[0].ratios)))
+        looks = styles.sequence(list(map(plain_band, several[0].ratios)))
         curves = [((-0.5, len(several) - 0.5), (level, level), {"color": "0.75"}) for level in (0.99, 1.01)]
         curves += [
             (at, [one.ratios[band] for one in several], look | {"marker": "o", "markersize": 3})
-            for band, look in zip(bands_of, looks, strict=True)
+            for band, look in zip(several[0].ratios, looks, strict=True)
         ]
         furthest = max(abs(np.log(ratio)) for one in several for ratio in one.ratios.values())
         panels.append(
@@ -166,6 +147,5 @@ def write_sensitivity(found, path):
         "believed, in bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
         "excluded, know the beam better or remove one source more."
     )
-    parts = [Table(HEADER, sensitivity_rows(found), align="lrrl").html()]
-    parts.append(page.figure(sensitivity_figure(found), "Power that is left for other beams", text))
-    path.write_text(page.page("How much hangs on the beam?", parts), encoding="utf-8")
+    picture = figure(sensitivity_figure(found), "Power that is left for other beams", text)
+    write_page(path, "How much hangs on the beam?", [sensitivity_table(found), picture])

@@ -23,10 +23,11 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
-from himap.cubes import page
-from himap.cubes.cleaning import CleanedCube, cleaning_of, method_for
-from himap.cubes.report import views_of
+from himap.cubes.cleaning import cleaning_of, method_for
+from himap.cubes.report import figure, write_page
+from himap.cubes.spectra import scales, spectra_beside
 from himap.figures import plotting, styles
+from himap.figures.tables import Table
 from himap.instrument.beams.base import gaussian_widths
 from himap.measures.n_sources import STABLE, changes, eigenvalue_line, information, n_significant, settled
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
@@ -148,25 +149,31 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
     # Refused now, not after the others.
     remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
-    cleaning = cleaning_of(cube, remover, beams=beams, peaks=peaks)
-    knows_beam = "beams" in remover.uses
-    found, variances, spectra, spectra_of, views = {}, [], [], None, views_of(cube)
+    cleaning = cleaning_of(cube, remover, beams, peaks=peaks)
+    separations, variances, spectra, spectra_of = {}, [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
-        cleaned = CleanedCube.of(cube, cleaning.with_sources(int(count)))
-        spectra_of = spectra_of or views.spectra_beside(cleaned)
+        cleaned = cleaning.with_sources(int(count))
+        spectra_of = spectra_of or spectra_beside(cleaned)
         if cube.weights is not None:
-            found[count] = cleaned.separation
+            separations[count] = cleaned.separation
         variances.insert(0, _variances(cleaned))
-        spectra.insert(0, views.scales(cube, spectra_of(cleaned)))
-    change = changes(spectra)
+        spectra.insert(0, scales(cube, spectra_of(cleaned)))
+    change, n_seen = changes(spectra), None
+    if cube.missing is not None:
+        n_seen = np.count_nonzero(~cube.missing, axis=1)
+    criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
+    knows_beam = "beams" in remover.uses
+    widths = np.rad2deg(gaussian_widths(beams)) if knows_beam else None
     # The edge of a part of the sky would stand out too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
-    n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
-    criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
-    widths = np.rad2deg(gaussian_widths(beams)) if knows_beam else None
-    values = _eigenvalues(
-        cube, cleaning.basis, beams if at_one else None, found.get(counts[criterion.argmin()])
-    )
+    if cube.weights is not None:  # what more sources than that make of noise in a gap would stand out
+        best = separations[counts[criterion.argmin()]]
+        values = np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, best))[::-1]
+    elif at_one:
+        lmax = min(2 * cube.nside, beams.shape[1] - 1)
+        values = one_resolution_eigenvalues(cleaning.basis.modes, beams, lmax)
+    else:
+        values = np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
     return Suggestion(
         n_sources=counts,
         eigenvalues=values,
@@ -184,28 +191,15 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
 
 
 def _variances(cleaned):
-    """Of what is left in each channel, by the weights of the cube, a list of floats, mK^2."""
-    weights = cleaned.cube.weights
+    """Of the residual in each channel, by the weights of the cube, a list of floats, mK^2."""
+    residual, weights = cleaned.residual, cleaned.cube.weights
     if weights is None:
-        return [channel.var(dtype=np.float64) for channel in cleaned.residual]
-    found = []
-    for channel, some in zip(cleaned.residual, np.broadcast_to(weights, cleaned.residual.shape), strict=True):
+        return [channel.var(dtype=np.float64) for channel in residual]
+    variances = []
+    for channel, some in zip(residual, np.broadcast_to(weights, residual.shape), strict=True):
         share = some / some.sum(dtype=np.float64)
-        found.append(float(share @ (channel - share @ channel.astype(np.float64)) ** 2))
-    return found
-
-
-def _eigenvalues(cube, basis, beams, found):
-    """Of the channel covariance, (n_channels,) descending, mK^2; at one resolution where beams are given.
-
-    With weights gaps are bridged by `found`, the `Separation` that the criterion takes: what more sources
-    make of noise in a gap would stand out.
-    """
-    if cube.weights is not None:
-        return np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, found))[::-1]
-    if beams is None:
-        return np.linalg.eigvalsh(channel_covariance(cube.maps))[::-1]
-    return one_resolution_eigenvalues(basis.modes, beams, min(2 * cube.nside, beams.shape[1] - 1))
+        variances.append(float(share @ (channel - share @ channel.astype(np.float64)) ** 2))
+    return variances
 
 
 def advice(suggestion):
@@ -237,6 +231,14 @@ def advice(suggestion):
             "more the fewer channels there are. Mocks tell how much (`himap transfer`)."
         )
     return " ".join([*sentences, f"It is for {only}."])
+
+
+def suggestion_table(suggestion):
+    """A `Table` with a line for each number of sources."""
+    changes_to_next = [*(f"{change:.1%}" for change in suggestion.change), ""]
+    criteria = [f"{value:.4f}" for value in suggestion.criterion]
+    rows = zip(suggestion.n_sources, criteria, changes_to_next, strict=True)
+    return Table(["n_sources", "criterion", "change with one more"], rows)
 
 
 def views_figure(suggestion):
@@ -288,7 +290,5 @@ def write_suggestion(suggestion, path):
             " Covariance and variances are weighted, only voxels that are there count as samples, and "
             "spectra have 0 in the gaps."
         )
-    picture = page.figure(views_figure(suggestion), "Three views of the choice", text)
-    path.write_text(
-        page.page("How many sources?", [f"<p>{advice(suggestion)}</p>", picture]), encoding="utf-8"
-    )
+    picture = figure(views_figure(suggestion), "Three views of the choice", text)
+    write_page(path, "How many sources?", [f"<p>{advice(suggestion)}</p>", picture])

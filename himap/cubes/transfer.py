@@ -1,15 +1,24 @@
-"""What a method loses of a cube of one's own, from mocks put into it; and its spectra, corrected."""
+"""Signal loss of a method on a cube, from mocks put into it, and the spectra of the cube corrected for it."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
+from himap.cubes.report import figure
+from himap.figures import plotting, styles
+from himap.figures.tables import Table
 from himap.maps import sphere
+from himap.maps.modes import MapModes
+from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import TransferFunction, mock_power, mock_power_of_cubes
 from himap.removal.data import means_of
+
+HEADER = ("band", "comes back", "error bar", "left / truth", "corrected / truth")
+"""Columns of `corrected_table`; the last two where there is a truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +29,7 @@ class Corrected:
     ----------
     x
         l, or k in 1/MHz, (n,).
-    left
+    residual
         As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
     share
         The transfer function.
@@ -29,14 +38,15 @@ class Corrected:
     """
 
     x: np.ndarray
-    left: np.ndarray
+    residual: np.ndarray
     share: np.ndarray
     errors: np.ndarray
 
     @property
     def corrected(self):
-        """left / share; NaN where nothing comes back."""
-        return np.divide(self.left, self.share, out=np.full(len(self.x), np.nan), where=self.share > 0)
+        """residual / share; NaN where nothing comes back."""
+        out = np.full(len(self.x), np.nan)
+        return np.divide(self.residual, self.share, out=out, where=self.share > 0)
 
     def sigma(self, bins):
         """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all."""
@@ -65,10 +75,8 @@ def measure_transfer(cleaned, mocks):
     InputError
         No mock, or one of another shape than the cube.
     """
-    cube, without = cleaned.cube, cleaned.separation
+    cube, powers = cleaned.cube, []
     cube.check_sphere()
-    back_of = _back_of_seen if cube.missing is None else _back_through_gaps
-    recoveries = []
     for mock in mocks:
         mock = checked_cube("a mock", mock)
         if mock.shape != cube.maps.shape:
@@ -77,31 +85,46 @@ def measure_transfer(cleaned, mocks):
                 f"{mock.shape}."
             )
         if cube.missing is not None:
-            mock = np.where(cube.missing, np.zeros((), mock.dtype), mock)
-        recoveries.append(back_of(cube, mock, without, cleaned.cleaning.with_mock(mock).separation))
-    return TransferFunction(mocks=tuple(recoveries))
+            mock = np.where(cube.missing, 0, mock)
+        found = cleaned.with_mock(mock).separation
+        if cube.missing is None:
+            faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
+            alms = alms_of(cube, mock, found.lmax)
+            powers.append(mock_power_of_change(cube, alms, cleaned.separation, found, faint))
+            continue
+        # Both cubes have 0 in the gaps.
+        change = found.foreground + -cleaned.separation.foreground
+        back = change.subtract_from(mock, found.means - cleaned.separation.means)
+        mock = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
+        alms = (alms_of(cube, np.where(cube.missing, 0, maps)) for maps in (mock, back))
+        powers.append(mock_power_of_cubes(*alms, cube.channel_width))
+    return TransferFunction(mocks=tuple(powers))
 
 
-def _back_of_seen(cube, mock, without, found):
-    """The `MockPower` of a mock, from the `Separation` without and with it; no voxel is missing."""
-    variance = float(mock.var(axis=1, dtype=np.float64).sum())
-    wrong = (without.foreground + -found.foreground).truncate(FAINT * variance)
-    alms = masked_alms(cube.on_sphere(mock), mask=cube.sky_mask)
-    if found.lmax is not None:
-        alms = sphere.alms_upto(alms, found.lmax)
-    wrong = replace(wrong, maps=cube.on_sphere(wrong.maps))
-    return mock_power(alms, wrong, cube.channel_width)
+def alms_of(cube, maps, lmax=None):
+    """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given."""
+    alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask)
+    return alms if lmax is None else sphere.alms_upto(alms, lmax)
 
 
-def _back_through_gaps(cube, mock, without, found):
-    """The same where voxels are missing, of both cubes with 0 there."""
-    back = (found.foreground + -without.foreground).subtract_from(mock, found.means - without.means)
-    cubes = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype), back
-    alms, missing = [], cube.missing
-    for maps in cubes:
-        maps[missing] = 0
-        alms.append(masked_alms(cube.on_sphere(maps), mask=cube.sky_mask))
-    return mock_power_of_cubes(*alms, cube.channel_width)
+def mock_power_of_change(cube, alms, before, after, faint):
+    """The `MockPower` of what came back as more than it was by as much as the foreground changed.
+
+    Parameters
+    ----------
+    cube
+        The `Cube`, without missing voxels.
+    alms
+        Coefficients of what was put in (`alms_of`).
+    before, after
+        The `Separation` that the foreground is of, and the one that it is then of.
+    faint
+        Variance, mK^2, summed over channels, of terms of the change that are left out.
+    """
+    change = (before.foreground + -after.foreground).truncate(faint)
+    if not len(change.maps):  # nothing moves
+        change = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
+    return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
 
 
 def correct(spectra, transfer):
@@ -114,21 +137,105 @@ def correct(spectra, transfer):
     transfer
         The `TransferFunction` from `measure_transfer`.
     """
-    angular, frequency = spectra.angular, spectra.frequency
-    return {
-        "angular": _corrected(angular.degrees, angular.mean, transfer, "angular", transfer.degrees[2:]),
-        "frequency": _corrected(frequency.k, frequency.power, transfer, "frequency", transfer.k[1:]),
-    }
+    angular, frequency, found = spectra.angular, spectra.frequency, {}
+    for kind, x, power, known_at in (
+        ("angular", angular.degrees, angular.mean, transfer.degrees[2:]),
+        ("frequency", frequency.k, frequency.power, transfer.k[1:]),
+    ):
+        half, known = (x[1] - x[0]) / 2, slice(-len(known_at), None)
+        inside = (x >= known_at[0]) & (x <= known_at[-1])
+        bins = np.abs(known_at - x[inside, None]) < half
+        bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
+        several = len(transfer.mocks) > 1
+        errors = transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))
+        found[kind] = Corrected(
+            x=x[inside],
+            residual=power[inside],
+            share=bins @ getattr(transfer, kind)[known],
+            errors=errors @ bins.T,
+        )
+    return found
 
 
-def _corrected(x, left, transfer, kind, known_at):
-    """In the bins of `x`, all of one width, that lie where the transfer function is known."""
-    half = (x[1] - x[0]) / 2
-    inside = (x >= known_at[0]) & (x <= known_at[-1])
-    x, left = x[inside], left[inside]
-    bins = np.abs(known_at - x[:, None]) < half
-    bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
-    known = slice(-len(known_at), None)
-    errors = transfer.errors(kind)[:, known] if len(transfer.mocks) > 1 else np.empty((0, len(known_at)))
-    share = getattr(transfer, kind)[known]
-    return Corrected(x=x, left=left, share=bins @ share, errors=errors @ bins.T)
+def corrected_table(found, truth=None):
+    """A `Table` with a line for each band of l and k; see `HEADER`.
+
+    Parameters
+    ----------
+    found
+        What `correct` gives.
+    truth
+        The `Comparison` with the truth, if there is one.
+    """
+    true, rows = _true(found, truth), []
+    for name, (kind, inside) in bands(found["angular"].x, found["frequency"].x).items():
+        one = found[kind]
+        (sigma,) = one.sigma([inside / inside.sum()])
+        spread = f"{sigma:.2%}" if np.isfinite(sigma) else "needs two mocks"
+        row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread]
+        if truth is not None:
+            powers = one.residual, one.corrected
+            row += [f"{np.mean(power[inside] / true[kind][inside]):.4f}" for power in powers]
+        rows.append(row)
+    return Table(HEADER if truth is not None else HEADER[:3], rows, align="lrrrr")
+
+
+def plain_band(name):
+    """The name of a band of ratios as that of a band of the spectrum."""
+    ratio, _, where = name.partition(", ")
+    return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
+
+
+def _true(found, truth):
+    """{kind: the truth's spectrum where the corrected one is}, NaN where it is not known."""
+    if truth is None:
+        return {kind: np.full(len(one.x), np.nan) for kind, one in found.items()}
+    known = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
+    return {kind: np.interp(one.x, *known[kind], left=np.nan, right=np.nan) for kind, one in found.items()}
+
+
+def corrected_parts(found, n_mocks, truth=None):
+    """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table.
+
+    Parameters as in `corrected_table`.
+    """
+    text = (
+        f"Each of {n_mocks} mocks was put into the cube and cleaned with it. The spectra are divided by the "
+        "share of its power that comes back; thin lines are one error bar, from mocks that are corrected by "
+        "each other. They know nothing of foreground that is left: where too few sources are removed, the "
+        "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
+    )
+    true, panels = _true(found, truth), []
+    for kind, one in found.items():
+        bars = one.sigma(np.eye(len(one.x)))
+        curves = [
+            (one.x, one.residual, {"label": "as it is left", "color": styles.ORANGE, "linestyle": "--"}),
+            (one.x, one.corrected, {"label": "corrected", "color": styles.INDIGO}),
+        ]
+        edges = ((one.corrected * (1 + sign * bars)) for sign in (-1, 1))
+        thin = {"color": styles.INDIGO, "linewidth": 0.5, "label": "_error bar"}
+        curves += [(one.x, edge, thin) for edge in edges if np.isfinite(edge).all()]
+        if truth is not None:
+            curves.append((one.x, true[kind], {"label": "truth", "color": "black", "linestyle": ":"}))
+        labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
+        panels.append(labels | {"curves": curves, "xscale": "log", "yscale": "log"})
+    for kind, one in found.items():
+        labels = {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": "share that comes back"}
+        curves = [(one.x, one.share, {"color": styles.BLUE})]
+        panels.append(labels | {"curves": curves, "xscale": "log", "ylim": (0, 1.1)})
+    picture, alt = plotting.lines(panels, size=(4.6, 3)), "Corrected spectra and transfer functions"
+    return [figure(picture, alt, text, title="Corrected for what was lost"), corrected_table(found, truth)]
+
+
+def write_spectra(found, path, truth=None):
+    """Write both spectra as CSV, one l or k a line; NaN where something is not known.
+
+    Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), ``left`` (mK^2, or mK^2 MHz),
+    ``transfer_function``, ``corrected``, ``sigma`` (relative) and ``truth``.
+    """
+    true, tables = _true(found, truth), []
+    for kind, one in found.items():
+        columns = {"left": one.residual, "transfer_function": one.share, "corrected": one.corrected}
+        columns |= {"sigma": one.sigma(np.eye(len(one.x))), "truth": true[kind]}
+        tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
+    pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -1,4 +1,4 @@
-"""Weights and flags of a cube of one's own, from arrays and files, in the layout of the cube's own file."""
+"""Weights and flags of a cube, from arrays and files, in the layout of the cube's own file."""
 
 import os
 
@@ -8,18 +8,11 @@ from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5, images
-from himap.cubes.layout import LARGEST, check_cube_room, same_freqs
+from himap.cubes.layout import LARGEST, check_cube_room, check_order, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_files import ENDINGS, to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
-_RIGHT = {  # what they are in words, and where they are that
-    "weights": ("finite and 0 or more; 0 means not seen", lambda v: (v >= 0) & np.isfinite(v)),
-    "flags": (
-        "True (or 1) where a voxel is bad and False (or 0) where it is good",
-        lambda v: (v == 0) | (v == 1),
-    ),
-}
 
 
 def is_path(given):
@@ -59,23 +52,25 @@ def voxel_weights(maps, layout, *, weights=None, flags=None):
     """
     out = np.ones(maps.shape)
     if weights is not None:
-        out *= _values(weights, "weights", layout, maps.shape)
+        values = _values(weights, "weights", layout, maps.shape)
+        _check(
+            values, lambda v: (v >= 0) & np.isfinite(v), "weights", "finite and 0 or more; 0 means not seen"
+        )
+        out *= values
     if flags is not None:
-        out[np.broadcast_to(_values(flags, "flags", layout, maps.shape) > 0, out.shape)] = 0
+        values = _values(flags, "flags", layout, maps.shape)
+        right = "True (or 1) where a voxel is bad and False (or 0) where it is good"
+        _check(values, lambda v: (v == 0) | (v == 1), "flags", right)
+        out[np.broadcast_to(values > 0, out.shape)] = 0
     for row, pixels in zip(out, maps, strict=True):
         row[~(np.abs(pixels) < LARGEST)] = 0  # NaN too
     return out
 
 
-def missing_remarks(weights):
-    """Sentences on the voxels without weight of pixels that have some, (n_channels, n_seen): one or none."""
-    share = np.mean(weights == 0)
-    if not share:
-        return []
-    return [
-        f"{share:.2%} of the voxels in these pixels are missing (flagged, not seen or of no weight): they "
-        "count nothing, what is left of them is not told, and the spectra have 0 in their place."
-    ]
+def _check(values, is_right, word, right):
+    n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
+    if n_bad:
+        raise InputError(f"the {word} must be {right}; {n_bad} are not.")
 
 
 def _values(given, word, layout, shape):
@@ -96,10 +91,6 @@ def _values(given, word, layout, shape):
     if nested is not None and nested != layout.pixels.nested:
         ring = sphere.nest_to_ring(sphere.nside_of(values))
         values = np.array([to_ring(row) if nested else row[ring] for row in values])
-    words, right = _RIGHT[word]
-    n_bad = sum(np.count_nonzero(~right(row)) for row in values)
-    if n_bad:
-        raise InputError(f"the {word} must be {words}; {n_bad} are not.")
     return values
 
 
@@ -110,41 +101,35 @@ def _numbers(label, values):
 
 def _read(path, word, pixels):
     """(numbers (n_channels or 1, n_pix), frequencies, whether NESTED) of a file, None if not stated."""
-    file, label = regular_file(path, f"file of {word}"), f"the {word} {path}"
-    name, endings = file.name.lower(), (".h5", ".fits", ".npy") if pixels.whole_sky else (".fits", ".npy")
+    file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
+    name = file.name.lower()
     if name.endswith(".npy"):
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
         return pixels.by_channel(label, _numbers(label, read_array(path))), None, None
-    if pixels.whole_sky and name.endswith(hdf5.ENDINGS):
+    if on_sphere and name.endswith(hdf5.ENDINGS):
         values, freqs, nested = hdf5.read_dataset(path, word, held=_HELD)
         return pixels.by_channel(f"{word} in {path}", _numbers(f"{word} in {path}", values)), freqs, nested
     if not name.endswith(ENDINGS):
-        of = "" if pixels.whole_sky else " of a cube of images"
-        raise InputError(f"{label}{of} must be a {', '.join(endings[:-1])} or {endings[-1]} file.")
-    maps, freqs, nested = (_healpix_fits if pixels.whole_sky else _image_fits)(file, label, word, pixels)
+        raise InputError(
+            f"{label} must be a .h5, .fits or .npy file."
+            if on_sphere
+            else f"{label} of a cube of images must be a .fits or .npy file."
+        )
+    freqs, nested = None, None
+    if on_sphere:
+        maps, layout = fits.read_fits(file, held=_HELD)
+        freqs, nested = layout.freqs, layout.pixels.nested
+        check_order(label, nested)
+    elif not images.has_frequencies(file):  # one image for all channels
+        maps = pixels.one_image(file, f"file of {word}")[None]
+    else:
+        maps, layout = images.read_image_fits([file], held=_HELD)
+        freqs = layout.freqs
+        if not pixels.same(layout.pixels):
+            raise InputError(
+                f"{label} must have the axes of the sky of the cube, {pixels}, got {layout.pixels}, or other "
+                "coordinates; reproject them to the header of the cube."
+            )
     unseen = 0.0 if word == "weights" else 1.0  # what FITS marks as not seen has no weight, and is bad
     return np.nan_to_num(maps, nan=unseen), freqs, nested
-
-
-def _healpix_fits(file, label, word, pixels):
-    maps, layout = fits.read_fits(file, held=_HELD)
-    if layout.pixels.nested is None:
-        raise InputError(
-            f"{label} must say ORDERING = RING or NESTED in the header; write them again with "
-            "healpy.write_map."
-        )
-    return maps, layout.freqs, layout.pixels.nested
-
-
-def _image_fits(file, label, word, pixels):
-    """Of one image, or of one for each channel."""
-    if not images.has_frequencies(file):
-        return pixels.one_image(file, f"file of {word}")[None], None, None
-    maps, layout = images.read_image_fits([file], held=_HELD)
-    if not pixels.same(layout.pixels):
-        raise InputError(
-            f"{label} must have the axes of the sky of the cube, {pixels}, got {layout.pixels}, or other "
-            "coordinates; reproject them to the header of the cube."
-        )
-    return maps, layout.freqs, None

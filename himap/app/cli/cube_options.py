@@ -113,9 +113,8 @@ def cube_and_beams(path, remover, beam, dish, mask, reading, *, weighed=None, pe
     """
     import numpy as np
 
-    from himap.cubes.beams import beams_of
-    from himap.cubes.cleaning import check_pixels, with_enough_channels
-    from himap.cubes.cube import read_cube
+    from himap.cubes.cleaning import beams_of, check_pixels, with_enough_channels
+    from himap.cubes.files import read_cube
     from himap.instrument.beams.base import gaussian_widths
 
     if dish is not None and beam is None:

@@ -22,7 +22,6 @@ from himap.app.cli.shared import debug
 from himap.core.errors import InputError, plain_text
 from himap.core.files import whole_file, whole_files
 from himap.core.reading import there_is
-from himap.figures.tables import Table
 
 
 @click.command(short_help="Remove the foregrounds of the cube of maps in CUBE.")
@@ -43,11 +42,11 @@ def clean(output, overwrite, **options):
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
-    from himap.cubes.writing import check_cube_output, files_of, write_cleaned
+    from himap.cubes.writing import check_output, files_of, write_cleaned
 
     started = time.monotonic()
     endings = (".html", ".csv") if options["mocks"] else (".html",)
-    output = check_cube_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
+    output = check_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
     cleaned, writers = _cleaned(**options)
     outputs = files_of(output)
     files = [*outputs, *map(output.with_suffix, endings)]
@@ -73,11 +72,12 @@ def transfer(output, overwrite, **options):
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
     """
-    from himap.cubes.writing import check_page
+    from himap.cubes.writing import check_output
 
     started = time.monotonic()
     options["mocks"] = options["mocks"] or ("10",)
-    page = check_page(output, overwrite=overwrite, inputs=_inputs(options), endings=(".csv",))
+    inputs, endings = _inputs(options), (".csv",)
+    page = check_output(output, overwrite=overwrite, inputs=inputs, endings=endings, page=True)
     cleaned, writers = _cleaned(**options)
     files = [page, page.with_suffix(".csv")]
     with whole_files(*files) as temporary:
@@ -108,12 +108,11 @@ def _cleaned(
     **reading,
 ):
     """A `CleanedCube`, and {ending: function that writes} its page, and its spectra where there are mocks."""
-    from himap.cubes import corrected_report
+    from himap.cubes import transfer as measured
     from himap.cubes.cleaning import clean_cube, method_for
-    from himap.cubes.cube import read_truth
-    from himap.cubes.patches import patches_part
-    from himap.cubes.report import check_truth, compared, spectra_of, write_report
-    from himap.cubes.transfer import correct, measure_transfer
+    from himap.cubes.files import read_truth
+    from himap.cubes.report import patches_part, write_report
+    from himap.cubes.spectra import check_truth, compared, spectra_of
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
@@ -142,17 +141,16 @@ def _cleaned(
         comparison = None if true is None else compared(cleaned, true)
         spectra = None if true is not None and put_in is None else spectra_of(cleaned)
         if put_in is not None:
-            found = measure_transfer(cleaned, put_in)
-            corrected = correct(spectra, found)
-            more = corrected_report.corrected_part(corrected, len(found.mocks), comparison)
-            header = corrected_report.HEADER[: 3 if true is None else None]
-            click.echo(Table(header, corrected_report.corrected_rows(corrected, comparison), align="lrrrr"))
+            found = measured.measure_transfer(cleaned, put_in)
+            corrected = measured.correct(spectra, found)
+            more = measured.corrected_parts(corrected, len(found.mocks), comparison)
+            click.echo(measured.corrected_table(corrected, comparison))
     if patches:
-        more = [*more, *patches_part(cleaned, true)]
+        more = [*more, patches_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
     writers = {".html": lambda page: write_report(cleaned, page, spectra=shown, more=more)}
     if corrected is not None:
-        writers[".csv"] = lambda table: corrected_report.write_spectra(corrected, table, comparison)
+        writers[".csv"] = lambda table: measured.write_spectra(corrected, table, comparison)
     return cleaned, writers
 
 
@@ -222,12 +220,13 @@ def suggest(
     himap suggest cube.h5 --method beam_subspace --beam oscillating
     """
     from himap.cubes import suggestion
-    from himap.cubes.writing import check_page
+    from himap.cubes.writing import check_output
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     inputs = inputs_of([path, beam, reading["freqs"], mask, weights, flags], pairs)
-    page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
+    checked = {"overwrite": overwrite, "inputs": inputs, "page": True}
+    page = None if output is None else check_output(output, **checked)
     parameters = method_parameters(pairs)
     if "n_sources" in parameters:
         raise InputError(
@@ -253,11 +252,7 @@ def suggest(
         result = suggestion.suggest(
             cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
         )
-    rows = [
-        (n, f"{value:.4f}", f"{change:.1%}" if change is not None else "")
-        for n, value, change in zip(result.n_sources, result.criterion, [*result.change, None], strict=True)
-    ]
-    click.echo(Table(["n_sources", "criterion", "change with one more"], rows))
+    click.echo(suggestion.suggestion_table(result))
     click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
         with whole_file(page) as temporary:

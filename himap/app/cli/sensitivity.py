@@ -9,7 +9,6 @@ from himap.app.cli.cube_options import Methods, cube_and_beams, cube_options, in
 from himap.app.cli.shared import debug
 from himap.core.errors import InputError, plain_text
 from himap.core.files import whole_file
-from himap.figures.tables import Table
 
 
 @click.command(short_help="Tell how far what is left of CUBE hangs on its beam.")
@@ -35,13 +34,14 @@ def sensitivity(
     """
     from himap.cubes import sensitivity as measured
     from himap.cubes.cleaning import clean_cube
-    from himap.cubes.writing import check_page
+    from himap.cubes.writing import check_output
     from himap.removal import create
     from himap.removal.base import SeparationWarning
 
     started = time.monotonic()
     inputs = inputs_of([path, beam, reading["freqs"], mask], pairs)
-    page = None if output is None else check_page(output, overwrite=overwrite, inputs=inputs)
+    checked = {"overwrite": overwrite, "inputs": inputs, "page": True}
+    page = None if output is None else check_output(output, **checked)
     remover = create(method, **method_parameters(pairs))
     if "beams" not in remover.uses:
         raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
@@ -53,7 +53,7 @@ def sensitivity(
         warnings.simplefilter("ignore", SeparationWarning)  # of cleaning it says the report
         cleaned = clean_cube(cube, remover, beams=beams, peaks=not keep_peaks)
         found = measured.beam_sensitivity(cleaned, beam, **chosen, period=period, dish=dish)
-    click.echo(Table(measured.HEADER, measured.sensitivity_rows(found), align="lrrl"))
+    click.echo(measured.sensitivity_table(found))
     if page is not None:
         with whole_file(page) as temporary:
             measured.write_sensitivity(found, temporary)
