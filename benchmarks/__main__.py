@@ -19,7 +19,6 @@ from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
 from himap.core.files import whole_file
-from himap.paper import plan
 from himap.store.provenance import Provenance
 
 
@@ -40,7 +39,6 @@ def main(preset, case, only, alone, output):
     )
     header = ("step", "time", "goal", "memory", "goal", "floor", "over it", "channels/s", "alternative")
     click.echo(_line(header))
-    plan.make_observations([case])
     prepare(case)
     rows = []
     for step in STEPS:

@@ -20,7 +20,7 @@ from benchmarks.steps import STEPS, prepare
 from himap.core.survey import PRESETS
 from himap.instrument.beams.oscillating import Oscillating
 from himap.maps import sphere
-from himap.paper import pipeline, plan
+from himap.paper import pipeline
 from himap.store.provenance import Provenance
 
 SIZES = {
@@ -61,7 +61,6 @@ def measure(steps):
         runs = {step.name: [] for step in steps}
         for survey in surveys:
             case = pipeline.Case(survey=survey, beam=Oscillating())
-            plan.make_observations([case])
             prepare(case)
             for step in steps:
                 probe_before = probe()

@@ -18,7 +18,7 @@ from benchmarks.alternatives import (
     plain_residual,
 )
 from himap.maps import sphere
-from himap.paper import cleaned, pipeline, plan
+from himap.paper import cleaned, pipeline
 from himap.paper.methods import methods_for, paper_beams, table_1
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
@@ -62,11 +62,17 @@ def light_cone(case):
 def observations(case):
     """All foregrounds, three beams, noise: three observations, from HI maps that are there."""
     cases = [replace(case, beam=beam) for beam in paper_beams().values()]
-    excluded = pipeline.hi_of_sky, pipeline.peak_masked, pipeline.true_spectra
-    for product, calls in plan.observing_steps(cases):
-        for call in calls if product not in excluded else ():
-            product.forget(*call)
-            product(*call)
+    sky, galaxy = case.survey.sky, case.galaxy
+    steps = [
+        (pipeline.components_of_sky, (sky, galaxy)),
+        (pipeline.hi_alms_of_sky, (sky,)),
+        (pipeline.noise_alms, (case.survey,)),
+        (pipeline.foreground_modes_of_sky, (sky, galaxy, case.dimming)),
+        *((product, (one,)) for product in (pipeline.observation, pipeline.foreground_seen) for one in cases),
+    ]
+    for product, call in steps:
+        product.forget(*call)
+        product(*call)
 
 
 def beside_observations(case):
@@ -173,7 +179,9 @@ def _pca(case):
 
 
 def prepare(case):
-    """Keep what steps begin with besides the observation: its analysis, and what PCA finds in it."""
+    """Keep what steps begin with: the observation, its truth and analysis, and what PCA finds in it."""
+    pipeline.true_spectra(case)
+    pipeline.foreground_seen(case)
     pipeline.analysis(case)
     cleaned.separation(case, _pca(case))
 

@@ -61,7 +61,7 @@ from himap.figures.numbers import one_run, quote, show, show_table
 from himap.instrument.beams import named
 from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper import captions
-from himap.paper.claims.base import LOW_K, angular_error, bump, frequency_error
+from himap.paper.claims.base import LOW_K, angular_band, bump, frequency_band
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.study import Study
 from himap.removal.base import REGISTRY, SeparationWarning
@@ -280,11 +280,11 @@ measures = {
     f"total, {name}": lambda comparison, name=name: comparison.total_error(name, lmax=LMAX)
     for name in MSE_DEFINITIONS
 }
-measures["low k"] = frequency_error(0, LOW_K)
+measures["low k"] = frequency_band("error", 0, LOW_K)
 if np.pi / study.survey.channel_width > BUMP[1]:
     measures["bump"] = lambda comparison: abs(bump(comparison) - 1)
 intermediate = f"10 < l < {min(100, study.l_top)}"
-measures[intermediate] = angular_error(10, 100)
+measures[intermediate] = angular_band("error", 10, 100)
 
 rows = {}
 for scale, measure in measures.items():

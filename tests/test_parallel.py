@@ -65,7 +65,7 @@ def test_processes_share_the_cores(monkeypatch, tmp_path, own_choice, threads):
 
         def __call__(self, work):
             seen.append(os.environ["DUCC0_NUM_THREADS"])
-            return [[] for _ in work]
+            return [([], []) for _ in work]
 
     monkeypatch.setattr("joblib.Parallel", InThisProcess)
     monkeypatch.setattr("joblib.cpu_count", lambda: 2)

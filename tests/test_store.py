@@ -28,12 +28,6 @@ def test_a_result_is_computed_once_and_mapped_from_disk(lab):
     assert second.dtype == np.float32
 
 
-def test_once_reads_what_is_kept_and_keeps_nothing_itself(lab):
-    assert not isinstance(lab.base.get_or_compute(SURVEY), np.memmap) and not lab.base.is_cached(SURVEY)
-    lab.base(SURVEY)
-    assert isinstance(lab.base.get_or_compute(SURVEY), np.memmap)
-
-
 def test_every_argument_counts(lab):
     for kwargs in [{}, {"scale": 2.0}, {"options": {"a": (1, None)}}, {"options": {"a": (1, False)}}]:
         lab.base(SURVEY, **kwargs)

@@ -6,6 +6,7 @@ and what is measured follows from these.
 
 from dataclasses import replace
 
+from himap.core.memory import check_memory
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
@@ -16,7 +17,8 @@ from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.removal.spectral_filter import on_sky
-from himap.store.store import product
+from himap.store.parallel import dask_address, make_all, n_jobs
+from himap.store.store import product, temporary
 
 
 def cleaning(case, remover, mask_peaks=True):
@@ -51,7 +53,7 @@ def separation(case, remover, mask_peaks=True):
 
 def residual(case, remover, mask_peaks=True, channels=slice(None)):
     """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
-    found, known = separation.get_or_compute(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
+    found, known = separation(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
     return found.residual(known.data.maps, known.basis, channels)
 
 
@@ -61,7 +63,7 @@ def error(case, remover, mask_peaks=True):
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
     the method ends at some l, it is that of what is left up to there against the truth up to there.
     """
-    return error_of(case, separation.get_or_compute(case, remover, mask_peaks), mask_peaks)
+    return error_of(case, separation(case, remover, mask_peaks), mask_peaks)
 
 
 def error_of(case, found, mask_peaks=True):
@@ -80,7 +82,7 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
     Sect. 5.1).
     """
-    found = separation.get_or_compute(case, remover, mask_peaks)
+    found = separation(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
     alms = pipeline.truth_alms(case, lmax)
     if lmax is None:
@@ -121,3 +123,44 @@ def _masked_spectra(case, true, wrong, mask, alms, lmax):
         PowerSpectra(angular=power.upto(lmax), frequency=along)
         for power, along in zip(angular, (recovered, frequency), strict=True)
     )
+
+
+def make(work):
+    """Make what is missing of products, [(product, arguments)], several at a time; returns how many.
+
+    The first argument is a `pipeline.Case`, or the `Survey` of a sky.
+
+    Raises
+    ------
+    InputError
+        It will not fit into memory, or what the products refuse.
+    """
+    missing = [(wanted, call) for wanted, call in work if not wanted.is_cached(*call)]
+    cases = dict.fromkeys(call[0] for _, call in missing if isinstance(call[0], pipeline.Case))
+    if cases:
+        check_memory(next(iter(cases)).survey, jobs=n_jobs(), steps=["cleaning"])
+        make_all(pipeline.peak_masked, [(case,) for case in cases], "observations")
+    for wanted in dict.fromkeys(wanted for wanted, _ in missing):
+        calls = [call for other, call in missing if other is wanted]
+        make_all(wanted, calls, wanted.name.rpartition(".")[2])
+    return len(missing)
+
+
+def make_by_case(work):
+    """`make`, but observations and separations that were made for it do not stay.
+
+    One case is done after the other, so that a disk holds no more than one; a Dask cluster gets all at once.
+    """
+    skies = {}
+    for wanted, call in work:
+        case = call[0]
+        sky, case = (None, None) if dask_address() else (getattr(case, "survey", case).sky, case)
+        if not wanted.is_cached(*call):
+            skies.setdefault(sky, {}).setdefault(case, []).append((wanted, call))
+    n_made = 0
+    for by_case in skies.values():
+        with temporary(*pipeline.OF_SKIES):
+            for pieces in by_case.values():
+                with temporary(*pipeline.OF_CASES, separation):
+                    n_made += make(pieces)
+    return n_made

@@ -9,12 +9,11 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import styles
 from himap.instrument.beams import named
-from himap.paper import cleaned, pipeline, plan
+from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.mocks import first_mocks, make_mocks, own_recovery, recovered, transfer_functions
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
-from himap.store.parallel import make_all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,21 +136,9 @@ def make_products(work):
     `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
     again, and nothing is observed for it.
     """
-    missing = [(product, call) for product, call in work if not product.is_cached(*call)]
-    cases = list(dict.fromkeys(call[0] for _, call in missing))
-    separations, mocks = {}, {}
-    for product, call in missing:
-        if product is recovered:
-            separations |= dict.fromkeys((call[0], remover) for remover in call[1])
-            mocks[call[2]] = None
-        elif product in (own_recovery, cleaned.assessment):
-            separations[call[:2]] = None
-    with plan.temporary_observations(cases), plan.temporary_separations(separations):
-        if mocks:
-            make_mocks([case.survey for case in cases], mocks)
-        for product in dict.fromkeys(product for product, _ in missing):
-            calls = [call for other, call in missing if other is product]
-            make_all(product, calls, product.name.rpartition(".")[2])
+    mocked = [call for product, call in work if product is recovered and not product.is_cached(*call)]
+    make_mocks([call[0] for call in mocked], dict.fromkeys(call[2] for call in mocked))
+    cleaned.make_by_case(work)
 
 
 def measured_recoveries(sky):

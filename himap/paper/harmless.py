@@ -73,7 +73,7 @@ def parts(case, remover, mask_peaks=True):
     mask_peaks
         As in `cleaned.separation`; False only for a `SmoothSpectra`.
     """
-    found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
+    found = cleaned.separation(case, remover, mask_peaks)
     if isinstance(found, FilteredSeparation):
         left, lost, truth = _filtered(case, remover, found, mask_peaks)
     else:
@@ -107,7 +107,7 @@ def _common(powers, difference):
 @product
 def foreseen(case, remover, mask_peaks=True):
     """What a `SmoothSpectra` knows that it keeps of HI and noise, a `MockPower`, without mocks or truth."""
-    found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
+    found = cleaned.separation(case, remover, mask_peaks)
     return expected_mock_power(found, case.survey.channel_width)
 
 

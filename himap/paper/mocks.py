@@ -13,12 +13,12 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.low_rank_spectra import FAINT
 from himap.measures.transfer import TransferFunction, mock_power
-from himap.paper import cleaned, pipeline, plan
+from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.parallel import make_all
-from himap.store.store import product
+from himap.store.store import product, temporary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ def recovered(case, removers, mock, mask_peaks=True):
     )
     recoveries = []
     for remover in removers:
-        without = cleaned.separation.get_or_compute(case, remover, mask_peaks)
+        without = cleaned.separation(case, remover, mask_peaks)
         rng = case.survey.rng(f"removal {remover.name}")
         found = mocked.with_method(remover, rng=rng).separation
         wrong = (without.foreground + -found.foreground).truncate(_faint(case))
@@ -127,7 +127,7 @@ def recovered(case, removers, mock, mask_peaks=True):
 @product
 def own_recovery(case, remover, mask_peaks=True):
     """The `MockPower` of the truth itself: what a transfer function is to tell without knowing the truth."""
-    found = cleaned.separation.get_or_compute(case, remover, mask_peaks)
+    found = cleaned.separation(case, remover, mask_peaks)
     wrong = cleaned.error(case, remover, mask_peaks)
     return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
@@ -163,9 +163,8 @@ def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cr
         remover.check(case.survey.n_channels)
     calls = [(case, removers, mock, mask_peaks) for mock in mocks]
     if not all(recovered.is_cached(*call) for call in calls):
-        plan.make_observations([case])
-        make_mocks([case.survey], mocks)
-        make_all(recovered, calls, "mocks")
+        make_mocks([case], mocks)
+        cleaned.make([(recovered, call) for call in calls])
     rows = [recovered(*call) for call in calls]
     return {
         remover: TransferFunction(mocks=column, definition=definition)
@@ -180,17 +179,10 @@ def first_mocks(n_mocks, cases):
     return [Mock(seed=seed) for seed in itertools.islice(free, n_mocks)]
 
 
-def make_mocks(surveys, mocks):
+def make_mocks(cases, mocks):
     """Make the coefficients of the HI and noise of all mocks; their maps do not stay."""
-    own = dict.fromkeys(replace(survey, seed=mock.seed) for survey in surveys for mock in mocks)
-    skies = dict.fromkeys(survey.sky for survey in own)
-    missing = [sky for sky in skies if not pipeline.hi_alms_of_sky.is_cached(sky)]
-    passing = [sky for sky in missing if not pipeline.hi_of_sky.is_cached(sky)]
-    for wanted, arguments in (
-        (pipeline.hi_of_sky, passing),
-        (pipeline.hi_alms_of_sky, missing),
-        (pipeline.noise_alms, own),
-    ):
-        make_all(wanted, [(one,) for one in arguments], wanted.name)
-    for sky in passing:
-        pipeline.hi_of_sky.forget(sky)
+    own = dict.fromkeys(replace(case.survey, seed=mock.seed) for case in cases for mock in mocks)
+    with temporary(pipeline.hi_of_sky):
+        skies = dict.fromkeys(survey.sky for survey in own)
+        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in skies], "HI of mocks")
+        make_all(pipeline.noise_alms, [(survey,) for survey in own], "noise of mocks")

@@ -176,6 +176,11 @@ def foreground_analysed(case, mask_peaks=True):
     return HarmonicModes(spectra=np.hstack([axes, rest]), alms=np.concatenate([alms, seen.alms]))
 
 
+OF_SKIES = (hi_of_sky, hi_alms_of_sky, noise_alms, foreground_modes_of_sky)
+OF_CASES = (observation, peak_masked, analysis, foreground_seen, foreground_analysed)
+"""Products as large as a cube, of a sky and of a case of it: what disks are too small for."""
+
+
 def truth_alms(case, lmax=None, channels=slice(None)):
     """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept."""
     windows = case.beam.of_survey(case.survey)

@@ -14,7 +14,7 @@ from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
-from himap.paper import cleaned, evidence, pipeline, plan
+from himap.paper import cleaned, evidence, pipeline
 from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.dimming import Dimming
@@ -220,4 +220,4 @@ def make(skies, *, only_oscillating=()):
     assessments = dict.fromkeys(call for sky in skies for call in sky.assessments)
     assessments |= dict.fromkeys(sky.calls("oscillating")["sdecgmca"] for sky in only_oscillating)
     facts = dict.fromkeys(fact for sky in skies for fact in sky.facts)
-    return plan.make(list(assessments), facts=list(facts), keep_observations=False)
+    return cleaned.make_by_case([*facts, *((cleaned.assessment, call) for call in assessments)])

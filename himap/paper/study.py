@@ -11,10 +11,11 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import styles
 from himap.measures.diagnostics import Comparison
-from himap.paper import cleaned, pipeline, plan
+from himap.paper import cleaned, pipeline
 from himap.paper.study_figures import StudyFigures
 from himap.sky.dimming import Dimming
 from himap.sky.galaxy import Galaxy
+from himap.store.store import temporary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,11 @@ class Study(StudyFigures):
         """The `Galaxy`."""
         return Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
 
+    @property
+    def _keeping(self):
+        """A context in which separations stay in the cache if the study keeps them."""
+        return temporary(*(() if self.keep_separations else (cleaned.separation,)))
+
     def case(self, beam):
         """The `Case` of one `Beam`.
 
@@ -90,9 +96,8 @@ class Study(StudyFigures):
 
     def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
         """How well `remover` did, an `Assessment`; keeps what was found if the study does."""
-        if self.keep_separations:
-            self.separation(beam, remover, mask_peaks=mask_peaks)
-        return cleaned.assessment(self.case(beam), remover, mask_peaks, post_mask)
+        with self._keeping:
+            return cleaned.assessment(self.case(beam), remover, mask_peaks, post_mask)
 
     def compared(self, beam, remover, *, masked=False, **options):
         """Both spectra against the truth, a `Comparison`.
@@ -111,7 +116,8 @@ class Study(StudyFigures):
             for beam, methods in removers.items()
             for method in methods
         ]
-        plan.make(calls, keep_separations=self.keep_separations)
+        with self._keeping:
+            cleaned.make([(cleaned.assessment, call) for call in calls])
 
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.

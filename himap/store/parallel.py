@@ -15,6 +15,7 @@ from himap.core.errors import InputError
 from himap.core.files import note_worker, run_folder
 from himap.core.progress import progress
 from himap.store import cache
+from himap.store.store import note_made, recorded
 
 JOBS_VARIABLE = "HIMAP_JOBS"
 """Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
@@ -96,7 +97,8 @@ def make_all(product, calls, description):
         done = _in_processes(product, missing)
     else:
         done = (_made(product, call) for call in missing)
-    for caught in progress(done, description, total=len(missing)):
+    for made, caught in progress(done, description, total=len(missing)):
+        note_made(made)
         for message, category in caught:
             warnings.warn(message, category, stacklevel=2)
     return len(missing)
@@ -104,11 +106,11 @@ def make_all(product, calls, description):
 
 def _made(product, call):
     product(*call)
-    return []
+    return [], []
 
 
 def _in_processes(product, missing):
-    """The warnings of each piece of work, as they are done; the cores are shared out among the processes."""
+    """What `_make` returns of each piece of work as it is done; the processes share the cores."""
     jobs = min(n_jobs(), len(missing))
     # joblib tells this to every other package with threads. New processes read it when they begin.
     own_choice = os.environ.get(_TRANSFORM_THREADS)
@@ -158,7 +160,7 @@ def _client(seconds):
 
 
 def _on_cluster(product, missing):
-    """The warnings of each piece of work, as they are done; what a worker that dies had goes to another."""
+    """What `_make` returns of each piece of work as it is done; what a dead worker had goes to another."""
     address, client = dask_address(), _client(_CONNECT)
     from distributed import KilledWorker, as_completed
 
@@ -206,7 +208,7 @@ def _settings():
 
 
 def _make(product, call, settings, folder=None, asking=None):
-    """Compute and keep; the warnings, for the process that asked.
+    """Compute and keep; [(name, key)] of what was made, and the warnings, for the process that asked.
 
     One that started this process gives its `run_folder` and its number, `asking`.
     """
@@ -216,7 +218,7 @@ def _make(product, call, settings, folder=None, asking=None):
     for name in _settings().keys() - settings.keys():
         del os.environ[name]
     os.environ.update(settings)
-    with warnings.catch_warnings(record=True) as caught:
+    with recorded() as made, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         product(*call)
-    return [(str(warning.message), warning.category) for warning in caught]
+    return made, [(str(warning.message), warning.category) for warning in caught]

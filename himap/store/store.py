@@ -52,6 +52,42 @@ def product(function=None, *, name=None, version=None):
     return Product(function, name) if function else functools.partial(product, name=name, version=version)
 
 
+@contextlib.contextmanager
+def temporary(*products):
+    """Delete at the end what some products made meanwhile, here and in the processes of `make_all`.
+
+    What was in the cache before stays.
+    """
+    with recorded() as made:
+        try:
+            yield
+        finally:
+            names = {product.name for product in products}
+            for name, key in made:
+                if name in names:
+                    cache.remove(name, key)
+
+
+@contextlib.contextmanager
+def recorded():
+    """A list that gets the (name, key) of all that is put into the cache meanwhile."""
+    made = []
+    _RECORDS.append(made)
+    try:
+        yield made
+    finally:
+        _RECORDS[:] = [record for record in _RECORDS if record is not made]
+
+
+def note_made(entries):
+    """Enter [(name, key)] into the lists of `recorded`."""
+    for record in _RECORDS:
+        record.extend(entries)
+
+
+_RECORDS = []
+
+
 class Product:
     """A function whose results are kept on disk; see `product`.
 
@@ -95,6 +131,7 @@ class Product:
             value = self._function(*bound.args, **bound.kwargs)
             seconds = time.monotonic() - started
             cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
+            note_made([(self.name, key)])
         try:
             return cache.load(self.name, key)  # so that what it holds in memory can go
         except cache.Damaged:  # another process has deleted it meanwhile
@@ -115,10 +152,6 @@ class Product:
     def compute(self, *args, **kwargs):
         """The result, computed now and not kept."""
         return self._function(*args, **kwargs)
-
-    def get_or_compute(self, *args, **kwargs):
-        """The result, from the cache if it is there, else computed and not kept: for what is kept itself."""
-        return (self if self.is_cached(*args, **kwargs) else self.compute)(*args, **kwargs)
 
     def is_cached(self, *args, **kwargs):
         """Whether a call with these arguments would be read from the cache."""

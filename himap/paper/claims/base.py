@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
-from himap.paper.claims.verdicts import RECOVERED, Finding, parts_of
+from himap.paper.claims.verdicts import RECOVERED, Finding, Part, parts_of
 
 METHODS = {
     "pca": "PCA",
@@ -24,6 +24,9 @@ LEFT_IN = "{}, peaks left in"
 """Name of the case of a beam where no peaks are masked."""
 
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
+
+REGISTRY = {}
+"""{id: `Claim`}."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,66 +61,79 @@ class Claim:
         return " ".join(self.check.__doc__.split())
 
 
-REGISTRY = {}
-"""{id: `Claim`}."""
-
-
-def claim(id, beam, statement, *, number, paper, section, figure, notebook):
+def claim(id, beam, statement, **entry):
     """Decorator: enter a function from `Realisation` to `Finding`; its docstring is the reading."""
 
     def register(check):
-        REGISTRY[id] = Claim(
-            id=id,
-            beam=beam,
-            statement=statement,
-            number=number,
-            paper=paper,
-            section=section,
-            figure=figure,
-            notebook=notebook,
-            check=check,
-        )
+        REGISTRY[id] = Claim(id=id, beam=beam, statement=statement, check=check, **entry)
         return check
 
     return register
 
 
-def method_claim(
-    id, beam, statement, *, measure, test, words, extreme, sentence, reading, methods=tuple(METHODS), **entry
-):
-    """Enter a claim that each of some methods passes one test: a main part for each of them.
+def number_claim(id, beam, statement, *, values, test, words, value, sentence, reading, also=(), **entry):
+    """Enter a claim that several numbers pass one test: a main part for each of them.
 
     Parameters
     ----------
     id, beam, statement, entry
-        As of `claim`; the beam is the case that is measured.
-    measure, methods
-        Function from a `Comparison` to a number, and the methods whose number counts.
+        As of `claim`.
+    values
+        Function from a `Realisation` to the numbers, such as `each`, {name: number}.
     test, words
         Function from a number to whether it passes, and what it says if it does, such as "within 10 %".
-    extreme
-        `max` or `min`: which of the numbers is that of the claim.
+    value
+        Function from the numbers, {name: number}, to that of the claim, such as `largest`.
     sentence
         What the numbers are.
     reading
         How the words of the paper are read.
+    also
+        {name: function from the numbers to whether it holds} of other main parts.
     """
 
     def check(realisation):
-        values = by_method(realisation.of(beam), measure, methods)
-        return Finding(
-            value=extreme(values.values()),
-            parts=parts_of(values, test, words),
-            sentence=f"{sentence}: {listing(values)}.",
-        )
+        numbers = values(realisation)
+        others = tuple(Part(name=name, held=bool(holds(numbers))) for name, holds in dict(also).items())
+        parts = parts_of(numbers, test, words) + others
+        return Finding(value(numbers), parts, f"{sentence}: {listing(numbers)}.")
 
     check.__doc__ = reading
     claim(id, beam, statement, **entry)(check)
 
 
-def recovered(deviation):
-    """Whether a deviation from 1 is within the 10 % of the paper."""
-    return deviation < RECOVERED
+def each(case, measure, methods=tuple(METHODS)):
+    """Function from a `Realisation` to a measure of some methods on a case, {short name: number}."""
+    return lambda realisation: by_method(realisation.of(case), measure, methods)
+
+
+def largest(values):
+    """The largest of {name: number}."""
+    return max(values.values())
+
+
+def smallest(values):
+    """The smallest of {name: number}."""
+    return min(values.values())
+
+
+def sd_is(extreme):
+    """Function from {name: number} to whether SD has the smallest, `min`, or the largest, `max`."""
+    return lambda values: extreme(values, key=values.get) == "SD"
+
+
+def below(limit):
+    """Function from a number to whether it is below a limit."""
+    return lambda value: value < limit
+
+
+def above(limit):
+    """Function from a number to whether it is above a limit."""
+    return lambda value: value > limit
+
+
+recovered = below(RECOVERED)
+"""Whether a deviation from 1 is within the 10 % of the paper."""
 
 
 def by_method(comparisons, measure, methods=tuple(METHODS)):
@@ -135,44 +151,30 @@ def listing_by_beam(values, form="{:.3g}"):
     return "; ".join(f"{beam}: {listing(row, form)}" for beam, row in values.items())
 
 
-def angular_deviation(low, high):
-    """Function to the largest |C/C0 - 1| for low < l < high."""
-    return lambda comparison: largest_deviation(comparison.degrees, comparison.angular_ratio, low, high)[0]
+STATISTICS = {
+    "mean": band_mean,
+    "median": band_median,
+    "highest": band_max,
+    "error": lambda x, ratios, low, high: band_mean(x, np.abs(ratios - 1), low, high),
+    "deviation": lambda x, ratios, low, high: largest_deviation(x, ratios, low, high)[0],
+}
+"""{name: function} of the ratios in a band: "error" is the mean |ratio - 1|, "deviation" the largest."""
 
 
-def frequency_deviation(low, high=np.inf):
-    """Function to the largest |P/P0 - 1| for low < k < high."""
-    return lambda comparison: largest_deviation(comparison.k, comparison.frequency_ratio, low, high)[0]
+def angular_band(statistic, low, high):
+    """Function from a `Comparison` to one of `STATISTICS` of C/C0 for low < l < high."""
+    measure = STATISTICS[statistic]
+    return lambda comparison: measure(comparison.degrees, comparison.angular_ratio, low, high)
 
 
-def angular_mean(low, high):
-    """Function to the mean C/C0 for low < l < high."""
-    return lambda comparison: band_mean(comparison.degrees, comparison.angular_ratio, low, high)
+def frequency_band(statistic, low=0, high=np.inf):
+    """Function from a `Comparison` to one of `STATISTICS` of P/P0 for low < k < high."""
+    measure = STATISTICS[statistic]
+    return lambda comparison: measure(comparison.k, comparison.frequency_ratio, low, high)
 
 
-def frequency_mean(low, high=np.inf):
-    """Function to the mean P/P0 for low < k < high."""
-    return lambda comparison: band_mean(comparison.k, comparison.frequency_ratio, low, high)
-
-
-def frequency_median(low, high=np.inf):
-    """Function to the median P/P0 for low < k < high, which a peak in a few k does not move."""
-    return lambda comparison: band_median(comparison.k, comparison.frequency_ratio, low, high)
-
-
-def angular_error(low, high):
-    """Function to the mean |C/C0 - 1| for low < l < high."""
-    return lambda comparison: band_mean(comparison.degrees, np.abs(comparison.angular_ratio - 1), low, high)
-
-
-def frequency_error(low, high=np.inf):
-    """Function to the mean |P/P0 - 1| for low < k < high."""
-    return lambda comparison: band_mean(comparison.k, np.abs(comparison.frequency_ratio - 1), low, high)
-
-
-def bump(comparison):
-    """Highest P/P0 near k = 0.31."""
-    return band_max(comparison.k, comparison.frequency_ratio, *BUMP)
+bump = frequency_band("highest", *BUMP)
+"""Highest P/P0 near k = 0.31, of a `Comparison`."""
 
 
 def total(comparison):

@@ -46,7 +46,7 @@ VERDICTS = (REPRODUCED, IN_PART, INAPPLICABLE, FAILED)
 """From the best to the worst."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Part:
     """One part of a claim.
 
@@ -65,7 +65,7 @@ class Part:
     main: bool = True
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """What one realisation says of one claim.
 
@@ -110,7 +110,7 @@ def most_common(verdicts):
 
 def not_applicable(sentence):
     """The `Finding` where what a claim speaks of does not occur; the sentence says what is missing."""
-    return Finding(value=math.nan, parts=(), sentence=sentence)
+    return Finding(math.nan, (), sentence)
 
 
 def parts_of(values, test, words, *, main=True):
@@ -123,4 +123,4 @@ def parts_of(values, test, words, *, main=True):
     for name, value in values.items():
         joint = "PCA/ICA" if name in ("PCA", "ICA") else name
         held[joint] = held.get(joint, True) and bool(test(value))
-    return tuple(Part(name=f"{name} {words}", held=one, main=main) for name, one in held.items())
+    return tuple(Part(f"{name} {words}", one, main) for name, one in held.items())

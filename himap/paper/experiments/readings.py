@@ -12,7 +12,7 @@ import pandas as pd
 
 from himap.maps import sphere
 from himap.measures.diagnostics import BUMP
-from himap.paper.claims.base import angular_deviation, angular_error, bump
+from himap.paper.claims.base import angular_band, bump
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments.claims import NUDGES, JudgedSky, judge, realisations
 from himap.paper.readings import BANDS, COLUMNS, CURVES, NEAR_PLANE, outcomes, readings
@@ -79,8 +79,8 @@ def _ratios(realisation):
     numbers = {
         **{band: curves[curve][1][there].mean() for band, (curve, there) in inside.items() if there.any()},
         "bump": bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
-        "mean error": angular_error(10, _EDGE)(comparison),
-        "largest error": angular_deviation(10, _EDGE)(comparison),
+        "mean error": angular_band("error", 10, _EDGE)(comparison),
+        "largest error": angular_band("deviation", 10, _EDGE)(comparison),
         "flagged": flagged.mean(),
         "near the plane": near.mean() if len(near) else math.nan,
         "iterations": assessed.n_iterations,

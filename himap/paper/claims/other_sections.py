@@ -1,0 +1,176 @@
+"""Section 1: the sky; Section 4.3: the number of sources (Figs. 3 and 4); Appendix A: diagnostics."""
+
+import numpy as np
+
+from himap.measures.diagnostics import MSE_DEFINITIONS
+from himap.paper.claims.base import (
+    LOW_K,
+    METHODS,
+    angular_band,
+    bump,
+    claim,
+    frequency_band,
+    listing,
+    sd_is,
+    smallest,
+    total,
+)
+from himap.paper.claims.verdicts import CONSISTENT, Finding, Part, not_applicable, parts_of
+
+_SCAN = {"section": "4.3", "notebook": "11_ns_scan"}
+_APPENDIX = {"section": "A", "notebook": "14_diagnostics"}
+
+
+@claim(
+    "F1", "none", "The foregrounds are 4 to 5 orders of magnitude above HI, at high latitude too.",
+    number="log10 of the rms of the foregrounds over that of HI, all sky", paper="4 to 5",
+    section="1", figure="", notebook="01_simulations",
+)  # fmt: skip
+def foregrounds_above_hi(realisation):
+    """Of brightness temperatures, before the beam: the root mean square over channels and pixels of all
+    foregrounds together over that of HI, mean brightness included. Its log10 lies from 4 to 5: over all the
+    sky, and at |b| > 30 deg. Two parts, both main.
+    """
+    orders, words = {}, []
+    for region, (foregrounds, hi) in realisation.brightness().items():
+        orders[region] = float(np.log10(foregrounds / hi))
+        words.append(f"{region} {orders[region]:.3g} (foregrounds {foregrounds:.3g} mK, HI {hi:.3g} mK)")
+    parts = tuple(Part(f"4 to 5 orders, {region}", 4 <= value <= 5) for region, value in orders.items())
+    return Finding(orders["all sky"], parts, f"Orders of magnitude: {', '.join(words)}.")
+
+
+def _missing(realisation, *counts):
+    """A Finding that says so if the scan lacks some number of sources, else None."""
+    missing = ", ".join(str(n) for n in counts if n not in realisation.scan)
+    return not_applicable(f"The scan does not hold n_s = {missing}.") if missing else None
+
+
+def _best(scan, error):
+    """The number of sources with the least `error`, a function of a `Comparison`."""
+    return min(scan, key=lambda n: error(scan[n]))
+
+
+@claim(
+    "N1", "oscillating", "The total MSE of SD is least at 5 sources of 2 to 20.",
+    number="n_s of the least MSE", paper="5", figure="3", **_SCAN,
+)  # fmt: skip
+def scan_minimum(realisation):
+    """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One
+    part.
+    """
+    scan, best = realisation.scan, _best(realisation.scan, total)
+    at_five = f", at n_s = 5 {total(scan[5]):.3g}" if 5 in scan else ""
+    sentence = f"The least total MSE, {total(scan[best]):.3g}, is at n_s = {best}{at_five}."
+    return _missing(realisation, 5) or Finding(best, (Part("least at 5", best == 5),), sentence)
+
+
+@claim(
+    "N2", "oscillating", "The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.",
+    number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3", **_SCAN,
+)  # fmt: skip
+def scan_ends(realisation):
+    """Larger than at n_s = 5: at 2, at 3, and at all from 10 to 20. Three parts, all main."""
+    if missing := _missing(realisation, 2, 3, 5, 10):
+        return missing
+    totals = {n: total(comparison) / total(realisation.scan[5]) for n, comparison in realisation.scan.items()}
+    least = min(total for n, total in totals.items() if n >= 10)
+    values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": least}
+    parts = parts_of(values, lambda value: value > 1, "larger")
+    return Finding(smallest(values), parts, f"MSE over that at n_s = 5: {listing(values)}.")
+
+
+@claim(
+    "N3", "oscillating", "The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.",
+    number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4", **_SCAN,
+)  # fmt: skip
+def scan_scales(realisation):
+    """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
+    parts, all main.
+    """
+    best = {
+        "low k": _best(realisation.scan, frequency_band("error", 0, LOW_K)),
+        "bump": _best(realisation.scan, lambda comparison: abs(bump(comparison) - 1)),
+        "10 < l < 100": _best(realisation.scan, angular_band("error", 10, 100)),
+    }
+    pairs = zip(best.items(), (5, 6, 7), strict=True)
+    parts = tuple(Part(f"{name}: {n}", found == n) for (name, found), n in pairs)
+    return _missing(realisation, 5, 6, 7) or Finding(best["low k"], parts, f"Best n_s: {listing(best)}.")
+
+
+@claim(
+    "N4", "oscillating", "An n_s of 5 to 7 is the best compromise over all scales.",
+    number="n_s of the least total, relative errors", paper="5 to 7", figure="3", **_SCAN,
+)  # fmt: skip
+def scan_compromise(realisation):
+    """The paper does not define its total MSE: the minimum of every definition that we have lies at 5, 6 or
+    7. A main part for each, relative, logarithmic and absolute.
+    """
+    scan = realisation.scan
+    best = {name: _best(scan, lambda one, by=name: one.total_error(by)) for name in MSE_DEFINITIONS}
+    parts = parts_of(best, lambda n: 5 <= n <= 7, "least at 5 to 7")
+    sentence = f"Least total at n_s: {listing(best)}."
+    return _missing(realisation, 5, 6, 7) or Finding(best["relative"], parts, sentence)
+
+
+@claim(
+    "N5", "oscillating", "At the largest multipoles the differences between n_s are small.",
+    number="spread over n_s at l > 150 over that at 10 < l < 100", paper="< 1", figure="4", **_SCAN,
+)  # fmt: skip
+def scan_large_degrees(realisation):
+    """The spread at one l is the highest less the lowest C/C0 of all n_s. Its median over 150 < l <= 200 is
+    smaller than that over 10 < l < 100. One part. It does not apply to maps that end before l = 200.
+    """
+    scan = list(realisation.scan.values())
+    degrees = scan[0].degrees
+    if degrees.max() < 200:
+        return not_applicable(f"These maps end at l = {degrees.max():.0f}.")
+    if len(scan) < 2:
+        return not_applicable("The scan holds one n_s only.")
+    spread = np.ptp([comparison.angular_ratio for comparison in scan], axis=0)
+    middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
+    large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
+    sentence = f"Median spread of C/C0 over n_s: {middle:.3g} at 10 < l < 100, {large:.3g} at l > 150."
+    return Finding(large / middle, (Part("smaller at l > 150", large < middle),), sentence)
+
+
+@claim(
+    "A1", "oscillating", "SD has the highest correlation with the truth, consistently over frequency.",
+    number="share of channels where SD is highest", paper="1", figure="A.1", **_APPENDIX,
+)  # fmt: skip
+def correlation_highest(realisation):
+    """Consistently is in 95 % of the channels or more: the main part. Another: highest on average over
+    them.
+    """
+    values = {short: realisation.correlation(name) for name, short in METHODS.items()}
+    others = np.max([row for name, row in values.items() if name != "SD"], axis=0)
+    share = float(np.mean(values["SD"] >= others))
+    means = {name: row.mean() for name, row in values.items()}
+    parts = (
+        Part("SD highest in 95 % of the channels", share >= CONSISTENT),
+        Part("SD highest on average", sd_is(max)(means), main=False),
+    )
+    sentence = f"SD is highest in {share:.0%} of the channels; mean r: {listing(means, '{:.4f}')}."
+    return Finding(share, parts, sentence)
+
+
+@claim(
+    "A2", "oscillating", "SD has the smallest variance of R_l for 10 <= l <= 200.",
+    number="share of l where SD is smallest", paper="1", figure="A.2", **_APPENDIX,
+)  # fmt: skip
+def variance_smallest(realisation):
+    """Smallest over a range is read as consistently so, at 95 % of the l or more: the main part. Another:
+    smallest on average, the geometric mean over l.
+    """
+    values = {}
+    for name, short in METHODS.items():
+        degrees = realisation.of("oscillating")[name].degrees
+        values[short] = realisation.variance(name)[(degrees >= 10) & (degrees <= 200)]
+    others = np.min([row for name, row in values.items() if name != "SD"], axis=0)
+    share = float(np.mean(values["SD"] <= others))
+    means = {name: float(np.exp(np.mean(np.log(row)))) for name, row in values.items()}
+    parts = (
+        Part("SD smallest at 95 % of the l", share >= CONSISTENT),
+        Part("SD smallest on average", sd_is(min)(means), main=False),
+    )
+    sentence = f"SD is smallest at {share:.0%} of the l; mean variance: {listing(means, '{:.2g}')}."
+    return Finding(share, parts, sentence)

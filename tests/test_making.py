@@ -1,0 +1,93 @@
+"""What is made for some products, and what of it stays on disk."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from himap.core.survey import Survey
+from himap.instrument.beams import Degraded, Oscillating
+from himap.paper import cleaned, evidence
+from himap.paper.pipeline import Case
+from himap.removal import PCA
+from himap.store import cache
+from himap.store.parallel import JOBS_VARIABLE
+
+SURVEY = Survey(nside=8, n_channels=20, box_cells=16)
+SKIES = [replace(SURVEY, seed=seed) for seed in (1, 2)]
+CASES = [Case(survey=survey, beam=beam) for survey in SKIES for beam in (Degraded(), Oscillating())]
+METHODS = PCA(n_sources=2), PCA(n_sources=3)
+CALLS = [(cleaned.assessment, (case, method)) for case in CASES for method in METHODS]
+FACTS = [(evidence.masked_voxels, (case,)) for case in CASES[:2]]
+FACTS += [(evidence.sky_brightness, (case.survey.sky, case.galaxy)) for case in CASES[::2]]
+SMALL = {"true_spectra": 4, "components_of_sky": 2, "assessment": 8, "masked_voxels": 2, "sky_brightness": 2}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+
+
+def _held():
+    return Counter(entry.product for entry in cache.cache_info())
+
+
+def _watch(monkeypatch):
+    """The largest number of each product that is there at once."""
+    most, make_all = Counter(), cleaned.make_all
+
+    def watched(*args):
+        made = make_all(*args)
+        most.update({name: n - most[name] for name, n in _held().items() if n > most[name]})
+        return made
+
+    monkeypatch.setattr(cleaned, "make_all", watched)
+    return most
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_one_case_after_the_other_where_observations_do_not_stay(monkeypatch, jobs):
+    monkeypatch.setenv(JOBS_VARIABLE, jobs)
+    most, work = _watch(monkeypatch), FACTS + CALLS
+    assert cleaned.make_by_case(work) == len(set(work)) == 12
+    assert {most[name] for name in ("observation", "hi_of_sky", "hi_alms_of_sky", "foreground_seen")} == {1}
+    assert most["separation"] == 2
+    assert _held() == SMALL
+    assert cleaned.make_by_case(work) == 0
+
+
+def test_a_cluster_gets_all_cases_at_once(monkeypatch):
+    most = _watch(monkeypatch)
+    monkeypatch.setattr(cleaned, "dask_address", lambda: "tcp://somewhere:1")
+    cleaned.make_by_case(CALLS)
+    assert most["observation"] == 4 and _held()["observation"] == 0
+
+
+def test_what_was_there_before_stays():
+    cleaned.separation(CASES[0], METHODS[0])
+    before = _held()
+    cleaned.make_by_case(CALLS)
+    assert {name: n for name, n in _held().items() if name not in SMALL} == {
+        name: n for name, n in before.items() if name not in SMALL
+    }
+
+
+def test_what_fails_leaves_no_cubes():
+    with pytest.raises(ZeroDivisionError):
+        cleaned.make_by_case([*CALLS[:1], (_Failing(), (CASES[0],))])
+    assert _held().keys() <= SMALL.keys()
+
+
+class _Failing:
+    name = "failing"
+
+    def is_cached(self, *call):
+        return False
+
+    def __call__(self, *call):
+        return 1 / 0
+
+
+def test_all_stays_unless_told():
+    cleaned.make(CALLS[:2])
+    assert _held()["observation"] == 1 and _held()["separation"] == 2
