@@ -71,7 +71,14 @@ def claim(id, beam, statement, **entry):
     return register
 
 
-def number_claim(id, beam, statement, *, values, test, words, value, sentence, reading, also=(), **entry):
+def largest(values):
+    """The largest of {name: number}."""
+    return max(values.values())
+
+
+def number_claim(
+    id, beam, statement, *, values, test, words, sentence, reading, value=largest, also=(), **entry
+):
     """Enter a claim that several numbers pass one test: a main part for each of them.
 
     Parameters
@@ -105,11 +112,6 @@ def number_claim(id, beam, statement, *, values, test, words, value, sentence, r
 def each(case, measure, methods=tuple(METHODS)):
     """Function from a `Realisation` to a measure of some methods on a case, {short name: number}."""
     return lambda realisation: by_method(realisation.of(case), measure, methods)
-
-
-def largest(values):
-    """The largest of {name: number}."""
-    return max(values.values())
 
 
 def smallest(values):
