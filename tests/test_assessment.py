@@ -107,7 +107,7 @@ def test_nothing_wrong_is_no_error(monkeypatch):
     case = case_of(Degraded())
     there = on_sky(pipeline.foreground_seen(case), SURVEY.nside)
     found = Separation(mixing=there.spectra, sources=there.maps)
-    monkeypatch.setattr(cleaned.separation, "get_or_compute", lambda *call: found)
+    monkeypatch.setattr(cleaned, "separation", lambda *call: found)
     assert cleaned.error(case, PCA()).spectra.shape == (SURVEY.n_channels, 0)
     assessed = cleaned.assessment.compute(case, PCA())
     true = pipeline.true_spectra(case)

@@ -80,7 +80,7 @@ class TestMaking:
         assert len(calls) == 3 - known  # the sky, unless it was kept, and the sky with each mock
 
     def test_what_fails_leaves_no_cubes(self, sky, monkeypatch):
-        monkeypatch.setattr(mocks, "recovery", lambda *_: 1 / 0)
+        monkeypatch.setattr(mocks, "mock_power", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             measured_recoveries(sky)
         assert not pipeline.observation.is_cached(next(iter(sky.methods)))

@@ -18,7 +18,6 @@ from himap.paper.claims.base import (
     claim,
     each,
     frequency_band,
-    largest,
     listing,
     listing_by_beam,
     number_claim,
