@@ -7,9 +7,8 @@ import pytest
 
 from himap.core import errors, survey
 from himap.core.errors import InputError
-from himap.store import syntax
-from himap.store.accepted import moved
-from himap.store.fingerprint import CodeTree
+from himap.store import sources
+from himap.store.fingerprint import CodeTree, moved
 from himap.store.live import code_fingerprint, is_current
 
 FILES = {
@@ -226,11 +225,11 @@ def test_the_cells_of_a_notebook():
 
 def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
     """With all that is in them, but not what only begins alike."""
-    monkeypatch.setattr(syntax, "IGNORED", {"toy.keep", "toy.bar"})
-    syntax.is_ignored.cache_clear()
+    monkeypatch.setattr(sources, "IGNORED", {"toy.keep", "toy.bar"})
+    sources.is_ignored.cache_clear()
     names = ["toy.keep", "toy.keep.deep", "toy.bar", "toy.keeper", "toy.keep_not.deep"]
-    assert [syntax.is_ignored(name) for name in names] == [True, True, True, False, False]
-    syntax.is_ignored.cache_clear()
+    assert [sources.is_ignored(name) for name in names] == [True, True, True, False, False]
+    sources.is_ignored.cache_clear()
 
 
 def test_live_objects():

@@ -15,8 +15,7 @@ import himap
 from himap.app.notebooks import notebooks
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.store.accepted import moved
-from himap.store.fingerprint import CodeTree
+from himap.store.fingerprint import CodeTree, moved
 
 HIMAP = Path(himap.__file__).resolve().parent
 

@@ -13,8 +13,9 @@ from himap.app.notebooks import notebooks
 from himap.paper import canonical
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.store import accepted, verify
-from himap.store.fingerprint import CodeTree
+from himap.store import fingerprint as code
+from himap.store import verify
+from himap.store.fingerprint import CodeTree, moved
 
 LAB = """
 from himap.store.store import product
@@ -45,8 +46,8 @@ CALLS = {"base": [first], "above": [second]}
 def lab(tmp_path, monkeypatch):
     """Function to a module with products of fixed names, some of its text replaced."""
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(accepted, "ACCEPTED", tmp_path / "accepted.json")
-    monkeypatch.setattr(accepted, "PROBES", tmp_path / "probes.json")
+    monkeypatch.setattr(code, "ACCEPTED", tmp_path / "accepted.json")
+    monkeypatch.setattr(code, "PROBES", tmp_path / "probes.json")
     made = []
 
     def load(*pairs):
@@ -86,14 +87,14 @@ def test_a_formula_in_other_words_is_accepted(lab):
     before, after = lab(), lab(EQUAL)
     assert said_by(before) == ([], ["base: new", "above: new"])
     stored = fingerprint(before)
-    assert accepted.moved(stored, fingerprint(after)) == [
+    assert moved(stored, fingerprint(after)) == [
         "code",
         "base",
     ]  # not `above`, which counts by itself
     before.above(2)
     assert not after.above.is_cached(2)
     assert said_by(after) == ([], ["base: the stored numbers"])
-    assert accepted.moved(stored, fingerprint(after)) == []
+    assert moved(stored, fingerprint(after)) == []
     assert after.above.is_cached(2) and after.base.is_cached(2)
     assert said_by(after) == ([], ["no product, method or beam changed"])
 
@@ -103,9 +104,9 @@ def test_what_was_accepted_is_followed_all_the_way_and_back(lab):
     said_by(before)
     for one in (after, last, before, after):
         assert said_by(one)[0] == []
-        assert accepted.moved(fingerprint(before), fingerprint(one)) == []
-    assert accepted.moved(fingerprint(after), fingerprint(last)) == []
-    known = json.loads(accepted.ACCEPTED.read_text())
+        assert moved(fingerprint(before), fingerprint(one)) == []
+    assert moved(fingerprint(after), fingerprint(last)) == []
+    known = json.loads(code.ACCEPTED.read_text())
     assert len(known) == 2 and len(set(known.values())) == 1  # `power`, twice
 
 
@@ -114,9 +115,9 @@ def test_other_numbers_are_refused_until_they_are_stored(lab):
     said_by(before)
     others, (line,) = said_by(after)
     assert others == ["base"] and line.startswith("base: [0] by ") and float(line.split()[-1]) > 1e-5
-    assert accepted.moved(fingerprint(before), fingerprint(after)) == ["code", "base"]
+    assert moved(fingerprint(before), fingerprint(after)) == ["code", "base"]
     assert said_by(after, renew=True)[0] == ["base"]
-    assert accepted.moved(fingerprint(before), fingerprint(after)) == ["code", "base"]
+    assert moved(fingerprint(before), fingerprint(after)) == ["code", "base"]
     assert said_by(after) == ([], ["no product, method or beam changed"])
     assert said_by(before)[0] == ["base"]
 
@@ -180,8 +181,8 @@ def test_every_product_and_named_class_has_a_call():
 
 
 def test_the_stored_numbers_are_of_todays_code():
-    moved = verify.moved_names(canonical.CALLS)
-    assert not moved, f"{', '.join(moved)} changed: run `himap verify`"
+    names = verify.moved_names(canonical.CALLS)
+    assert not names, f"{', '.join(names)} changed: run `himap verify`"
 
 
 def test_what_was_accepted_still_holds():
@@ -205,6 +206,6 @@ def test_the_calls_see_a_method_that_changed(monkeypatch):
 
 
 def test_verify_needs_a_checkout(monkeypatch, himap_command):
-    monkeypatch.setattr(accepted, "ACCEPTED", Path("nowhere") / "accepted.json")
-    code, _, said = himap_command("verify")
-    assert code == 2 and "checkout of himap" in said
+    monkeypatch.setattr(code, "ACCEPTED", Path("nowhere") / "accepted.json")
+    status, _, said = himap_command("verify")
+    assert status == 2 and "checkout of himap" in said

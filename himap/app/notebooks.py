@@ -14,8 +14,7 @@ from himap.app.figures import named_figures
 from himap.app.notebook_files import code_cells, figure_options, number_cells
 from himap.app.parameters import read_parameters
 from himap.core.errors import InputError
-from himap.store.accepted import ACCEPTED, PROBES
-from himap.store.fingerprint import CodeTree
+from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 

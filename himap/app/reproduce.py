@@ -2,7 +2,7 @@
 
 An executed notebook carries a stamp: the fingerprint of its code, that of every product, method and beam
 that this reaches in himap, and the parameters that were passed. A notebook whose stamp is that of today's
-code, or of former code whose numbers are accepted for those of today's (`himap.store.accepted`), is fresh.
+code, or of former code whose numbers are accepted for those of today's (`himap.store.verify`), is fresh.
 What only looks has a fingerprint of its own: where no more than that moved, a notebook is drawn again, and is
 not stale.
 """
@@ -32,7 +32,7 @@ from himap.app.parameters import check_parameters
 from himap.core.errors import InputError
 from himap.core.files import run_folder
 from himap.core.progress import TERMINAL_VARIABLE
-from himap.store.accepted import moved
+from himap.store.fingerprint import moved
 from himap.store.provenance import environment
 
 _KERNEL_OPTIONS = ["--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True"]

@@ -1,7 +1,7 @@
 """Stored results, which took hours: what made each in ``book/results``, and whether today's code would.
 
 Records and figures carry the fingerprint of the code that made them, without parameters, which are stored
-with it; what only looks does not count, and accepted code is as good (`himap.store.accepted`). Timings
+with it; what only looks does not count, and accepted code is as good (`himap.store.verify`). Timings
 carry none: they are those of one machine and one day. A stale result is reported, not made again.
 """
 
@@ -13,8 +13,7 @@ from himap.app.notebooks import notebooks
 from himap.app.stored import RESULTS
 from himap.paper.experiments import EXPERIMENTS
 from himap.paper.record import measuring_code
-from himap.store.accepted import ACCEPTED, PROBES, moved
-from himap.store.fingerprint import CodeTree
+from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
 
 
 @dataclass(frozen=True, kw_only=True)

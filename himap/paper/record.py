@@ -16,8 +16,7 @@ import pandas as pd
 from himap.core.errors import InputError
 from himap.core.files import whole_file
 from himap.core.reading import regular_file, there_is
-from himap.store.accepted import moved
-from himap.store.fingerprint import CodeTree
+from himap.store.fingerprint import CodeTree, moved
 from himap.store.parallel import dask_address
 from himap.store.provenance import Provenance, environment
 

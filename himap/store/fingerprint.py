@@ -1,6 +1,6 @@
 """Fingerprints of code: which result depends on which lines.
 
-A fingerprint is a digest of the text of code (`himap.store.writing`: what can change a number, and nothing
+A fingerprint is a digest of the text of code (`himap.store.syntax`: what can change a number, and nothing
 else) and of all that this names: definitions of its own module, what it imports of others, and what a package
 offers under a name. A definition counts by its text and by the digests of what it names, in their order, not
 by its name or place: to rename or move it changes nothing. Definitions that name each other in a circle get
@@ -11,41 +11,76 @@ that they are there for what they do (say, to register).
 Products, and classes with a fixed ``name`` such as methods and beams, have a digest of their own, and count
 elsewhere by that name. So the fingerprint of a notebook or a record is a dict: "code", "look", and the digest
 of every product and named class that it reaches, by its name. Where code names ``__path__`` and so looks into
-the folder of a package, it reaches all named classes there; one that is added later was not used, and
-`himap.store.accepted.moved` asks only for the names that were listed.
+the folder of a package, it reaches all named classes there; one that is added later was not used, and `moved`
+asks only for the names that were listed.
 
-What only shows numbers (`himap.store.syntax.LOOKS`) counts in "look", what that names elsewhere in "code".
-Code of other packages counts by its name alone: a new numpy does not make a notebook stale. All is read from
-the source: nothing is imported.
+What only shows numbers (`himap.store.sources.LOOKS`) counts in "look", what that names elsewhere in "code".
+Other packages count by name: a new numpy makes nothing stale. Code that gives the numbers of former code
+(`himap.store.verify`) counts as that. All is read from the source: nothing is imported.
 """
 
-from collections import defaultdict
+import json
+from collections import defaultdict, namedtuple
+from functools import cache, lru_cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
-from himap.store.accepted import accepted as known
-from himap.store.sources import ROOT, read
-from himap.store.syntax import RUN, digest_of, is_ignored, is_look, parse, parse_cells
-from himap.store.writing import IMPORTS, bound_name
+from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse, parse_cells, read
+from himap.store.syntax import IMPORTS, bound_name
+
+ACCEPTED = ROOT.parent / "book" / "results" / "accepted.json"
+"""Of a checkout: {digest of a definition: digest of the former one with the same numbers}."""
+
+PROBES = ACCEPTED.with_name("probes.json")
+"""The numbers that code is compared with (`himap.store.verify`)."""
 
 _FOLDER, _CELLS = "__path__", "<cells>"
 
 
+def accepted_digests():
+    """What `ACCEPTED` holds, the same dict while the file is the same; nothing where there is no checkout."""
+    return _read_json(ACCEPTED, ACCEPTED.stat().st_mtime_ns if ACCEPTED.is_file() else None)
+
+
+@lru_cache(maxsize=4)
+def _read_json(path, mtime):
+    return json.loads(path.read_text(encoding="utf-8")) if mtime else {}
+
+
+def moved(stored, today, *, looks=False):
+    """The names under which a stored fingerprint is another today: empty if what was made of it is fresh.
+
+    Parameters
+    ----------
+    stored, today
+        {"code", "look", name of a product or class: digest}, as a `CodeTree` has them. A name that only
+        `today` has, say of a new method, moves nothing. None, or a text as it was once kept, for one that
+        cannot be compared.
+    looks
+        Whether what only shows numbers counts too.
+    """
+    if stored == today:
+        return []
+    if not (isinstance(stored, dict) and isinstance(today, dict)):
+        return ["code"]
+    return [name for name in stored if (looks or name != "look") and stored[name] != today.get(name)]
+
+
 class _Unit(NamedTuple):
-    """Something that can be named: digest of its text; what each hole leads to, [(units, attribute)]; and
-    all units that it leads to, those that it may look for and what runs on import among them."""
+    """What (module, name) is: digest of its text; what each hole leads to, [(units, attribute)]; and further
+    units that count for what they do when they are imported."""
 
     text: str
     targets: tuple = ()
-    edges: tuple = ()
+    others: tuple = ()
+
+    @property
+    def edges(self):
+        return [*(unit for units, _ in self.targets for unit in units), *self.others]
 
 
-class _Summary(NamedTuple):
-    code: str
-    look: str
-    parts: tuple
-    reached: tuple
+_Summary = namedtuple("_Summary", "code look parts reached")
 
 
 class CodeTree:
@@ -60,7 +95,7 @@ class CodeTree:
     texts
         {path of a file: text} that counts in its place.
     accepted
-        {digest of a definition: the one that it counts as}; default: that of `himap.store.accepted`.
+        {digest of a definition: the one that it counts as}; default: `accepted_digests`.
     former
         {place of a definition (see `digests`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
@@ -70,73 +105,66 @@ class CodeTree:
 
     def __init__(self, *, loaded=False, himap=ROOT, texts=None, accepted=None, former=None, **roots):
         self.loaded, self.texts = loaded, texts or {}
-        self._accepted = known() if accepted is None else accepted
-        self._former, self.accepts = former or {}, {}
+        self._accepted = accepted_digests() if accepted is None else accepted
+        self._former, self.accepts, self._roots, self._digests = former or {}, {}, {}, {}
         self.roots = {name: Path(path) for name, path in {"himap": himap, **roots}.items()}
         packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
         self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
-        self._files, self._codes, self._units = {}, {}, {}
-        self._fixed_names, self._digests, self._summaries = {}, {}, {}
+        for method in ("_summary", "_unit", "_fixed_name", "_modules", "_file", "_read"):
+            setattr(self, method, cache(getattr(self, method)))
 
     def fingerprint(self, module, name=None):
         """{"code", "look", products and named classes: digest} of a module, or of `name` in it."""
-        return self._fingerprint((_CELLS, module, name), [(((module, name),), None)])
+        return self._fingerprint(self._root(module, name))
 
     def source_fingerprint(self, *sources):
         """The same of pieces of code, such as the cells of a notebook, and of what they import."""
         code, part = parse_cells(sources)
-        return self._fingerprint((_CELLS, sources), self._targets(code, part, None), part.digest)
+        self._roots[_CELLS, sources] = _Unit(part.digest, self._targets(code, part, None))
+        return self._fingerprint((_CELLS, sources))
 
     def files(self, module, name=None):
-        """The files that a fingerprint was read from."""
-        self.fingerprint(module, name)
-        units = {unit for root in self._all((_CELLS, module, name)) for unit in self._summary(root).reached}
-        return {self._file(unit[0]) for unit in units} - {None}
+        """The files that a fingerprint is read from."""
+        root = self._root(module, name)
+        summaries = map(self._summary, [root, *self._parts(root)])
+        return {self._file(unit[0]) for summary in summaries for unit in summary.reached} - {None}
 
     def digests(self, module):
         """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
 
         The place is ``module:name``, or the fixed name.
         """
-        self.fingerprint(module)
-        parts = self._all((_CELLS, module, None))[1:]
+        parts = {self._fixed_name(part): self._summary(part) for part in self._parts(self._root(module))}
         return {
-            self._fixed_name(part): {
-                self._at(unit): self._digests[unit]
-                for unit in self._summary(part).reached
-                if self._file(unit[0])
-            }
-            for part in parts
+            name: {self._at(unit): self._digests[unit] for unit in part.reached if self._file(unit[0])}
+            for name, part in parts.items()
         }
+
+    def _root(self, module, name=None):
+        self._roots[_CELLS, module, name] = _Unit("", ((((module, name),), None),))
+        return _CELLS, module, name
 
     def _at(self, unit):
         return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
 
-    def _fingerprint(self, root, targets, text=""):
-        edges = [unit for units, _ in targets for unit in units]
-        self._units.setdefault(root, _Unit(text, tuple(targets), tuple(edges)))
-        found = defaultdict(list)
-        for part in self._all(root)[1:]:
-            found[self._fixed_name(part)].append(self._summary(part).code)
-        whole = self._summary(root)
-        named = {
-            name: one if not more else digest_of(sorted([one, *more])) for name, (one, *more) in found.items()
-        }
-        return {"code": whole.code, "look": whole.look} | dict(sorted(named.items()))
+    def _fingerprint(self, root):
+        codes = defaultdict(list)
+        for part in self._parts(root):
+            codes[self._fixed_name(part)].append(self._summary(part).code)
+        named = {name: one[0] if len(one) == 1 else digest_of(sorted(one)) for name, one in codes.items()}
+        code, look, *_ = self._summary(root)
+        return {"code": code, "look": look} | dict(sorted(named.items()))
 
-    def _all(self, root):
-        """`root`, and the units with a fixed name that it reaches, also through each other."""
-        found = [root]
-        for unit in found:
-            found += [part for part in self._summary(unit).parts if part not in found]
-        return found
+    def _parts(self, root):
+        """The units with a fixed name that `root` reaches, also through each other."""
+        units = [root]
+        for unit in units:
+            units += [part for part in self._summary(unit).parts if part not in units]
+        return units[1:]
 
     def _summary(self, root):
         """What `root` reaches without going beyond units with a fixed name, and the digests of that."""
-        if root in self._summaries:
-            return self._summaries[root]
-        reached, parts, numbers, looks = [root], {}, set(), set()
-        seen = {root}
+        reached, seen, parts, numbers, looks = [root], {root}, {}, set(), set()
         for unit in reached:
             for other in self._unit(unit).edges:
                 if self._fixed_name(other):
@@ -146,16 +174,14 @@ class CodeTree:
                     reached.append(other)
         self._digest_all(reached)
         for unit in reached:
-            edges, is_shown = self._unit(unit).edges, is_look(unit[0])
-            if unit == root or (unit[1] == RUN and self._unit(unit)[:2] != ("", ())):
+            (text, targets, _), edges, is_shown = self._unit(unit), self._unit(unit).edges, is_look(unit[0])
+            if unit == root or (unit[1] == RUN and (text or targets)):
                 (looks if is_shown else numbers).add(self._digests[unit])
             if is_shown:
                 numbers |= {self._digests[one] for one in edges if one in seen and not self._is_shown(one)}
             elif shown := [self._digests[one] for one in edges if is_look(one[0])]:
                 looks.add(digest_of(shown))
-        code, look = digest_of(sorted(numbers)), digest_of(sorted(looks))
-        self._summaries[root] = _Summary(code, look, tuple(parts), tuple(reached))
-        return self._summaries[root]
+        return _Summary(digest_of(sorted(numbers)), digest_of(sorted(looks)), tuple(parts), reached)
 
     def _is_shown(self, unit):
         """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""
@@ -168,9 +194,8 @@ class CodeTree:
 
         units = [unit for unit in units if unit not in self._digests]
         places = {unit: n for n, unit in enumerate(units)}
-        edges = {
-            (places[one], places[other]) for one in units for other in self._named_by(one) if other in places
-        }
+        named = {(places[unit], places.get(other)) for unit in units for other in self._named_by(unit)}
+        edges = [(row, column) for row, column in named if column is not None]
         rows, columns = zip(*edges, strict=True) if edges else ((), ())
         graph = coo_array(([1] * len(edges), (rows, columns)), shape=(len(units), len(units)))
         labels = connected_components(graph, connection="strong")[1].tolist()
@@ -179,11 +204,11 @@ class CodeTree:
             circles[label].append(unit)
         for row, column in edges:
             after[labels[row]] |= {labels[column]} - {labels[row]}
-        for label in TopologicalSorter(after).static_order():
-            self._digests |= dict.fromkeys(circles[label], "circle")
-            for _ in circles[label]:  # after as many rounds as there are units each knows all of the circle
-                self._digests |= {unit: self._digest(unit) for unit in circles[label]}
-            self._digests |= {unit: self._counted(unit) for unit in circles[label]}
+        for circle in map(circles.get, TopologicalSorter(after).static_order()):
+            self._digests |= dict.fromkeys(circle, "circle")
+            for _ in circle:  # after as many rounds as there are units each knows all of the circle
+                self._digests |= {unit: self._digest(unit) for unit in circle}
+            self._digests |= {unit: self._counted(unit) for unit in circle}
 
     def _counted(self, unit):
         """The digest of a unit, or the former one that it counts as."""
@@ -198,9 +223,8 @@ class CodeTree:
 
     def _named_by(self, unit):
         """The units by whose digests this one counts: of its kind, and without a fixed name."""
-        kind = is_look(unit[0])
         named = [one for units, _ in self._unit(unit).targets for one in units if not self._fixed_name(one)]
-        return [one for one in named if (self._is_shown(one) if kind else not is_look(one[0]))]
+        return [one for one in named if (self._is_shown(one) if is_look(unit[0]) else not is_look(one[0]))]
 
     def _digest(self, unit):
         text, targets, _ = self._unit(unit)
@@ -216,49 +240,41 @@ class CodeTree:
         return digest_of([text, *pieces])
 
     def _unit(self, unit):
-        if unit not in self._units:
-            self._units[unit] = self._made(*unit)
-        return self._units[unit]
-
-    def _made(self, module, name):
+        if unit in self._roots:
+            return self._roots[unit]
+        module, name = unit
         if not self._file(module):
             return _Unit(f"{module}.{name or ''}")
         code, parts = self._read(module), module.split(".")
         before = [".".join(parts[:n]) for n in range(2, len(parts))] + [module]
-        run = [(one, RUN) for one in before if self._file(one)]
+        run = tuple((one, RUN) for one in before if self._file(one))
         if name == _FOLDER:
-            return _Unit(_FOLDER, edges=(*self._inside(module), *run))
-        if name is None:  # private names count by what they are
-            names = {
-                one: code.defines(one) and one[0] != "_" for one in code.index if one not in code.ignored
-            }
-            text, targets = "module", tuple((((module, one),), one * names[one]) for one in sorted(names))
-        else:
-            part = code.part(name)
-            text, targets = part.digest, self._targets(code, part, module)
-        return _Unit(text, targets, tuple([unit for units, _ in targets for unit in units] + run))
+            return _Unit(_FOLDER, others=(*self._inside(module), *run))
+        if name is None:
+            names = sorted(one for one in code.index if one not in code.ignored)
+            public = [one if code.defines(one) and one[0] != "_" else "" for one in names]
+            targets = [(((module, one),), shown) for one, shown in zip(names, public, strict=True)]
+            return _Unit("module", tuple(targets), run)
+        part = code.part(name)
+        return _Unit(part.digest, self._targets(code, part, module), run)
 
     def _fixed_name(self, unit):
-        if unit not in self._fixed_names:
-            module, name = unit[0], unit[1]
-            is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and self._file(module)
-            self._fixed_names[unit] = self._read(module).fixed_name(name) if is_ours else None
-        return self._fixed_names[unit]
+        module, name = unit[:2]
+        is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and self._file(module)
+        return self._read(module).fixed_name(name) if is_ours else None
 
     def _targets(self, code, part, module):
-        """What the holes of a part lead to: [(units, attribute of them that is taken)]."""
+        """What the holes of a part lead to: [(units, attribute of them that is used)]."""
         targets = []
         for hole in part.holes:
             units, rest = [] if hole.nodes else [(module, _FOLDER)], None
             for node in hole.nodes:
+                named, taken = [(module, hole.name)], False
                 if isinstance(node, IMPORTS):
-                    found, taken = self._imported(node, hole, code)
-                else:
-                    found, taken = [(module, hole.name)], False
-                units += found
+                    named, taken = self._imported(node, hole, code)
+                units += named
                 rest = rest if taken else hole.attribute
-            units = [unit for unit in dict.fromkeys(units) if not is_ignored(unit[0])]
-            targets.append((tuple(units), rest))
+            targets.append((tuple(one for one in dict.fromkeys(units) if not is_ignored(one[0])), rest))
         return tuple(targets)
 
     def _imported(self, node, hole, code):
@@ -273,7 +289,7 @@ class CodeTree:
         return [(place, None)], False
 
     def _named(self, module, name):
-        """The units behind `name` of a module, whose own or which a package offers."""
+        """The units behind `name` of a module, which it makes or which a package offers."""
         if not self._file(module):
             return [(module, name)]
         code = self._read(module)
@@ -306,19 +322,15 @@ class CodeTree:
 
     def _modules(self, package):
         """Names of the modules and sub-packages in the folder of a package."""
-        folder = self._file(package).parent
-        names = {path.stem for path in self._there if path.parent == folder}
-        names |= {path.parent.name for path in self._there if path.parent.parent == folder}
-        modules = [f"{package}.{name}" for name in sorted(names - {"__init__"})]
+        init = self._file(package)
+        files = [
+            path.relative_to(init.parent) for path in self._there - {init} if init.parent in path.parents
+        ]
+        modules = sorted({f"{package}.{file.parts[0].removesuffix('.py')}" for file in files})
         return [module for module in modules if self._file(module)]
 
     def _file(self, module):
         """The source file of a module of ours, else None."""
-        if module not in self._files:
-            self._files[module] = self._find(module)
-        return self._files[module]
-
-    def _find(self, module):
         top, *rest = module.split(".")
         root = self.roots.get(top)
         if root is None or root.suffix == ".py":
@@ -328,10 +340,8 @@ class CodeTree:
         return next((one for one in candidates if one in self._there), None)
 
     def _read(self, module):
-        if module not in self._codes:
-            file = self._file(module)
-            text = self.texts[file] if file in self.texts else read(file, loaded=self.loaded)
-            is_package = file.name == "__init__.py"
-            package = module if is_package else module.rpartition(".")[0]
-            self._codes[module] = parse(text, package, is_package, is_look(module))
-        return self._codes[module]
+        file = self._file(module)
+        text = self.texts[file] if file in self.texts else read(file, loaded=self.loaded)
+        is_package = file.name == "__init__.py"
+        package = module if is_package else module.rpartition(".")[0]
+        return parse(text, package, is_package, is_look(module))

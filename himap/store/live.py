@@ -7,8 +7,7 @@ from pathlib import Path
 
 from himap.core.errors import InputError
 from himap.store import sources
-from himap.store.accepted import accepted, moved
-from himap.store.fingerprint import CodeTree
+from himap.store.fingerprint import CodeTree, accepted_digests, moved
 
 
 def code_fingerprint(obj):
@@ -20,13 +19,13 @@ def code_fingerprint(obj):
         `obj` is not defined at the top level of a source file (a lambda, a nested function, or
         something typed into a notebook).
     """
-    (top, root), *where = _place(obj)
-    return _tree(top, root).fingerprint(*where)
+    roots, *where = _place(obj)
+    return _tree(roots).fingerprint(*where)
 
 
 def note(obj):
     """Note the source of what is not himap's, of the package that `obj` is in, as this process loads it."""
-    (_, root), *_ = _place(obj)
+    root = _place(obj)[0][1]
     if root != sources.ROOT:
         sources.note([root] if root.suffix == ".py" else root.rglob("*.py"))
 
@@ -37,12 +36,17 @@ def is_current(obj):
     It looks at the times and sizes of the files that the fingerprint was read from, some dozens, and reads
     again only where one has changed.
     """
-    (top, root), *where = _place(obj)
-    files = _files_of(top, root, *where)
+    root, *where = _place(obj)
+    files = _files_of(root, *where)
     if all(map(sources.is_unchanged, files)):
         return True
-    now = _tree_now(top, root, sources.version(files)).fingerprint(*where)
-    return not moved(code_fingerprint(obj), now)
+    version = frozenset((file, file.stat().st_mtime_ns) for file in files if file.exists())
+    return not moved(code_fingerprint(obj), _tree_now(root, version).fingerprint(*where))
+
+
+def tree_of(obj, **options):
+    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
+    return CodeTree(loaded=True, **dict([_place(obj)[0]]), **options)
 
 
 @lru_cache(maxsize=1024)
@@ -63,28 +67,22 @@ def _place(obj):
     return (top, path.parents[depth - 1] if depth else path), module, name
 
 
-def tree_of(obj, **options):
-    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
-    (top, root), *_ = _place(obj)
-    return CodeTree(loaded=True, **{top: root}, **options)
-
-
-def _tree(top, root):
-    known = accepted()
-    if _TREES.get((top, root), (None,))[0] is not known:
-        _TREES[top, root] = known, CodeTree(loaded=True, accepted=known, **{top: root})
-    return _TREES[top, root][1]
+def _tree(root):
+    known = accepted_digests()
+    if _TREES.get(root, (None,))[0] is not known:
+        _TREES[root] = known, CodeTree(loaded=True, accepted=known, **dict([root]))
+    return _TREES[root][1]
 
 
 _TREES = {}  # the last of each package
 
 
 @lru_cache(maxsize=4)
-def _tree_now(top, root, version):
+def _tree_now(root, version):
     """The source on disk; `version` is what changes when it does."""
-    return CodeTree(**{top: root})
+    return CodeTree(**dict([root]))
 
 
 @lru_cache(maxsize=1024)
-def _files_of(top, root, module, name):
-    return _tree(top, root).files(module, name)
+def _files_of(root, module, name):
+    return _tree(root).files(module, name)

@@ -1,11 +1,189 @@
-"""Source files as they are, and as this process loaded them."""
+"""Python source: the files as they are and as this process loaded them, and what a module defines."""
 
+import ast
+import hashlib
 import os
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
+
+from himap.store.syntax import (
+    IMPORTS,
+    Hole,
+    Writer,
+    assigns,
+    bound_name,
+    called,
+    is_text,
+    names_bound,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 """The folder of himap."""
+
+RUN = "<run>"
+"""Name of the part of a module that acts whenever the module is imported, whatever is used of it."""
+
+IGNORED = {
+    "himap.core.errors",
+    "himap.core.files",
+    "himap.core.memory",
+    "himap.core.progress",
+    "himap.store",
+}
+"""Rooms, with all that is in them but `LOOKS`, that store, time, share out, refuse and label the making of
+results: no number depends on them."""
+
+LOOKS = {
+    *("himap.figures", "himap.app.stored_curves", "himap.app.stored_tables"),
+    *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.readings_figures"),
+    *("himap.paper.study_figures", "himap.store.provenance"),
+}
+"""Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
+
+_BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
+
+
+class Part(NamedTuple):
+    """One definition, or what a module does when it runs: digest of its text, and its holes in order."""
+
+    digest: str
+    holes: list[Hole]
+
+
+class Code:
+    """The statements of a module, with an index by the name that they define.
+
+    Attributes
+    ----------
+    package
+        Name of the package that relative imports start from.
+    is_package
+        Whether this is the ``__init__`` of that package.
+    keeps_labels
+        Whether labels that are passed to functions, ``label="..."``, count.
+    index
+        {name: the top-level statements that define it or change it in place}.
+    ignored
+        The names that are imported from `IGNORED` rooms.
+    """
+
+    def __init__(self, statements, package="", is_package=False, keeps_labels=True):
+        self.package, self.is_package, self.keeps_labels = package, is_package, keeps_labels
+        public = [child for node in statements if assigns(node, "__all__") for child in ast.walk(node)]
+        self._offered = {child.value for child in public if isinstance(child, ast.Constant)}
+        self._statements = [node for node in statements if not is_text(node)]
+        self._loose, self._parts, self.index = [], {}, {}
+        for node in self._statements:
+            names = names_bound(node)
+            for name in names:
+                self.index.setdefault(name, []).append(node)
+            if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
+                self._loose.append(node)
+        imports = [node for node in ast.walk(ast.Module(statements, [])) if isinstance(node, IMPORTS)]
+        aliases = [(node, alias) for node in imports for alias in node.names]
+        self.ignored = {
+            bound_name(alias) for node, alias in aliases if is_ignored(self.source(node, alias)[-1])
+        }
+
+    def source(self, node, alias):
+        """What an import takes: (module,), or of ``from module import name`` (module, module.name)."""
+        if isinstance(node, ast.Import):
+            return (alias.name,)
+        here = self.package.split(".")
+        parents = here[: len(here) - node.level + 1] if node.level else []
+        module = ".".join([*parents, *([node.module] if node.module else [])])
+        return module, f"{module}.{alias.name}"
+
+    def defines(self, name):
+        """Whether `name` is made here, not only imported."""
+        return any(not isinstance(node, IMPORTS) for node in self.index.get(name, ()))
+
+    def fixed_name(self, name):
+        """The name that a product, or a class with a ``name``, keeps wherever it is; else None.
+
+        That of a product is its ``name=``, else that of its function.
+        """
+        (node, *others) = self.index.get(name, [None])
+        if isinstance(node, ast.ClassDef) and node.bases and not others:
+            values = [child.value for child in node.body if assigns(child, "name")]
+            return next((value.value for value in values if isinstance(value, ast.Constant)), None)
+        for one in getattr(node, "decorator_list", ()):
+            if called(one) == "product" and "product" in self.ignored:
+                given = {key.arg: key.value for key in getattr(one, "keywords", ())}
+                return given["name"].value if "name" in given else name
+        return None
+
+    def part(self, name):
+        """The `Part` called `name`, or what runs on import (`RUN`)."""
+        if name not in self._parts:
+            nodes, names = (self._loose, set()) if name == RUN else (self.index[name], {name})
+            if name == RUN and self.is_package:  # it imports for what that does
+                used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
+                nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
+                names = {n for n in self.index if not self.defines(n)}
+                names -= self._offered | {hole.name for hole in used}
+            self._parts[name] = self._part([nodes], names, name)
+        return self._parts[name]
+
+    def cells(self, *cells):
+        """The `Part` of the statements of cells, of which bare strings and variables count too."""
+        return self._part(cells, (), None)
+
+    def _part(self, cells, imported, own):
+        nodes = [node for cell in cells for node in cell]
+        writer = Writer(self, own, nodes)
+        written = [[node for node in cell if not isinstance(node, IMPORTS)] for cell in cells]
+        texts = [[writer.text(node) for node in cell if not writer.is_silent(node)] for cell in written]
+        used = {hole.name for hole in writer.holes}
+        for node in nodes:
+            if isinstance(node, IMPORTS):
+                names = {bound_name(alias) for alias in node.names}
+                names = names - used if own is None else names & set(imported)
+                writer.holes += [Hole([node], name, None) for name in sorted(names - self.ignored)]
+        return Part(digest_of(map(str, texts)) if any(texts) else "", writer.holes)
+
+
+@lru_cache(maxsize=4096)
+def parse(text, package, is_package, keeps_labels):
+    """The `Code` of the text of a module in `package`, or of that package's ``__init__``."""
+    return Code(ast.parse(text).body, package, is_package, keeps_labels)
+
+
+@lru_cache(maxsize=256)
+def parse_cells(sources):
+    """The `Code` of the cells of a notebook, a tuple of texts, and the `Part` of all of it."""
+    cells = [cell for cell in map(_statements, sources) if cell]
+    code = Code([node for cell in cells for node in cell])
+    return code, code.cells(*cells)
+
+
+def _statements(source):
+    try:
+        return ast.parse(source).body
+    except SyntaxError:  # a magic: no Python, it counts as text
+        return [ast.Expr(ast.Constant(source))]
+
+
+@lru_cache(maxsize=4096)
+def is_ignored(module):
+    """Whether no number depends on a module."""
+    return _is_in(module, IGNORED) and not is_look(module)
+
+
+@lru_cache(maxsize=4096)
+def is_look(module):
+    """Whether a module only shows numbers."""
+    return _is_in(module, LOOKS)
+
+
+def _is_in(module, rooms):
+    return any(f"{module}.".startswith(f"{room}.") for room in rooms)
+
+
+def digest_of(lines):
+    """The first 64 bits of SHA-256 (hex) of some lines of text."""
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
 def read(file, *, loaded=False):
@@ -28,11 +206,6 @@ def is_unchanged(file):
     except FileNotFoundError:
         return False
     return _LOADED[file][1:] == (status.st_mtime_ns, status.st_size)
-
-
-def version(files):
-    """What changes when one of some files does."""
-    return frozenset((file, file.stat().st_mtime_ns) for file in files if file.exists())
 
 
 def _now(file):

@@ -18,7 +18,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.store import cache
-from himap.store.accepted import accepted
+from himap.store.fingerprint import accepted_digests
 from himap.store.live import code_fingerprint, is_current, note
 
 
@@ -179,7 +179,7 @@ class Product:
 
     def _code(self, sources):
         """Digest of the code of function and classes."""
-        known = accepted()
+        known = accepted_digests()
         if self._codes.get(sources, (None,))[0] is not known:
             parts = {
                 f"{name} {digest}"

@@ -1,196 +1,285 @@
-"""Python source as syntax trees: what a module defines, and the text of each definition with its holes."""
+"""The text of a definition: what can change a number, with holes where it names something of its module.
+
+It has no comments, docstrings or annotations (but in the body of a class, where dataclasses read them), no
+messages of ``raise``, ``assert`` and ``warn``, no help texts, no labels of progress bars, and no calls of
+ignored modules. It has no names that can be chosen freely: local variables are numbered in the order in which
+they come, and a name of the module, its own or imported, is a hole, filled by what that name leads to. Names
+of parameters, attributes, methods and fields, and strings, can be looked up, so they count; where a function
+looks up variables by name (``locals()`` and the like), those count too.
+"""
 
 import ast
-import hashlib
-from functools import lru_cache
 from typing import NamedTuple
 
-from himap.store.writing import DEFINITIONS, IMPORTS, Hole, Writer, assigns, bound_name, called, is_text
+IMPORTS = (ast.Import, ast.ImportFrom)
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
-RUN = "<run>"
-"""Name of the part of a module that acts whenever the module is imported, whatever is taken from it."""
+_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+_SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
+_LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
+_CLASS = "<class>"
 
-IGNORED = {
-    "himap.core.errors",
-    "himap.core.files",
-    "himap.core.memory",
-    "himap.core.progress",
-    "himap.store",
+_ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "sentence", "reading", None}
+WORDS = {
+    "parameter": (1, {"help"}),
+    "claim": (2, _ENTRY),
+    "method_claim": (2, _ENTRY),
+    "not_applicable": (0, _ENTRY),
+    "Finding": (0, {"sentence"}),
 }
-"""Rooms, with all that is in them but `LOOKS`, that store, time, share out, refuse and label the making of
-results: no number depends on them."""
-
-LOOKS = {
-    *("himap.figures", "himap.app.stored_curves", "himap.app.stored_tables"),
-    *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.readings_figures"),
-    *("himap.paper.study_figures", "himap.store.provenance"),
-}
-"""Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
-
-_BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
+"""{function: (how many positional arguments count, keywords that are words)}; None is what ``**`` adds."""
 
 
-class Part(NamedTuple):
-    """One definition, or what a module does when it runs: digest of its text, and its holes in order."""
+class Hole(NamedTuple):
+    """A name of the module: the statements that make it (none for ``__path__``, the folder of a package), the
+    name, and the attribute of it that is used, if any."""
 
-    digest: str
-    holes: list[Hole]
+    nodes: list[ast.stmt]
+    name: str
+    attribute: str | None
 
 
-class Code:
-    """The statements of a module, with an index by the name that they define.
+class Writer:
+    """Writes the text of one part of a module.
+
+    Parameters
+    ----------
+    code
+        The `himap.store.fingerprint.Code` of the module.
+    own
+        Name of the part; None for the cells of a notebook, whose variables count.
+    nodes
+        The statements of the part.
 
     Attributes
     ----------
-    package
-        Name of the package that relative imports start from.
-    is_package
-        Whether this is the ``__init__`` of that package.
-    index
-        {name: the top-level statements that define it or change it in place}.
-    ignored
-        The names that are imported from `IGNORED` rooms.
+    holes
+        Those that it left, in order.
     """
 
-    def __init__(self, statements, package="", is_package=False, keeps_labels=True):
-        self.package, self.is_package, self.keeps_labels = package, is_package, keeps_labels
-        self._offered = {name for node in statements if assigns(node, "__all__") for name in _texts(node)}
-        self._statements = [node for node in statements if not is_text(node)]
-        self._loose, self._parts, self.index = [], {}, {}
-        for node in self._statements:
-            names = _names_bound(node)
-            for name in names:
-                self.index.setdefault(name, []).append(node)
-            if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
-                self._loose.append(node)
-        imports = [node for node in ast.walk(ast.Module(statements, [])) if isinstance(node, IMPORTS)]
-        self.ignored = {
-            bound_name(alias)
-            for node in imports
-            for alias in node.names
-            if is_ignored(self.source(node, alias)[-1])
-        }
+    def __init__(self, code, own, nodes):
+        self.code, self.own, self.holes = code, own, []
+        self._scopes, self._n_locals = [], 0  # {name: its text, None before it has a number, or an import}
+        self._keeps_names = own is None or any(_looks_up(child) for node in nodes for child in ast.walk(node))
 
-    def source(self, node, alias):
-        """What an import takes: (module,), or of ``from module import name`` (module, module.name)."""
-        if isinstance(node, ast.Import):
-            return (alias.name,)
-        here = self.package.split(".")
-        parents = here[: len(here) - node.level + 1] if node.level else []
-        module = ".".join([*parents, *([node.module] if node.module else [])])
-        return module, f"{module}.{alias.name}"
+    def texts(self, nodes):
+        """The texts of some statements or expressions, without docstrings, warnings and ignored calls."""
+        return [self.text(node) for node in nodes if not (is_text(node) or self.is_silent(node))]
 
-    def defines(self, name):
-        """Whether `name` is made here, not only imported."""
-        return any(not isinstance(node, IMPORTS) for node in self.index.get(name, ()))
+    def text(self, node):
+        """The text of a node, or of a list of them."""
+        if isinstance(node, list):
+            return f"[{','.join(self.texts(node))}]"
+        if not isinstance(node, ast.AST):
+            return repr(node)
+        return getattr(self, f"_{type(node).__name__}", self._plain)(node)
 
-    def fixed_name(self, name):
-        """The name that a product, or a class with a ``name``, keeps wherever it is; else None.
+    def is_silent(self, node):
+        """Whether a statement only warns, or calls what is ignored."""
+        call = node.value if isinstance(node, ast.Expr) else None
+        return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))
 
-        That of a product is its ``name=``, else that of its function.
-        """
-        (node, *others) = self.index.get(name, [None])
-        if isinstance(node, ast.ClassDef) and node.bases and not others:
-            values = [child.value for child in node.body if assigns(child, "name")]
-            return next((value.value for value in values if isinstance(value, ast.Constant)), None)
-        for one in getattr(node, "decorator_list", ()):
-            if called(one) == "product" and "product" in self.ignored:
-                given = {key.arg: key.value for key in getattr(one, "keywords", ())}
-                return given["name"].value if "name" in given else name
-        return None
+    def _is_ignored(self, node):
+        while isinstance(node, ast.Attribute):
+            node = node.value
+        return isinstance(node, ast.Name) and node.id in self.code.ignored
 
-    def part(self, name):
-        """The `Part` called `name`, or what runs on import (`RUN`)."""
-        if name not in self._parts:
-            nodes = self._loose if name == RUN else self.index[name]
-            if name == RUN and self.is_package:  # it imports for what that does
-                used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
-                known = self._offered | {hole.name for hole in used}
-                nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
-                names = {n for n in self.index if not self.defines(n)} - known
-            else:
-                names = {name}
-            self._parts[name] = self._text([nodes], names, own=name)
-        return self._parts[name]
+    def _plain(self, node, **changed):
+        texts = []
+        for name, value in ast.iter_fields(node):
+            value = changed.get(name, value)
+            if name not in _SKIPPED_FIELDS and value not in (None, []):
+                is_name = name in ("name", "rest") and isinstance(value, str)  # of except, match and the like
+                texts.append(f"{name}={self._name(value) if is_name else self.text(value)}")
+        return f"{type(node).__name__}({','.join(texts)})"
 
-    def cells(self, *cells):
-        """The `Part` of the statements of cells, of which bare strings and variables count too."""
-        return self._text(cells, ())
+    def _name(self, name, attribute=None):
+        """A variable: its number, or as it is called; a hole for what the module has under this name."""
+        for scope in reversed(self._scopes):
+            if name in scope and (scope is self._scopes[-1] or _CLASS not in scope):
+                if isinstance(scope[name], ast.stmt):
+                    return self._hole([scope[name]], name, attribute)
+                if scope[name] is None:
+                    scope[name], self._n_locals = f"v{self._n_locals}", self._n_locals + 1
+                return scope[name]
+        if name == self.own:
+            return "own"
+        nodes = self.code.index.get(name, [])
+        if nodes and (self.own is not None or all(isinstance(node, IMPORTS) for node in nodes)):
+            return self._hole(nodes, name, attribute)
+        return self._hole([], name, None) if name == "__path__" else repr(name)
 
-    def _text(self, cells, imported, own=None):
-        writer, texts = Writer(self, own, [node for nodes in cells for node in nodes]), []
-        for nodes in cells:
-            code = [node for node in nodes if not isinstance(node, IMPORTS)]
-            texts.append([writer.text(node) for node in code if not writer.is_silent(node)])
-        used = {hole.name for hole in writer.holes}
-        for node in [node for nodes in cells for node in nodes if isinstance(node, IMPORTS)]:
-            names = {bound_name(alias) for alias in node.names}
-            names = names - used if own is None else names & set(imported)
-            writer.holes += [Hole([node], name, None) for name in sorted(names - self.ignored)]
-        return Part(digest_of(map(str, texts)) if any(texts) else "", writer.holes)
+    def _hole(self, nodes, name, attribute):
+        if name in self.code.ignored:
+            return f"ignored {attribute or name!r}"
+        self.holes.append(Hole(nodes, name, attribute))
+        return "@"
+
+    def _Name(self, node):
+        return self._name(node.id)
+
+    def _Attribute(self, node):
+        if not isinstance(node.value, ast.Name):
+            return f"{self.text(node.value)}.{node.attr}"
+        n_holes = len(self.holes)
+        value = self._name(node.value.id, node.attr)
+        return value if self.holes[n_holes:] and self.holes[-1].attribute else f"{value}.{node.attr}"
+
+    def _JoinedStr(self, node):  # Python 3.12 leaves an empty piece in the format of some, others do not
+        values = [item for item in node.values if not (isinstance(item, ast.Constant) and item.value == "")]
+        return f"JoinedStr({self.text(values)})"
+
+    def _Raise(self, node):
+        return f"Raise({self.text(getattr(node.exc, 'func', node.exc))})"
+
+    def _Assert(self, node):
+        return self._plain(node, msg=None)
+
+    def _AnnAssign(self, node):
+        if (self._scopes and _CLASS in self._scopes[-1]) or node.value is None:
+            return self._plain(node)
+        return self._plain(ast.Assign([node.target], node.value))
+
+    def _Call(self, node):
+        args, keywords = node.args, node.keywords
+        if called(node) in WORDS:
+            n_args, words = WORDS[called(node)]
+            args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
+        elif self._is_ignored(node.func):
+            if called(node) == "progress" and args:
+                return self.text(args[0])
+            args = [item for item in args if not _is_string(item)]
+            keywords = [item for item in keywords if not _is_string(item.value)]
+        elif not self.code.keeps_labels:
+            keywords = [item for item in keywords if not (item.arg == "label" and _is_string(item.value))]
+        return self._plain(node, args=args, keywords=keywords)
+
+    def _Import(self, node):
+        """In a function it counts where the name is used."""
+        if not self._scopes:
+            self.holes += [Hole([node], bound_name(alias), None) for alias in node.names]
+        return ""
+
+    _ImportFrom = _Import
+
+    def _Global(self, node):
+        return f"Global({[self._name(name) for name in node.names]})"
+
+    _Nonlocal = _Global
+
+    def _FunctionDef(self, node):
+        decorators = [
+            one
+            for one in node.decorator_list
+            if not self._is_ignored(getattr(one, "func", one))
+            or any(key.arg == "version" for key in getattr(one, "keywords", ()))
+        ]
+        return f"Def({self._name(node.name)},{self.text(decorators)},{self._function(node, node.body)})"
+
+    _AsyncFunctionDef = _FunctionDef
+
+    def _Lambda(self, node):
+        return f"Lambda({self._function(node, [node.body])})"
+
+    def _function(self, node, body):
+        args = node.args
+        groups = [args.posonlyargs, args.args, [args.vararg], args.kwonlyargs, [args.kwarg]]
+        names = [[one.arg for one in group if one] for group in groups]
+        given = [self.text(one) if one else "none" for one in [*args.defaults, *args.kw_defaults]]
+        parameters = {name: repr(name) for group in names for name in group}
+        return f"{names},{self._inside(self._free(_bound_in(body)) | parameters, given, body)}"
+
+    def _free(self, names):
+        return {name: found or (repr(name) if self._keeps_names else None) for name, found in names.items()}
+
+    def _inside(self, names, before, *nodes):
+        """The texts of some nodes in a scope of their own, after some that were written outside."""
+        self._scopes.append(names)
+        text = ",".join([*before, *map(self.text, nodes)])
+        self._scopes.pop()
+        return text
+
+    def _comprehension_of(self, node):
+        loops, first = node.generators, self.text(node.generators[0].iter)
+        names = {n.id: None for one in loops for n in ast.walk(one.target) if isinstance(n, ast.Name)}
+        heads = [(one.target, ast.Tuple(one.ifs), ast.Constant(one.is_async)) for one in loops]
+        parts = [part for head in heads for part in head]
+        made = [getattr(node, field) for field in ("key", "value", "elt") if hasattr(node, field)]
+        inside = self._inside(self._free(names), [first], parts, [one.iter for one in loops[1:]], made)
+        return f"{type(node).__name__}({inside})"
+
+    _ListComp = _SetComp = _DictComp = _GeneratorExp = _comprehension_of
+
+    def _ClassDef(self, node):
+        before = [self._name(node.name), self.text([*node.decorator_list, *node.bases, *node.keywords])]
+        names = {name: repr(name) for name in _bound_in(node.body)} | {_CLASS: ""}
+        return f"Class({self._inside(names, before, node.body)})"
 
 
-@lru_cache(maxsize=2048)
-def parse(text, package, is_package, keeps_labels):
-    """The `Code` of the text of a module in `package`, or of that package's ``__init__``.
-
-    Labels that are passed to functions, ``label="..."``, count only if asked for.
-    """
-    return Code(ast.parse(text).body, package, is_package, keeps_labels)
-
-
-@lru_cache(maxsize=256)
-def parse_cells(sources):
-    """The `Code` of the cells of a notebook, a tuple of texts, and the `Part` of all of it."""
-    cells = [cell for cell in map(_statements, sources) if cell]
-    code = Code([node for cell in cells for node in cell])
-    return code, code.cells(*cells)
-
-
-def _statements(source):
-    try:
-        return ast.parse(source).body
-    except SyntaxError:  # a magic: no Python, it counts as text
-        return [ast.Expr(ast.Constant(source))]
+def _bound_in(body):
+    """{name: None, or the import that binds it} of the names that the body of a function or class binds."""
+    bound, elsewhere, todo = {}, set(), list(body)
+    while todo:
+        node = todo.pop()
+        if isinstance(node, IMPORTS):
+            bound |= {bound_name(alias): node for alias in node.names}
+        elif isinstance(node, (ast.Global, ast.Nonlocal)):
+            elsewhere |= set(node.names)
+        elif isinstance(node, _COMPREHENSIONS):  # their variables are in a scope of their own
+            todo += [child for child in ast.walk(node) if isinstance(child, ast.NamedExpr)]
+        elif not isinstance(node, ast.Lambda):
+            is_stored = isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
+            name = node.id if is_stored else getattr(node, "name", None) or getattr(node, "rest", None)
+            if isinstance(name, str):
+                bound.setdefault(name)
+            todo += [] if isinstance(node, DEFINITIONS) else ast.iter_child_nodes(node)
+    return {name: import_ for name, import_ in bound.items() if name not in elsewhere}
 
 
-@lru_cache(maxsize=4096)
-def is_ignored(module):
-    """Whether no number depends on a module."""
-    return _is_in(module, IGNORED) and not is_look(module)
-
-
-@lru_cache(maxsize=4096)
-def is_look(module):
-    """Whether a module only shows numbers."""
-    return _is_in(module, LOOKS)
-
-
-def _is_in(module, rooms):
-    return any(f"{module}.".startswith(f"{room}.") for room in rooms)
-
-
-def _names_bound(node):
+def names_bound(node):
     """The names that a top-level statement defines, or changes in place."""
     if isinstance(node, DEFINITIONS):
         return {node.name}
     if isinstance(node, IMPORTS):
-        return {bound_name(alias) for alias in node.names}
-    bound = {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    for child in ast.walk(node):  # TABLE[key] = value and thing.attribute = value change what is there
-        if isinstance(child, (ast.Subscript, ast.Attribute)) and isinstance(child.ctx, ast.Store):
-            bound |= {n.id for n in ast.walk(child.value) if isinstance(n, ast.Name)}
-        if isinstance(child, (*DEFINITIONS, *IMPORTS)):
-            bound |= _names_bound(child)
+        return set(map(bound_name, node.names))
+    bound = set()
+    for child in ast.walk(node):
+        is_place = isinstance(child, (ast.Name, ast.Subscript, ast.Attribute))
+        if is_place and isinstance(child.ctx, ast.Store):  # TABLE[key] = value changes TABLE
+            inside = ast.walk(getattr(child, "value", child))
+            bound |= {n.id for n in inside if isinstance(n, ast.Name)}
+        elif isinstance(child, (*DEFINITIONS, *IMPORTS)):
+            bound |= names_bound(child)
     return bound
 
 
-def _texts(node):
-    """The strings in a statement."""
-    constants = [child.value for child in ast.walk(node) if isinstance(child, ast.Constant)]
-    return [value for value in constants if isinstance(value, str)]
+def bound_name(alias):
+    return alias.asname or alias.name.partition(".")[0]
 
 
-def digest_of(lines):
-    """The first 64 bits of SHA-256 (hex) of some lines of text."""
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
+def called(node):
+    """The last name of what is called, or of a bare decorator."""
+    node = getattr(node, "func", node)
+    return getattr(node, "attr", "") or getattr(node, "id", "")
+
+
+def assigns(node, name):
+    """Whether a statement gives a value to `name`."""
+    targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
+    return any(getattr(one, "id", "") == name for one in targets) and isinstance(node.value, ast.AST)
+
+
+def is_text(node):
+    """Whether a node is a docstring, a bare string, or the list of public names: they change nothing."""
+    if isinstance(node, ast.Expr):
+        return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    return assigns(node, "__all__")
+
+
+def _is_string(node):
+    return isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
+
+
+def _looks_up(node):
+    name = called(node) if isinstance(node, ast.Call) else ""
+    return name in _LOOK_UP or (name in ("vars", "dir") and not node.args)

@@ -2,7 +2,7 @@
 
 ``probes.json`` holds, of every product and named class, a digest of its code and a summary of what its calls
 gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
-now count as the former ones (``accepted.json``, `himap.store.accepted`), wherever they are used: but for
+now count as the former ones (``accepted.json``, `himap.store.fingerprint`), wherever they are used: but for
 those that something uses whose calls differ.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.files import whole_file
 from himap.core.progress import progress
-from himap.store import accepted
+from himap.store import fingerprint
 from himap.store.live import tree_of
 
 RTOL = 1e-5
@@ -54,11 +54,11 @@ def verify(calls, *, rtols=None, renew=False, report=print):
     InputError
         There is no checkout, whose stored results those numbers are among.
     """
-    if not accepted.ACCEPTED.parent.is_dir():
+    if not fingerprint.ACCEPTED.parent.is_dir():
         raise InputError(
-            f"there is no folder {accepted.ACCEPTED.parent}: verify code in a checkout of himap."
+            f"there is no folder {fingerprint.ACCEPTED.parent}: verify code in a checkout of himap."
         )
-    module, probes, others = _module(calls), _stored(accepted.PROBES), []
+    module, probes, others = _module(calls), _stored(fingerprint.PROBES), []
     tree, names = tree_of(module), moved_names(calls)
     if not names:
         report("no product, method or beam changed")
@@ -81,8 +81,8 @@ def verify(calls, *, rtols=None, renew=False, report=print):
     calls_now = {name: probes["calls"][name] for name in sorted(calls)}
     for name in calls_now.keys() - ([] if renew else others):
         calls_now[name] = {"code": codes[name], "gives": calls_now[name]["gives"]}
-    _store(accepted.ACCEPTED, {**accepted.accepted(), **tree.accepts})
-    _store(accepted.PROBES, {"calls": calls_now, "places": places})
+    _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts})
+    _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
     return others
 
 
@@ -91,7 +91,7 @@ def compared(calls, names, rtols=None):
 
     They have a cache of their own, so that nothing is read that former code made.
     """
-    probes, found = _stored(accepted.PROBES)["calls"], {}
+    probes, found = _stored(fingerprint.PROBES)["calls"], {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of small maps
         with patch.dict(os.environ, HIMAP_CACHE=folder):
@@ -105,7 +105,7 @@ def compared(calls, names, rtols=None):
 def moved_names(calls):
     """Names whose code counts neither as that of the stored numbers, and those without any."""
     codes = tree_of(_module(calls)).fingerprint(_module(calls).__name__)
-    probes = _stored(accepted.PROBES)["calls"]
+    probes = _stored(fingerprint.PROBES)["calls"]
     return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
 
 
@@ -135,11 +135,11 @@ def summary(value):
         flat = flat.astype(float)
         places = np.linspace(0, len(flat) - 1, min(_N_SAMPLES, len(flat))).astype(int)
         squares = [np.sqrt(np.mean(part**2)) for part in np.array_split(flat, len(places)) if len(part)]
-        return {"kind": kind, "at": _rounded(flat[places]), "rms": _rounded(squares)}
+        return {"kind": kind, "at": list(map(_round, flat[places])), "rms": list(map(_round, squares))}
     if isinstance(value, (np.generic, np.ndarray)):
         value = value.item()
     if isinstance(value, float):
-        return {"kind": "number", "at": _rounded([value])}
+        return {"kind": "number", "at": [_round(value)]}
     if is_dataclass(value):
         return {item.name: summary(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, dict):
@@ -149,8 +149,8 @@ def summary(value):
     return value if value is None or isinstance(value, (bool, int, str)) else repr(value)
 
 
-def _rounded(values):
-    return [float(f"{value:.{_DIGITS}g}") for value in values]
+def _round(value):
+    return float(f"{value:.{_DIGITS}g}")
 
 
 def differences(stored, given, rtol=RTOL, place=""):
