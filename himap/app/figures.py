@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from himap.app.notebook_files import figure_options, read_notebook
-from himap.figures.data import DATA_TYPES
 from himap.figures.numbers import QUOTED
 
 _REMARK = r"the paper's Fig\. ([\w.]*\w)"
@@ -64,6 +63,8 @@ def figure_order(number):
 
 def figures(path):
     """The figures of the executed notebook at `path`, a list of `Figure` in order."""
+    from himap.figures.data import DATA_TYPES  # slow, and who runs a notebook needs none of it
+
     cells = read_notebook(path).cells
     outputs = [output for cell in cells for output in cell.get("outputs", [])]
     named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}

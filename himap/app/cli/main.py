@@ -1,32 +1,35 @@
-"""The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback."""
+"""The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback.
 
+What does the work of a command is imported when it is needed: `himap --help` need not wait seconds for it.
+"""
+
+import math
 import time
+from collections import defaultdict
+from datetime import datetime
 
 import click
 
 from himap import __version__
 from himap.app import reproduce
-from himap.app.cli.cache import cache_commands
 from himap.app.cli.cubes import clean, suggest, transfer
 from himap.app.cli.measure import claims, measure, readings, record
 from himap.app.cli.sensitivity import sensitivity
-from himap.app.cli.shared import (
-    SETTINGS,
-    Commands,
-    debug,
-    named_values,
-    overwrite_option,
-    workers,
-)
-from himap.app.cli.templates import templates
-from himap.app.cli.verify import verify
+from himap.app.cli.shared import Commands, debug, named_values, overwrite_option, workers
 from himap.app.notebooks import find, notebooks
 from himap.app.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.core.errors import InputError
+from himap.core.survey import PRESETS
 from himap.figures.tables import Table
+from himap.store import cache
+
+_OTHER = "other"  # than a preset
 
 
-@click.group(cls=Commands, context_settings=SETTINGS)
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
 @click.version_option(__version__, message="himap %(version)s")
 @debug
 def main():
@@ -37,17 +40,8 @@ def main():
     """
 
 
-main.add_command(cache_commands)
-main.add_command(claims)
-main.add_command(clean)
-main.add_command(measure)
-main.add_command(readings)
-main.add_command(record)
-main.add_command(sensitivity)
-main.add_command(suggest)
-main.add_command(templates)
-main.add_command(transfer)
-main.add_command(verify)
+for _command in (claims, clean, measure, readings, record, sensitivity, suggest, transfer):
+    main.add_command(_command)
 
 
 @main.command("list")
@@ -94,7 +88,8 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     if stale:
         if preset or pairs or output is not None or every or overwrite:
             raise InputError("--stale runs notebooks as they are committed; leave out all but their names.")
-        _refresh(names)
+        if not reproduce.refresh(names or None, report=lambda name, why: click.echo(f"{name}: {why}")):
+            click.echo("every notebook is fresh")
         return
     if every and names:
         raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
@@ -103,37 +98,139 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     names = [notebook.name for notebook in notebooks()] if every else names
     if output is not None and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
-    values = _values(names, preset, named_values(pairs), some_accept=every)
-    for name in names:
+    calls = _calls(names, preset, named_values(pairs), only_accepted=every)
+    for name, parameters in calls.items():
         started = time.monotonic()
-        own = preset if not every or accepts(find(name).parameters, "preset") else None
-        path, done = reproduce.run(
-            name,
-            preset=own,
-            parameters=values[name],
-            output=output,
-            again=not every,
-            overwrite=overwrite,
-        )
+        path, done = reproduce.run(name, **parameters, output=output, again=not every, overwrite=overwrite)
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 
-def _values(names, preset, texts, *, some_accept):
-    """{notebook: parameters}, checked before any runs; with `some_accept`, those that the notebook has."""
+def _calls(names, preset, texts, *, only_accepted):
+    """{notebook: its "preset" and "parameters"}, checked before any runs; perhaps only those that it has."""
     declared = {name: find(name).parameters for name in names}
-    for parameter in texts if some_accept else ():
+    for parameter in texts if only_accepted else ():
         if not any(accepts(parameters, parameter) for parameters in declared.values()):
             raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
-    values = {}
+    calls = {}
     for name, parameters in declared.items():
-        accepted = {key: text for key, text in texts.items() if not some_accept or accepts(parameters, key)}
-        values[name] = parse_texts(parameters, accepted)
-        asked = preset if not some_accept or accepts(parameters, "preset") else None
-        check_parameters(parameters, values[name], asked)
-    return values
+        accepted = {key: text for key, text in texts.items() if not only_accepted or accepts(parameters, key)}
+        values = parse_texts(parameters, accepted)
+        its_preset = preset if not only_accepted or accepts(parameters, "preset") else None
+        check_parameters(parameters, values, its_preset)
+        calls[name] = {"preset": its_preset, "parameters": values}
+    return calls
 
 
-def _refresh(names):
-    refreshed = reproduce.refresh(names or None, report=lambda name, reason: click.echo(f"{name}: {reason}"))
-    if not refreshed:
-        click.echo("every notebook is fresh")
+@main.command()
+@click.argument("folder", metavar="FOLDER", type=click.Path(file_okay=False))
+@click.option("--nside", type=int, default=64, show_default=True, help="Resolution, up to PySM's own, 512.")
+@debug
+def templates(folder, nside):
+    """Write the real Galaxy, PySM's models s1 and f1, as FITS templates in FOLDER.
+
+    Synchrotron emission at 408 MHz with its index map, and free-free emission at 30 GHz. PySM downloads
+    them on first use. Results with `galaxy=templates` in the book are of nside 64; small scales are added
+    beyond.
+
+    \b
+    himap templates maps --nside 64
+    himap run 04_pca -p galaxy=templates -p template_dir=maps
+    """
+    from himap.sky.pysm import write_templates
+
+    started = time.monotonic()
+    for path in write_templates(folder, nside):
+        click.echo(path)
+    click.echo(f"for -p galaxy=templates -p template_dir={folder}  ({time.monotonic() - started:.0f} s)")
+
+
+@main.command()
+@click.option("--renew", is_flag=True, help="Store the numbers of today's code where they differ.")
+@debug
+def verify(renew):
+    """Accept changed code that gives the numbers of former code.
+
+    Small calls are made of every product, method and beam whose code changed, and compared with the numbers
+    in book/results/probes.json. Where they agree, stamps of notebooks, stored results and the cache stay
+    valid: book/results/accepted.json says so, and is committed. Where they differ, what former code made is
+    stale; with --renew later code is compared with today's. What chapters do in cells of their own is not
+    called: `himap run --stale` executes those, and changes no more than the stamp if nothing else moved.
+
+    \b
+    himap verify && himap run --stale
+    """
+    from himap.paper.canonical import CALLS, RTOLS
+    from himap.store.verify import verify as accept
+
+    if accept(CALLS, rtols=RTOLS, renew=renew, report=click.echo) and not renew:
+        raise SystemExit(1)
+
+
+@main.group("cache")
+def cache_commands():
+    """Look at, or empty, the folder of computed products.
+
+    \b
+    himap cache info
+    himap cache clear --preset laptop
+    """
+
+
+@cache_commands.command()
+@click.option("--all", "every", is_flag=True, help="Every entry with its arguments.")
+def info(every):
+    """Show where the cache is and what it holds."""
+    entries = cache.cache_info()
+    click.echo(f"{cache.cache_folder()}: {_size_text(sum(entry.n_bytes for entry in entries))}")
+    if every:
+        for entry in entries:
+            created = entry.created.strftime("%Y-%m-%d %H:%M")
+            click.echo(f"{entry.product}  {_size_text(entry.n_bytes)}  {created}  {entry.seconds:.1f} s")
+            click.echo(f"    {entry.arguments}")
+        return
+    groups = defaultdict(list)
+    for entry in entries:
+        groups[entry.product, _preset_of(entry)].append(entry.n_bytes)
+    rows = [(*key, len(sizes), _size_text(sum(sizes))) for key, sizes in sorted(groups.items())]
+    if rows:
+        click.echo(Table(["product", "preset", "results", "size"], rows))
+
+
+@cache_commands.command()
+@click.argument("products", nargs=-1)
+@click.option("--preset", type=click.Choice([*PRESETS, _OTHER]), help="Only what was made at this preset.")
+@click.option("--older-than", "days", type=click.FloatRange(min=0), help="Only what is older, in days.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def clear(products, preset, days, yes):
+    """Delete the results of PRODUCTS, or all.
+
+    \b
+    himap cache clear --preset laptop --older-than 7
+    """
+    if days is not None and not math.isfinite(days):
+        raise InputError(f"an age is a number of days, got --older-than {days}.")
+
+    def wanted(entry):
+        age = (datetime.now() - entry.created).total_seconds() / 86_400
+        return preset in (None, _preset_of(entry)) and (days is None or age >= days)
+
+    if not (products or yes or preset or days is not None):
+        click.confirm(f"Delete everything in {cache.cache_folder()}?", abort=True)
+    click.echo(f"freed {_size_text(cache.clear_cache(products, wanted=wanted))}")
+
+
+def _preset_of(entry):
+    """The preset whose size the survey of a cached result has; "other" where there is none."""
+    for name, survey in PRESETS.items():
+        size = (f"{item}={getattr(survey, item)}," for item in ("nside", "n_channels", "box_cells"))
+        if all(text in entry.arguments for text in size):
+            return name
+    return _OTHER
+
+
+def _size_text(n_bytes):
+    for unit in ("B", "kB", "MB"):
+        if n_bytes < 1000:
+            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
+        n_bytes /= 1000
+    return f"{n_bytes:.1f} GB"

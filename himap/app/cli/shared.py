@@ -1,60 +1,53 @@
-"""What the commands of `himap` share: options, errors told in one paragraph, sizes."""
+"""The options that commands of `himap` share, and their errors, in one paragraph."""
 
 import functools
 from pathlib import Path
 
 import click
 
-from himap.app import reproduce
 from himap.app.notebook_files import check_output
-from himap.app.reproduce import changed_environment
+from himap.app.reproduce import NotebookError, changed_environment
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
-SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
-
-
-class _BadInput(click.ClickException):
-    exit_code = 2
-
-
 _NOTEBOOK_PACKAGES = {
-    "IPython",
-    "ipykernel",
-    "jupyter_client",
-    "jupytext",
-    "nbclient",
-    "nbformat",
-    "papermill",
-    "PIL",
+    *("IPython", "ipykernel", "jupyter_client", "jupytext"),
+    *("nbclient", "nbformat", "papermill", "PIL"),
 }
 _FOR_CHILDREN = {"PYTHONSAFEPATH": "1"}
 """Processes that a command starts take no modules from the current folder."""
 
 
 class Commands(click.Group):
-    """Commands whose errors of the user's making are told in one paragraph."""
+    """Commands whose users' errors end in one paragraph: code 2 for bad input, 1 for a failed notebook."""
 
     def invoke(self, context):
         try:
             with changed_environment(_FOR_CHILDREN):
                 return super().invoke(context)
-        except (InputError, reproduce.NotebookError) as error:
+        except (InputError, NotebookError, ModuleNotFoundError) as error:
+            message, code = shortened(str(error)), 2
+            if isinstance(error, ModuleNotFoundError):
+                name = (error.name or "").partition(".")[0]
+                if name not in _NOTEBOOK_PACKAGES:
+                    raise
+                message = (
+                    f"this needs the packages for notebooks, and {name} is not there: "
+                    "pip install 'himap[notebooks]'."
+                )
+            elif isinstance(error, NotebookError):
+                message, code = f"{message}\nAdd --debug for the traceback.", 1
             if context.meta.get("debug"):
                 raise
-            if isinstance(error, InputError):
-                raise _BadInput(shortened(str(error))) from None
-            text = f"{shortened(str(error))}\nAdd --debug for the traceback."
-            raise click.ClickException(text) from None
-        except ModuleNotFoundError as error:
-            name = (error.name or "").partition(".")[0]
-            if context.meta.get("debug") or name not in _NOTEBOOK_PACKAGES:
-                raise
-            raise _BadInput(
-                f"this needs the packages for notebooks, and {name} is not there: "
-                "pip install 'himap[notebooks]'."
-            ) from None
+            shown = click.ClickException(message)
+            shown.exit_code = code
+            raise shown from None
+
+
+def with_options(*options):
+    """Decorator: a command with these options, in this order."""
+    return lambda command: functools.reduce(lambda so_far, option: option(so_far), reversed(options), command)
 
 
 def _remember_debug(context, parameter, value):
@@ -68,35 +61,13 @@ debug = click.option(
     callback=_remember_debug,
     help="Show the traceback of an error.",
 )
+overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
 
 
-def _checked_size(context, parameter, value):
+def _check_size(context, parameter, value):
     if value is not None:
         parse_size(value)
     return value
-
-
-_WORKERS = {
-    JOBS_VARIABLE: click.option(
-        "--jobs",
-        JOBS_VARIABLE.lower(),
-        type=click.IntRange(min=1),
-        help="Processes that work at once; default 1.",
-    ),
-    DASK_VARIABLE: click.option(
-        "--dask",
-        DASK_VARIABLE.lower(),
-        metavar="ADDRESS",
-        help="Scheduler of a Dask cluster to share the work, such as tcp://host:8786.",
-    ),
-    LIMIT_VARIABLE: click.option(
-        "--max-memory",
-        LIMIT_VARIABLE.lower(),
-        metavar="SIZE",
-        callback=_checked_size,
-        help="What may be used, such as 16GB; default: what is free.",
-    ),
-}
 
 
 def workers(command):
@@ -107,18 +78,19 @@ def workers(command):
     """
 
     @functools.wraps(command)
-    def wrapped(*args, **options):
-        settings = {name: options.pop(name.lower()) for name in _WORKERS}
+    def wrapped(*args, jobs, dask, max_memory, **options):
+        settings = {JOBS_VARIABLE: jobs, DASK_VARIABLE: dask, LIMIT_VARIABLE: max_memory}
         with changed_environment({name: str(value) for name, value in settings.items() if value is not None}):
             check_scheduler()
             return command(*args, **options)
 
-    for option in reversed(_WORKERS.values()):
-        wrapped = option(wrapped)
-    return wrapped
-
-
-overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
+    address = "Scheduler of a Dask cluster to share the work, such as tcp://host:8786."
+    size = "What may be used, such as 16GB; default: what is free."
+    return with_options(
+        click.option("--jobs", type=click.IntRange(min=1), help="Processes that work at once; default 1."),
+        click.option("--dask", metavar="ADDRESS", help=address),
+        click.option("--max-memory", metavar="SIZE", callback=_check_size, help=size),
+    )(wrapped)
 
 
 def json_output(output, name, *, overwrite):
@@ -146,11 +118,3 @@ def named_values(pairs):
             )
         texts[name] = text
     return texts
-
-
-def size_text(n_bytes):
-    for unit in ("B", "kB", "MB"):
-        if n_bytes < 1000:
-            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
-        n_bytes /= 1000
-    return f"{n_bytes:.1f} GB"
