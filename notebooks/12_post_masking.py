@@ -61,7 +61,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.spectra import angular_power
 from himap.paper import captions, pipeline

@@ -51,7 +51,7 @@ from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
 from himap.instrument.beams import named
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.measures.diagnostics import error_variance
 from himap.paper import captions, pipeline
 from himap.paper.methods import methods_for, paper_beams

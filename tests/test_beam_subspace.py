@@ -6,7 +6,7 @@ from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy, spa
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.removal import analysis
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace

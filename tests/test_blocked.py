@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from himap.maps import blocked, sphere
+from himap.maps import low_rank, sphere
 from himap.removal.data import Data
 from himap.removal.parametric import Parametric
 from himap.removal.peaks import smooth_baselines
@@ -20,7 +20,7 @@ def three_threads(monkeypatch):
 
 
 def test_all_pixels_are_in_one_block_each():
-    parts = [np.arange(10)[block] for block in blocked.blocks(10, 4)]
+    parts = [np.arange(10)[block] for block in low_rank.blocks(10, 4)]
     assert [part.tolist() for part in parts] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
 
 
@@ -35,7 +35,7 @@ def test_results_come_in_the_order_of_blocks(three_threads):
             last_is_done.set()
         return block.start
 
-    assert blocked.in_threads(work, 10, "", 4) == [0, 4, 8]
+    assert low_rank.in_threads(work, 10, "", 4) == [0, 4, 8]
 
 
 def test_what_one_block_raises_is_raised(three_threads):
@@ -44,7 +44,7 @@ def test_what_one_block_raises_is_raised(three_threads):
             raise ZeroDivisionError("of the second block")
 
     with pytest.raises(ZeroDivisionError, match="second block"):
-        blocked.in_threads(work, 10, "", 4)
+        low_rank.in_threads(work, 10, "", 4)
 
 
 @pytest.mark.parametrize("step", ["peaks", "polynomial", "parametric", "projection"])
@@ -59,7 +59,7 @@ def test_threads_change_nothing(step, rng, monkeypatch):
                 baselines = smooth_baselines(maps, freqs, order=3, n_sigma=4)
                 return baselines.first, baselines.second, baselines.flagged
             case "projection":
-                return (blocked.projection(np.vander(freqs / 1000, 3).T, maps),)
+                return (low_rank.projection(np.vander(freqs / 1000, 3).T, maps),)
             case _:
                 method = Polynomial(order=3) if step == "polynomial" else Parametric()
                 return (method.separate(Data.of(maps, freqs=freqs)).sources,)
@@ -67,5 +67,5 @@ def test_threads_change_nothing(step, rng, monkeypatch):
     monkeypatch.setattr(sphere, "n_threads", lambda: 1)
     alone = found()
     monkeypatch.setattr(sphere, "n_threads", lambda: 3)
-    monkeypatch.setattr(blocked, "_BLOCK", 5000)
+    monkeypatch.setattr(low_rank, "_BLOCK", 5000)
     assert all(map(np.array_equal, found(), alone))

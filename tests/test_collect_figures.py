@@ -19,7 +19,7 @@ import collect_figures
 from himap.app.figures import Figure, figure_order, figures, named_figures, plain_caption
 from himap.app.notebook_files import STAMP, read_notebook, write_notebook
 from himap.figures.numbers import QUOTED
-from himap.maps.healpix_files import write_maps
+from himap.maps.healpix_io import write_maps
 
 ROOT = Path(__file__).resolve().parents[1]
 

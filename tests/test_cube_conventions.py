@@ -19,7 +19,7 @@ from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_truth
 from himap.cubes.layout import SpherePixels
 from himap.cubes.mocks import read_mocks
-from himap.maps.healpix_files import read_maps
+from himap.maps.healpix_io import read_maps
 
 
 @pytest.fixture

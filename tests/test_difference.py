@@ -5,7 +5,7 @@ import pytest
 from cube_measures import correlation, line_errors
 
 from himap.core.errors import InputError
-from himap.maps.modes import MapModes
+from himap.maps.low_rank import LowRankCube
 from himap.measures import low_rank_spectra as measures
 from himap.measures.spectra import frequency_power
 
@@ -18,7 +18,7 @@ def truth(rng):
 @pytest.fixture
 def error(rng):
     """Three terms, one of them far brighter than the truth, and channel means that no measure should see."""
-    return MapModes(
+    return LowRankCube(
         spectra=rng.standard_normal((6, 3)),
         maps=np.array([[0.1], [2], [40]]) * rng.standard_normal((3, 3000)) + 5,
     )
@@ -47,7 +47,7 @@ class TestMoments:
         assert found.power == pytest.approx(expected.power, rel=1e-9)
 
     def test_what_takes_the_truth_away_leaves_nothing(self, truth):
-        whole = MapModes(spectra=-np.eye(6), maps=truth.astype(float))
+        whole = LowRankCube(spectra=-np.eye(6), maps=truth.astype(float))
         true = frequency_power(truth.astype(float), 2.0)
         left = measures.Moments.of(truth, whole).frequency_power(true, 2.0)
         assert np.abs(left.power).max() < 1e-12 * true.power.max()
@@ -84,14 +84,14 @@ class TestDifference:
         size = np.sqrt(measures.FAINT * truth.var(axis=1).sum())  # channel means are no spectrum
         spectrum = np.full((6, 1), 1 / np.sqrt(6))
         for factor, n_terms in ((0.9, 0), (1.1, 1)):
-            one = MapModes(spectra=spectrum, maps=factor * size * rng.choice([-1.0, 1.0], (1, 3000)))
+            one = LowRankCube(spectra=spectrum, maps=factor * size * rng.choice([-1.0, 1.0], (1, 3000)))
             found = measures.difference(truth.astype(float) + one.lines(slice(None)), truth.astype(float))
             assert found.spectra.shape[1] == n_terms
 
 
 class TestMapModes:
     def test_sum_and_difference(self, error, rng):
-        other = MapModes(spectra=rng.standard_normal((6, 2)), maps=rng.standard_normal((2, 3000)))
+        other = LowRankCube(spectra=rng.standard_normal((6, 2)), maps=rng.standard_normal((2, 3000)))
         whole = error.lines(slice(None)) - other.lines(slice(None))
         assert (error + -other).lines(slice(None)) == pytest.approx(whole)
         assert error.of_channels(slice(4, 5)).lines(slice(None)) == pytest.approx(
@@ -107,7 +107,7 @@ class TestMapModes:
 
     def test_truncate(self, error, rng):
         """Orthonormal spectra, the brightest first, no channel means, and no more terms than there are."""
-        twice = error + MapModes(spectra=error.spectra[:, :1], maps=1e-9 * rng.standard_normal((1, 3000)))
+        twice = error + LowRankCube(spectra=error.spectra[:, :1], maps=1e-9 * rng.standard_normal((1, 3000)))
         found = twice.truncate(1e-12)
         lines = error.lines(slice(None))
         assert found.lines(slice(None)) == pytest.approx(lines - lines.mean(axis=1, keepdims=True), abs=1e-7)
@@ -116,8 +116,8 @@ class TestMapModes:
 
     def test_truncate_keeps_a_faint_difference(self, rng):
         """Of two foregrounds a hundred thousand times brighter than what they differ by."""
-        bright = MapModes(spectra=rng.standard_normal((6, 2)), maps=1e5 * rng.standard_normal((2, 3000)))
-        faint = MapModes(spectra=rng.standard_normal((6, 1)), maps=0.1 * rng.standard_normal((1, 3000)))
+        bright = LowRankCube(spectra=rng.standard_normal((6, 2)), maps=1e5 * rng.standard_normal((2, 3000)))
+        faint = LowRankCube(spectra=rng.standard_normal((6, 1)), maps=0.1 * rng.standard_normal((1, 3000)))
         found = (bright + faint + -bright).truncate(1e-9)
         lines = faint.lines(slice(None))
         assert found.lines(slice(None)) == pytest.approx(lines - lines.mean(axis=1, keepdims=True), abs=1e-8)

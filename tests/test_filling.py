@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.maps import sphere
-from himap.maps.filling import continued, continued_alm
+from himap.maps.inpaint import inpaint, inpaint_alm
 
 NSIDE = 16
 LATITUDE = sphere.pixel_latitude(NSIDE)
@@ -20,9 +20,9 @@ def smooth(rng):
 
 def test_what_is_known_stays_and_the_rest_does_not_count(smooth, rng):
     other = np.where(KEPT, smooth, rng.standard_normal(len(smooth)))
-    assert np.array_equal(continued(smooth, KEPT)[KEPT], smooth[KEPT])
-    assert np.array_equal(continued(smooth, KEPT), continued(other, KEPT))
-    one, two = (continued_alm(pixels, KEPT, 1e-3) for pixels in (smooth, other))
+    assert np.array_equal(inpaint(smooth, KEPT)[KEPT], smooth[KEPT])
+    assert np.array_equal(inpaint(smooth, KEPT), inpaint(other, KEPT))
+    one, two = (inpaint_alm(pixels, KEPT, 1e-3) for pixels in (smooth, other))
     assert np.array_equal(one, two)
 
 
@@ -30,18 +30,18 @@ def test_it_goes_on_with_the_slope_of_the_edge():
     """A field that climbs evenly goes on climbing, where the value at the edge, carried on, would not."""
     ring = (LATITUDE <= 20) & (LATITUDE > 14)
     field = np.deg2rad(LATITUDE)
-    wrong = continued(field, KEPT)[ring] - field[ring]
+    wrong = inpaint(field, KEPT)[ring] - field[ring]
     level = field[KEPT].min() - field[ring]
     assert np.sqrt(np.mean(wrong**2)) < 0.5 * np.sqrt(np.mean(level**2))
 
 
 def test_it_stays_within_bounds(smooth):
-    assert np.abs(continued(smooth, KEPT)).max() < 2 * np.abs(smooth[KEPT]).max()
+    assert np.abs(inpaint(smooth, KEPT)).max() < 2 * np.abs(smooth[KEPT]).max()
 
 
 def test_coefficients_reproduce_what_is_known(smooth):
     """To the tolerance asked for, where an analysis of the map with its edge is off by far more."""
-    alm = continued_alm(smooth, KEPT, 1e-3)
+    alm = inpaint_alm(smooth, KEPT, 1e-3)
     size = np.linalg.norm(smooth[KEPT])
     assert np.linalg.norm((sphere.synthesise(alm, NSIDE) - smooth)[KEPT]) < 1e-3 * size
     cut = sphere.synthesise(sphere.analyse(np.where(KEPT, smooth, 0)), NSIDE)
@@ -50,19 +50,19 @@ def test_coefficients_reproduce_what_is_known(smooth):
 
 def test_coefficients_are_those_of_dense_least_squares(rng, monkeypatch):
     """The least misfit of all coefficients to l = 3 nside - 1, by numpy, at nside 4."""
-    monkeypatch.setattr("himap.maps.filling._MOST_STEPS", 3000)
+    monkeypatch.setattr("himap.maps.inpaint._MOST_STEPS", 3000)
     nside, kept = 4, sphere.pixel_latitude(4) > -30
     lmax = 3 * nside - 1
     pixels = rng.standard_normal(12 * nside**2)
     units = np.eye(sphere.alm_size(lmax))
     fields = sphere.synthesise(np.concatenate([units, 1j * units]), nside)[:, kept]
     least = np.linalg.lstsq(fields.T, pixels[kept])[0] @ fields
-    found = sphere.synthesise(continued_alm(pixels, kept, 0), nside)[kept]
+    found = sphere.synthesise(inpaint_alm(pixels, kept, 0), nside)[kept]
     assert found == pytest.approx(least, abs=1e-3)
     misfit = np.linalg.norm(pixels[kept] - least)
     assert np.linalg.norm(pixels[kept] - found) == pytest.approx(misfit, rel=1e-6, abs=1e-4)
 
 
 def test_all_kept_is_an_analysis(smooth):
-    alm = continued_alm(smooth, np.ones(len(smooth), bool), 1e-6)
+    alm = inpaint_alm(smooth, np.ones(len(smooth), bool), 1e-6)
     assert sphere.synthesise(alm, NSIDE) == pytest.approx(smooth, abs=1e-5)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from himap.core.errors import InputError
-from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
+from himap.maps.healpix_io import agreed, freq_in_header, freqs_in
 
 
 @pytest.mark.parametrize(

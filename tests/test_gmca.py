@@ -138,7 +138,7 @@ def test_thresholds(rng):
 
 def test_in_blocks_is_at_once(sky, monkeypatch):
     whole = clean(sky).residual
-    monkeypatch.setattr("himap.maps.blocked._BLOCK", 1000)
+    monkeypatch.setattr("himap.maps.low_rank._BLOCK", 1000)
     assert clean(sky).residual == pytest.approx(whole, abs=2e-3)
 
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, suggest
-from himap.maps.plane_starlets import PlaneStarlets
+from himap.maps.starlets import PlaneStarlets
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.gnilc import GNILC

@@ -6,7 +6,7 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.needlets import cosine_needlets
+from himap.maps.starlets import cosine_needlets
 from himap.removal.data import Data
 from himap.removal.gnilc import GNILC, foreground_filter, n_foreground, stationary
 

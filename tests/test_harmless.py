@@ -6,7 +6,7 @@ import pytest
 from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.harmless import corrected, foreseen, parts

@@ -8,8 +8,8 @@ import pytest
 from astropy.io import fits
 
 from himap.core.errors import InputError
-from himap.maps import healpix_files
-from himap.maps.healpix_files import MILLIKELVIN, is_nested, read_maps, temperature_unit, write_maps
+from himap.maps import healpix_io
+from himap.maps.healpix_io import MILLIKELVIN, is_nested, read_maps, temperature_unit, write_maps
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
@@ -148,7 +148,7 @@ class TestOrder:
 
     def test_to_ring(self, rng):
         ring = rng.standard_normal(N_PIX)
-        assert np.array_equal(healpix_files.to_ring(hp.reorder(ring, r2n=True)), ring)
+        assert np.array_equal(healpix_io.to_ring(hp.reorder(ring, r2n=True)), ring)
 
 
 class TestUnits:

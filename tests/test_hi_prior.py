@@ -7,7 +7,7 @@ from scipy.integrate import quad
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.needlets import cosine_needlets
+from himap.maps.starlets import cosine_needlets
 from himap.removal import gnilc, harmonic
 from himap.sky.cosmology import FREQ_21CM
 

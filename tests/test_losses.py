@@ -6,7 +6,7 @@ import pytest
 from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.paper import cleaned, pipeline
 from himap.paper.losses import error_parts
 from himap.removal import PCA, BeamSubspace, SDecGMCA

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.maps import sphere
-from himap.maps.needlets import cosine_needlets
+from himap.maps.starlets import cosine_needlets
 
 PEAKS = [4, 8, 20]
 

@@ -7,7 +7,7 @@ from astropy.io import fits
 from cube_files import FREQS, N_PIX, himap, power_law_maps
 
 from himap.cubes import clean_cube, read_cube, save_cleaned
-from himap.maps.healpix_files import write_maps
+from himap.maps.healpix_io import write_maps
 
 PCA = ("--method", "pca", "-p", "n_sources=2")
 

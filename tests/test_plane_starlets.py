@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from himap.core.errors import InputError
-from himap.maps.plane_starlets import PlaneStarlets
+from himap.maps.starlets import PlaneStarlets
 
 SHAPE = 19, 26
 KERNEL = np.outer(*[np.array([1, 4, 6, 4, 1]) / 16] * 2)

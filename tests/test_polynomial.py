@@ -53,7 +53,7 @@ def test_sources_are_coefficients_of_the_mixing(sextic):
 
 def test_blocks_do_not_show(sextic, monkeypatch):
     whole = clean(sextic).residual
-    monkeypatch.setattr("himap.maps.blocked._BLOCK", 7)
+    monkeypatch.setattr("himap.maps.low_rank._BLOCK", 7)
     assert clean(sextic).residual == pytest.approx(whole, abs=1e-3)
 
 

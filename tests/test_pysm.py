@@ -12,7 +12,7 @@ from skies import lognormal
 from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.healpix_files import read_maps
+from himap.maps.healpix_io import read_maps
 from himap.sky import pysm
 from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Galaxy

@@ -298,7 +298,7 @@ def test_pca_equals_scikit_learn(sky):
 
 def test_pca_in_blocks_is_pca_at_once(sky, monkeypatch):
     whole = PCA(n_sources=3).clean(sky, freqs=FREQS).residual
-    monkeypatch.setattr("himap.maps.blocked._BLOCK", 100)
+    monkeypatch.setattr("himap.maps.low_rank._BLOCK", 100)
     assert PCA(n_sources=3).clean(sky, freqs=FREQS).residual == pytest.approx(whole, abs=2e-3)
 
 

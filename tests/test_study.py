@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from himap.core.errors import InputError
 from himap.figures import plotting
 from himap.instrument.beams import Degraded
-from himap.maps.healpix_files import write_maps
+from himap.maps.healpix_io import write_maps
 from himap.paper import pipeline
 from himap.paper.methods import TABLE_1, paper_beams
 from himap.paper.study import Study

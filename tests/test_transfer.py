@@ -6,7 +6,7 @@ from scipy import fft
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.modes import MapModes
+from himap.maps.low_rank import LowRankCube
 from himap.measures.diagnostics import band_means, bands
 from himap.measures.spectra import frequency_power
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, harmonic_power, mock_power
@@ -33,7 +33,7 @@ def wrong(alms, rng):
     """Something that comes back besides, with maps that hold no more than the cube."""
     spectra = rng.standard_normal((len(alms), 3))
     more = [sphere.gaussian_alm(np.r_[0, np.ones(LMAX)], rng) for _ in range(3)]
-    return MapModes(spectra=spectra, maps=0.1 * np.array([sphere.synthesise(alm, NSIDE) for alm in more]))
+    return LowRankCube(spectra=spectra, maps=0.1 * np.array([sphere.synthesise(alm, NSIDE) for alm in more]))
 
 
 class TestSums:

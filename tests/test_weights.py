@@ -82,7 +82,7 @@ class TestPixelWeights:
 
     def test_blocks_of_pixels_change_nothing(self, sky, hits, monkeypatch):
         one = PCA().separate(Data.of(sky, freqs=FREQS, weights=hits)).sources
-        monkeypatch.setattr("himap.maps.blocked._BLOCK", 7)
+        monkeypatch.setattr("himap.maps.low_rank._BLOCK", 7)
         assert PCA().separate(Data.of(sky, freqs=FREQS, weights=hits)).sources == pytest.approx(one, abs=1e-4)
 
 

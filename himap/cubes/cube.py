@@ -7,8 +7,8 @@ import numpy as np
 from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
 from himap.cubes.layout import LARGEST, Layout, same_freqs
-from himap.maps.blocked import precision
-from himap.maps.healpix_files import MILLIKELVIN
+from himap.maps.healpix_io import MILLIKELVIN
+from himap.maps.low_rank import precision
 from himap.removal.data import checked_mask, checked_weights
 
 
@@ -20,7 +20,7 @@ class Cube:
     ----------
     maps
         The seen pixels, (n_channels, n_seen), mK, by RING index; float32, or float64 where the file has it
-        and the sky is so bright that float32 would round HI away (`himap.maps.blocked.precision`).
+        and the sky is so bright that float32 would round HI away (`himap.maps.low_rank.precision`).
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     mask

@@ -12,8 +12,8 @@ from himap.cubes import fits, hdf5
 from himap.cubes.cube import make_cube
 from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.cubes.weights import is_path, own_datasets, voxel_weights
-from himap.maps.healpix_files import ENDINGS, is_nested, temperature_unit
-from himap.maps.shapes import pixels_last, sphere_sizes
+from himap.maps.healpix_io import ENDINGS, is_nested, temperature_unit
+from himap.maps.sphere import pixels_last, sphere_sizes
 from himap.sky.cosmology import FREQ_21CM
 
 _HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB

@@ -8,8 +8,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.cubes.images import holds_image, read_image_fits
 from himap.cubes.layout import Layout, check_cube_room, one_unit
-from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
-from himap.maps.healpix_files import ENDINGS, read_maps
+from himap.maps.healpix_io import ENDINGS, agreed, freq_in_header, freqs_in, read_maps
 
 _DIGITS = re.compile(r"(\d+)")
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME

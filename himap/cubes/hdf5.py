@@ -15,8 +15,8 @@ from astropy import units as u
 from himap.core.errors import InputError
 from himap.cubes.layout import Layout, as_input_error, check_cube_room
 from himap.maps import sphere
-from himap.maps.healpix_files import is_nested
-from himap.maps.shapes import pixels_last, sphere_sizes
+from himap.maps.healpix_io import is_nested
+from himap.maps.sphere import pixels_last, sphere_sizes
 
 ENDINGS = (".h5", ".hdf5", ".hdf")
 

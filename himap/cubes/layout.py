@@ -10,8 +10,8 @@ from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import regular_file
 from himap.maps import sphere
-from himap.maps.healpix_files import ENDINGS, MILLIKELVIN, read_maps, to_ring, write_maps
-from himap.maps.shapes import pixels_last, sphere_sizes
+from himap.maps.healpix_io import ENDINGS, MILLIKELVIN, read_maps, to_ring, write_maps
+from himap.maps.sphere import pixels_last, sphere_sizes
 
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""

@@ -11,7 +11,7 @@ from himap.cubes.report import figure
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.maps import sphere
-from himap.maps.modes import MapModes
+from himap.maps.low_rank import LowRankCube
 from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import TransferFunction, mock_power, mock_power_of_cubes
@@ -123,7 +123,7 @@ def mock_power_of_change(cube, alms, before, after, faint):
     """
     change = (before.foreground + -after.foreground).truncate(faint)
     if not len(change.maps):  # nothing moves
-        change = MapModes(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
+        change = LowRankCube(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
 
 

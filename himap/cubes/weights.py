@@ -10,7 +10,7 @@ from himap.core.reading import mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5, images
 from himap.cubes.layout import LARGEST, check_cube_room, check_order, same_freqs
 from himap.maps import sphere
-from himap.maps.healpix_files import ENDINGS, to_ring
+from himap.maps.healpix_io import ENDINGS, to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
 

@@ -14,9 +14,8 @@ from scipy import fft
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import blocks
+from himap.maps.low_rank import LowRankCube, blocks
 from himap.maps.masks import mask_weights
-from himap.maps.modes import MapModes
 from himap.measures.spectra import BLOCK, AngularPower, FrequencyPower, checked_maps, decouple, weighted
 
 FAINT = 3e-8
@@ -28,7 +27,7 @@ _MINOR = 1e-3  # of the variance of a channel of the truth: a rough analysis, go
 
 
 def difference(recovered, truth, *, mask=None):
-    """recovered - truth of two cubes (n_channels, n_pix), mK, a `MapModes` without its faintest terms.
+    """recovered - truth of two cubes (n_channels, n_pix), mK, a `LowRankCube` without its faintest terms.
 
     Where the `mask` (n_pix,), bool or weights, is zero, both may be anything and the maps are zero.
 
@@ -60,11 +59,11 @@ def difference(recovered, truth, *, mask=None):
     maps = np.empty((spectra.shape[1], n_pix))
     for block in blocks(n_pix):
         maps[:, block] = spectra.T @ lines(block)
-    return MapModes(spectra=spectra, maps=maps)
+    return LowRankCube(spectra=spectra, maps=maps)
 
 
 def line_errors(error):
-    """Mean squared error of every line of sight, (n_pix,), mK^2 (paper, Sect. 5.1), of a `MapModes`.
+    """Mean squared error of every line of sight, (n_pix,), mK^2 (paper, Sect. 5.1), of a `LowRankCube`.
 
     The mean of each channel over the sky, which no method recovers, is no error.
     """
@@ -124,7 +123,7 @@ def angular_power_pair(truth_alms, error, *, mask=None):
         made from. In place of the truth any cube will do that differs from the recovered one by few spectra.
         Without a mask they may end at any l, and the spectra end there.
     error
-        recovered - truth, a `MapModes` of `difference` or `MapModes.truncate`: products are in single
+        recovered - truth, a `LowRankCube` of `difference` or `LowRankCube.truncate`: products are in single
         precision, which terms that cancel would not survive.
     mask
         As in `angular_power`, that of `truth_alms`.
@@ -157,7 +156,7 @@ def angular_power_pair(truth_alms, error, *, mask=None):
 
 
 def _alms_of_error(error, weights, lmax, truth_alms):
-    """Coefficients of the maps of a `MapModes`, times weights, (n_modes, n_alm) complex64.
+    """Coefficients of the maps of a `LowRankCube`, times weights, (n_modes, n_alm) complex64.
 
     Of terms that are minor beside the truth in every channel a rough analysis will do.
     """
@@ -206,7 +205,7 @@ class Moments:
 
     @classmethod
     def of(cls, truth, error, *, mask=None):
-        """Of a cube (n_channels, n_pix) and a `MapModes`, over the lines in `mask` (n_pix,) bool.
+        """Of a cube (n_channels, n_pix) and a `LowRankCube`, over the lines in `mask` (n_pix,) bool.
 
         Both less their means over these lines; no copy of the cube is made.
         """

@@ -13,7 +13,7 @@ from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import blocks
+from himap.maps.low_rank import blocks
 from himap.maps.masks import bin_matrix, decoupled, mask_weights
 
 BLOCK = 4096

@@ -213,7 +213,7 @@ def mock_power(alms, error, channel_width):
     alms
         Coefficients of T, (n_channels, n_alm), mK; what is compared ends where they do.
     error
-        Output less T, a `MapModes`.
+        Output less T, a `LowRankCube`.
     channel_width
         MHz.
 

@@ -58,7 +58,7 @@ def residual(case, remover, mask_peaks=True, channels=slice(None)):
 
 
 def error(case, remover, mask_peaks=True):
-    """What `remover` leaves more than the truth, a `MapModes` less its channel means; not kept.
+    """What `remover` leaves more than the truth, a `LowRankCube` less its channel means; not kept.
 
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
     the method ends at some l, it is that of what is left up to there against the truth up to there.

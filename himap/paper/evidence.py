@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import blocks
+from himap.maps.low_rank import blocks
 from himap.paper import pipeline
 from himap.removal.peaks import smooth_baselines
 from himap.sky.emission import emission_maps

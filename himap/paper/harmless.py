@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.measures.transfer import (
     HarmonicPower,
     MockPower,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.blocked import centred
+from himap.maps.low_rank import centred
 from himap.paper import cleaned, pipeline
 from himap.removal.analysis import analysed
 from himap.removal.spectral_filter import through_beams

@@ -17,8 +17,7 @@ from himap.instrument.beams.degraded import Degraded
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.maps import sphere
-from himap.maps.blocked import centred, projection
-from himap.maps.modes import HarmonicModes
+from himap.maps.low_rank import HarmonicModes, centred, projection
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed

@@ -8,8 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import projection
-from himap.maps.filling import continued_alm
+from himap.maps.inpaint import inpaint_alm
+from himap.maps.low_rank import projection
 from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
 from himap.removal.data import scattered
@@ -69,7 +69,7 @@ def analysed(maps, kept=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
     With a mask `kept` (n_pix,) bool, of what is kept alone: what is bright goes on outside
-    (`himap.maps.filling`), what is not is zero there.
+    (`himap.maps.inpaint`), what is not is zero there.
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
@@ -89,7 +89,7 @@ def analysed(maps, kept=None):
             if kept is None:
                 alm = sphere.analyse_closely(line, lmax, tolerance)
             else:
-                alm = continued_alm(scattered(line[None], kept)[0], kept, tolerance)
+                alm = inpaint_alm(scattered(line[None], kept)[0], kept, tolerance)
             out[:] = harmonic.to_modes(alm)
         rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
         for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):

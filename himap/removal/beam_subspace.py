@@ -44,7 +44,7 @@ class BeamSubspace(ForegroundRemover):
     With a mask, what minimises the squares of X - H A S over the kept pixels is wanted, S being free outside.
     What an extension of the maps by any H A S adds to least squares on the whole sky is nothing: so the maps
     are continued smoothly to the whole sphere, where their bright part nearly is such an H A S, and all is
-    done there (`himap.maps.filling`). What it is not lies at the edge, within reach of the beam. T is
+    done there (`himap.maps.inpaint`). What it is not lies at the edge, within reach of the beam. T is
     multiplied by weights that are 0 there, so that A is found from what is farther inside, and spectra of
     what is left should leave out as much: two widths of the widest beam.
     """

@@ -5,7 +5,7 @@ from scipy import linalg
 from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
-from himap.maps.blocked import blocks
+from himap.maps.low_rank import blocks
 
 _BRIGHT = 1e3  # variance over that of HI and noise
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32

@@ -12,7 +12,7 @@ import numpy as np
 
 from himap.core.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
 from himap.core.errors import InputError
-from himap.maps.blocked import centred, lean
+from himap.maps.low_rank import as_float32, centred
 from himap.removal.covariance import channel_covariance
 
 
@@ -139,7 +139,7 @@ class Data:
     @property
     def total(self):
         """The maps with their means, in the floats of `centred`."""
-        return lean(self.maps)
+        return as_float32(self.maps)
 
     @property
     def covariance(self):

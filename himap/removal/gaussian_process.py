@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from himap.core.errors import InputError
-from himap.maps.blocked import projection
+from himap.maps.low_rank import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import SplitCube, projection
-from himap.maps.plane_starlets import PlaneStarlets
-from himap.maps.starlets import starlet_bands
+from himap.maps.low_rank import SplitCube, projection
+from himap.maps.starlets import PlaneStarlets, starlet_bands
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
@@ -39,9 +38,9 @@ class GMCA(ForegroundRemover):
     X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
 
     Pixels must be a whole HEALPix sphere, or of an image in the plane: there starlets are the B-spline
-    wavelets of Starck et al. (2007), made of the seen pixels alone (`himap.maps.plane_starlets`). Those that
+    wavelets of Starck et al. (2007), made of the seen pixels alone (`himap.maps.starlets`). Those that
     are not seen, and what lies beyond the border, have no part in A and in the thresholds. Of a masked
-    sphere all pixels count: bright foreground goes on smoothly outside of the mask (`himap.maps.filling`).
+    sphere all pixels count: bright foreground goes on smoothly outside of the mask (`himap.maps.inpaint`).
 
     Sources are in mK (columns of A of unit length), by variance.
     """

@@ -12,8 +12,8 @@ from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import centred, projection
-from himap.maps.needlets import cosine_needlets
+from himap.maps.low_rank import centred, projection
+from himap.maps.starlets import cosine_needlets
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered

@@ -8,8 +8,7 @@ from numpy.polynomial import chebyshev
 from scipy.special import exprel
 
 from himap.core.errors import InputError
-from himap.maps.blocked import in_threads
-from himap.maps.modes import MapModes
+from himap.maps.low_rank import LowRankCube, in_threads
 from himap.removal.base import ForegroundRemover, Separation, parameter
 
 FIXED_INDEX = -2.13
@@ -91,7 +90,7 @@ class Parametric(ForegroundRemover):
 
         n_steps, n_lost = zip(*in_threads(fit, maps.shape[1], "parametric", _BLOCK), strict=True)
         return Separation(
-            low_rank=MapModes(spectra=model.spectra, maps=fits),
+            low_rank=LowRankCube(spectra=model.spectra, maps=fits),
             means=np.zeros(len(maps)),  # power laws need the total brightness
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,

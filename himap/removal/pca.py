@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from himap.maps.blocked import projection
+from himap.maps.low_rank import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import principal_axes
 from himap.removal.weighted_pca import weighted_components

@@ -12,7 +12,7 @@ import numpy as np
 
 from himap.core.checks import checked_cube, checked_freqs, whole_number
 from himap.core.errors import InputError
-from himap.maps.blocked import in_threads
+from himap.maps.low_rank import in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_pca import least_squares
 

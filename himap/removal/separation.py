@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from himap.maps.modes import MapModes
+from himap.maps.low_rank import LowRankCube
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,7 @@ class Separation:
     sources
         S, (n_sources, n_pix), mK, float64.
     low_rank
-        The foreground, a `MapModes`, where it is not A S, such as one that is seen through beams.
+        The foreground, a `LowRankCube`, where it is not A S, such as one that is seen through beams.
     means
         What is subtracted from every channel besides, (n_channels,), mK: the means of the data unless
         `_separate` gives others.
@@ -35,7 +35,7 @@ class Separation:
 
     mixing: np.ndarray
     sources: np.ndarray
-    low_rank: MapModes | None = None
+    low_rank: LowRankCube | None = None
     means: np.ndarray | None = None
     converged: bool = True
     n_iterations: int = 0
@@ -44,8 +44,8 @@ class Separation:
 
     @property
     def foreground(self):
-        """The foreground up to `lmax`, less `means`, a `MapModes`."""
-        return MapModes(spectra=self.mixing, maps=self.sources) if self.low_rank is None else self.low_rank
+        """The foreground up to `lmax`, less `means`, a `LowRankCube`."""
+        return LowRankCube(spectra=self.mixing, maps=self.sources) if self.low_rank is None else self.low_rank
 
     def check(self, method, shape):
         """Hold the class `method` to what it promises of maps of this shape; TypeError if it fails."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.blocked import projection
-from himap.maps.modes import HarmonicModes, MapModes
+from himap.maps.low_rank import HarmonicModes, LowRankCube, projection
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
@@ -39,7 +38,7 @@ class SpectralFilter:
 
 
 def filtered(spectra, estimators, maps, modes):
-    """W_l G_l X_l of maps at every l, a `MapModes`; what the transform cannot hold is filtered as the last l.
+    """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l they are filtered as there.
 
     Parameters
     ----------
@@ -61,11 +60,11 @@ def filtered(spectra, estimators, maps, modes):
     nside = sphere.nside_of(maps)
     for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
         pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
-    return MapModes(spectra=axes, maps=foreground)
+    return LowRankCube(spectra=axes, maps=foreground)
 
 
 def through_beams(maps, space, beams, modes):
-    """The part of `maps` in the spectra `space`, seen through `beams`, a `MapModes`.
+    """The part of `maps` in the spectra `space`, seen through `beams`, a `LowRankCube`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
     regularisation.
@@ -108,8 +107,8 @@ def seen_through(sources, mixing, beams):
 
 
 def on_sky(modes, nside, lmax=None):
-    """The `MapModes` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
+    """The `LowRankCube` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
     maps = np.empty((len(modes.alms), 12 * nside**2))
     for alm, pixels in zip(progress(modes.alms, "foreground"), maps, strict=True):
         pixels[:] = sphere.synthesise(alm if lmax is None else sphere.alms_upto(alm, lmax), nside)
-    return MapModes(spectra=modes.spectra, maps=maps)
+    return LowRankCube(spectra=modes.spectra, maps=maps)

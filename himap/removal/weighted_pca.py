@@ -4,7 +4,7 @@ import numpy as np
 from scipy import linalg
 
 from himap.core.progress import progress
-from himap.maps.blocked import centred, in_threads, projection
+from himap.maps.low_rank import centred, in_threads, projection
 from himap.removal.covariance import principal_axes
 from himap.removal.separation import Separation
 

@@ -11,7 +11,7 @@ from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.files import complete_left, whole_files
 from himap.maps import sphere
-from himap.maps.healpix_files import MILLIKELVIN, write_maps
+from himap.maps.healpix_io import MILLIKELVIN, write_maps
 from himap.sky.synthetic import FREE_FREE_INDEX
 from himap.sky.templates import Template, positive
 

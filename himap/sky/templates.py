@@ -11,8 +11,15 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.reading import regular_file
 from himap.maps import sphere
-from himap.maps.frequency_names import agreed, freq_in_header, freqs_in
-from himap.maps.healpix_files import MILLIKELVIN, read_maps, temperature_unit, to_ring
+from himap.maps.healpix_io import (
+    MILLIKELVIN,
+    agreed,
+    freq_in_header,
+    freqs_in,
+    read_maps,
+    temperature_unit,
+    to_ring,
+)
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX

@@ -1,0 +1,339 @@
+"""HEALPix maps in FITS files: their tables, and the words of headers and names.
+
+Tables are read without healpy's reader, which takes the first table of several, scales before it looks for
+markers of missing pixels, and counts negative pixel numbers from the end.
+"""
+
+import re
+import warnings
+from dataclasses import dataclass
+
+import healpy as hp
+import numpy as np
+from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
+
+from himap.core.errors import InputError
+from himap.core.memory import check_room
+from himap.core.reading import regular_file
+from himap.maps import sphere
+
+ENDINGS = (".fits", ".fit", ".fits.gz", ".fits.fz")
+"""What the names of FITS files end with."""
+
+MILLIKELVIN = {"K": 1e3, "mK": 1.0, "uK": 1e-3}
+"""mK in one of each unit of brightness temperature."""
+
+_SPELLINGS = {  # both letters mu, which look alike
+    **{"k": "K", "kelvin": "K", "mk": "mK", "millikelvin": "mK", "uk": "uK", "microkelvin": "uK"},
+    **{"\N{MICRO SIGN}k": "uK", "\N{GREEK SMALL LETTER MU}k": "uK"},
+}
+_RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?rj\)?\}?$")
+_NUMBERS = "BIJKED"  # letters of TFORM: integers and floats
+_UNSEEN = 1e-5  # relative: how close to healpy's UNSEEN a missing pixel is
+_FACTOR = {"mhz": 1.0, "ghz": 1e3}
+_FREQ = re.compile(r"(?<![^\W_])(?<![.,])([0-9]+(?:\.([0-9]+))?)[ _-]?(mhz|ghz)(?![^\W_])", re.IGNORECASE)
+_HERTZ = (1.0, 1e3, 1e-6)  # MHz in what a header may be in, if it does not say: MHz, GHz, Hz
+_ROUNDING = 1e-6  # relative: frequencies that agree
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealpixFile:
+    """The maps of a file, and what its header says of them; None for what it does not.
+
+    Attributes
+    ----------
+    maps
+        Of the full sphere, a column each, (n, n_pix), in the ordering and units of the file; float32 or
+        float64, NaN in pixels that have no value.
+    names, units
+        TTYPE and TUNIT of the column of each map, (n,).
+    nested
+        Whether pixels are in NESTED order.
+    coordinates
+        COORDSYS as text: G or GALACTIC, for instance.
+    partial
+        Whether the file is of a part of the sky: its first column has the pixel numbers, and is no map.
+    header
+        All its cards, a dict.
+    """
+
+    maps: np.ndarray
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    nested: bool | None
+    coordinates: str | None
+    partial: bool
+    header: dict
+
+
+def read_maps(path, *, n_maps=None, held=1):
+    """The `HealpixFile` of a FITS file, with its first `n_maps` maps, or with all.
+
+    Parameters
+    ----------
+    path, n_maps
+        The file, and how many maps are wanted.
+    held
+        How many arrays of their size the caller will hold: they must fit into memory.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds maps in several tables, or too many; its maps have no valid nside, or
+        its ORDERING is none.
+    """
+    path = regular_file(path)
+    try:
+        with warnings.catch_warnings(), fits.open(path, memmap=False) as file:
+            warnings.simplefilter("ignore", AstropyWarning)  # of what is an error a line below, or harmless
+            table = _only_table(file, first=n_maps is not None)
+            header = dict(table.header)
+            partial = _text(header, "INDXSCHM") == "EXPLICIT" or _text(header, "OBJECT") == "PARTIAL"
+            columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
+            maps = _maps_of(table, columns, partial, held)
+    except Exception as error:  # astropy raises nearly anything for a file that is something else
+        reason = f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole."
+        raise InputError(
+            f"{path} cannot be read as HEALPix maps in FITS: its table could not be read"
+            + (f"; {error}" if isinstance(error, InputError) else f" {reason}")
+        ) from error
+    return HealpixFile(
+        maps=maps,
+        names=tuple(str(header.get(f"TTYPE{column}")) for column in columns),
+        units=tuple(_text(header, f"TUNIT{column}") for column in columns),
+        nested=is_nested(_text(header, "ORDERING"), f"ORDERING in {path}"),
+        coordinates=_text(header, "COORDSYS"),
+        partial=partial,
+        header=header,
+    )
+
+
+def _text(header, key):
+    """The text of a card, None where there is none."""
+    return str(header.get(key) or "").strip() or None
+
+
+def _only_table(file, *, first):
+    """The table of maps of an open FITS file; the `first` of several, where that is enough."""
+    tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
+    if not tables:
+        raise InputError("there is no table of maps; images in the plane are none.")
+    more = [hdu for hdu in tables[1:] if _lengths(hdu) & _lengths(tables[0])]
+    if more and not first:
+        raise InputError(
+            f"there are maps in {1 + len(more)} tables; write them as columns of one, as "
+            "healpy.write_map(path, maps) does."
+        )
+    return tables[0]
+
+
+def _lengths(hdu):
+    """How many numbers the columns of a table hold, a set."""
+    repeats = {column.format[:-1] for column in hdu.columns if column.format[-1:] in _NUMBERS}
+    return {int(repeat or 1) * hdu.header["NAXIS2"] for repeat in repeats if not repeat or repeat.isdecimal()}
+
+
+def _maps_of(hdu, columns, partial, held):
+    """The maps in some columns of a table, (n, n_pix) float32 or float64.
+
+    NaN where a pixel is UNSEEN, the TNULL of its column or BAD_DATA, or has no value.
+    """
+    if not columns:
+        raise InputError("there is no column with a map.")
+    for column in hdu.columns[: columns[-1]]:
+        if column.format.lstrip("0123456789") not in tuple(_NUMBERS):
+            raise InputError(
+                f"maps are real numbers, and the column {column.name} has TFORM {column.format}."
+            )
+    n_pix = _n_pix(hdu, columns, partial)
+    check_room("it", hdu.size + 8 * held * len(columns) * n_pix)
+    rows = hdu.data.view(np.ndarray)  # as they are stored: markers of missing pixels are not scaled
+    stored = [rows[rows.dtype.names[column - 1]].ravel() for column in columns]
+    floats = [np.result_type(values.dtype.newbyteorder("="), np.float32) for values in stored]
+    if any(f"{key}{column}" in hdu.header for key in ("TSCAL", "TZERO") for column in columns):
+        floats.append(np.float64)
+    pixels = _pixel_numbers(rows, hdu.header, n_pix) if partial else slice(None)
+    maps = np.full((len(columns), n_pix), np.nan, dtype=np.result_type(*floats))
+    for out, column, values in zip(maps, columns, stored, strict=True):
+        out[pixels] = _scaled(values, hdu.header, column, maps.dtype)
+    return maps
+
+
+def _n_pix(hdu, columns, partial):
+    """Pixels of the sphere, by what the header says."""
+    lengths = {int(hdu.columns[n - 1].format[:-1] or 1) * hdu.header["NAXIS2"] for n in columns}
+    if len(lengths) > 1:
+        raise InputError(f"its columns must have one length, got {sorted(lengths)}.")
+    nside = hdu.header.get("NSIDE")
+    if partial and not isinstance(nside, int):
+        raise InputError(f"with the pixels of a part of the sky it must say NSIDE, got {nside!r}.")
+    n_pix = 12 * nside**2 if partial else lengths.pop()
+    sphere.nside_of(np.broadcast_to(0, n_pix))
+    if isinstance(nside, int) and nside > 0 and n_pix != 12 * nside**2:
+        raise InputError(f"it says NSIDE = {nside}, but its columns have {n_pix} pixels.")
+    return n_pix
+
+
+def _pixel_numbers(rows, header, n_pix):
+    """The first column, checked: each pixel of the sphere once at most."""
+    pixels = rows[rows.dtype.names[0]].ravel()
+    if pixels.dtype.kind not in "iu":
+        raise InputError(f"its first column must be the pixel numbers, got {pixels.dtype}.")
+    pixels = pixels.astype(np.int64) + int(header.get("TZERO1", 0))
+    if pixels.size and not (pixels.min() >= 0 and pixels.max() < n_pix):
+        raise InputError(
+            f"pixel numbers go from {pixels.min()} to {pixels.max()}, those of the sphere to {n_pix - 1}."
+        )
+    if len(np.unique(pixels)) < len(pixels):
+        raise InputError("some pixel numbers stand there twice; each pixel has one value.")
+    return pixels
+
+
+def _scaled(stored, header, column, dtype):
+    """The values of a column as it was stored, scaled, NaN where they are missing."""
+    values = stored.astype(dtype)
+    values *= dtype.type(header.get(f"TSCAL{column}", 1))
+    values += dtype.type(header.get(f"TZERO{column}", 0))
+    null, bad = header.get(f"TNULL{column}"), header.get("BAD_DATA")
+    missing = np.abs(values - hp.UNSEEN) <= _UNSEEN * abs(hp.UNSEEN)
+    if null is not None:
+        missing |= stored == null
+    if bad is not None:
+        missing |= stored == stored.dtype.type(bad) if stored.dtype.kind == "f" else values == bad
+    values[missing] = np.nan
+    return values
+
+
+def write_maps(path, maps, *, names, unit, nested, partial=False, cards=()):
+    """Write maps (n, n_pix), a column each in their precision; what is not finite becomes UNSEEN.
+
+    Parameters
+    ----------
+    path, maps
+        The file, and floats, changed in place: a cube may be too large for a copy.
+    names, unit, nested
+        The columns, (n,), their one unit (None where they have none), and whether pixels are in NESTED order.
+    partial
+        Whether to write only the pixels that a map has a value in, with their numbers (explicit indexing).
+    cards
+        Further cards of the header, (key, value) or (key, value, comment).
+    """
+    seen = np.flatnonzero(np.isfinite(maps).any(axis=0))
+    maps[~np.isfinite(maps)] = hp.UNSEEN
+    if not partial:
+        columns = {"column_names": names, "column_units": unit, "dtype": maps.dtype}
+        hp.write_map(path, maps, nest=nested, extra_header=cards, **columns)
+        return
+    # healpy's files of a part of the sky have the pixels of the first map alone.
+    columns = [fits.Column(name="PIXEL", format="K", array=seen)]
+    columns += [
+        fits.Column(name=name, format={4: "E", 8: "D"}[maps.itemsize], unit=unit, array=pixels[seen])
+        for name, pixels in zip(names, maps, strict=True)
+    ]
+    table = fits.BinTableHDU.from_columns(columns)
+    order, nside = "NESTED" if nested else "RING", sphere.nside_of(maps)
+    words = {
+        "PIXTYPE": "HEALPIX",
+        "ORDERING": order,
+        "NSIDE": nside,
+        "INDXSCHM": "EXPLICIT",
+        "OBJECT": "PARTIAL",
+    }
+    for key, *value in [*words.items(), *cards]:
+        table.header[key] = tuple(value)
+    table.writeto(path)
+
+
+def is_nested(order, name="the order of pixels"):
+    """Whether a text means NESTED order; None where there is none. `name` is what an error calls it."""
+    if order is None:
+        return None
+    nested = {"RING": False, "NEST": True, "NESTED": True}.get(order.strip().upper())
+    if nested is None:
+        raise InputError(f"{name} must be RING or NESTED, got {order!r}.")
+    return nested
+
+
+def to_ring(pixels):
+    """A map in RING order of one in NESTED order, (n_pix,)."""
+    out = np.empty_like(pixels)
+    out[sphere.nest_to_ring(sphere.nside_of(pixels))] = pixels
+    return out
+
+
+def temperature_unit(text, name="unit"):
+    """The name in `MILLIKELVIN` of a unit as it is spelled: "K_RJ" is "K", "Millikelvin" is "mK".
+
+    Case is not looked at: it tells milli from mega, but nobody has maps in MK, and "MK" is written for mK.
+
+    Raises
+    ------
+    InputError
+        It is no unit of (Rayleigh-Jeans) brightness temperature; the error calls it `name`.
+    """
+    spelled = str(text or "").strip()
+    unit = _SPELLINGS.get(_RAYLEIGH_JEANS.sub("", spelled.lower()))
+    if unit is None:
+        came = f"{name} {spelled!r}" if spelled else f"no {name}"
+        raise InputError(
+            "maps must be brightness temperatures (Rayleigh-Jeans), with a unit out of K, K_RJ, mK, mK_RJ, "
+            f"uK, uK_RJ, got {came}. Convert the maps, and write them with their unit, as "
+            "healpy.write_map(..., column_units='K_RJ') does."
+        )
+    return unit
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A frequency that a name states, in MHz, and half of its last digit."""
+
+    freq: float
+    half_digit: float
+
+
+def freqs_in(name):
+    """The frequencies that the name of a file or column states, a list of `Stated`; a map's states one.
+
+    Such as map_950.5MHz.fits: a decimal in MHz or GHz between separators such as _ and -, or at an end. A
+    number that follows other digits, with separators alone between, may be the end of a range (900-910MHz) or
+    of a number (900_11MHz), and states nothing.
+    """
+    stated = []
+    for match in _FREQ.finditer(name):
+        before = [part for part in re.split(r"[\W_]+", name[: match.start()]) if part]
+        if not (before and before[-1].isdigit()):
+            factor, digits = _FACTOR[match[3].lower()], len(match[2] or "")
+            stated.append(Stated(float(match[1]) * factor, 0.5 * factor * 10.0**-digits))
+    return stated
+
+
+def freq_in_header(header, path):
+    """The number in the card FREQ of a header, in any unit, or None; InputError if it is something else."""
+    value = header.get("FREQ")
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
+    if "FREQ" in header and not is_number:
+        raise InputError(f"FREQ in a header must be a number of MHz, got {value!r} in {path}.")
+    return float(value) if is_number else None
+
+
+def agreed(stated, header_freq, path):
+    """The frequency in MHz that a name (`Stated`) and a header (`freq_in_header`) give, the header's digits.
+
+    The name says whether the header is in MHz, GHz or Hz; `path` is the file, for the error.
+
+    Raises
+    ------
+    InputError
+        They contradict each other.
+    """
+    if header_freq is None:
+        return stated.freq
+    values = header_freq * np.array(_HERTZ)
+    close = np.abs(values - stated.freq) <= stated.half_digit + _ROUNDING * stated.freq
+    if not close.any():
+        raise InputError(
+            f"names and headers must agree about frequencies: the name of {path} says {stated.freq:g} MHz, "
+            f"and FREQ in its header {header_freq:g}. Rename the file, or mend the header."
+        )
+    return float(values[close.argmax()])
