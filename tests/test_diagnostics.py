@@ -5,14 +5,19 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.measures import diagnostics
-from himap.measures.diagnostics import Comparison
+from himap.measures.diagnostics import Comparison, band_means, bands
 
 
-def test_flagged_lines_are_further_than_sigma_from_the_mean():
-    errors = np.array([1.0] * 18 + [0.9, 30.0])
-    assert diagnostics.flagged_lines(errors).tolist() == [False] * 19 + [True]
-    low = np.array([10.0] * 19 + [0.0])  # the rule of the paper is two-sided
-    assert diagnostics.flagged_lines(low).tolist() == [False] * 19 + [True]
+def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
+    """A `Comparison` with a truth of 1."""
+    degrees, angular, k, frequency = (np.asarray(values) for values in (degrees, angular, k, frequency))
+    true = {"true_angular": np.ones(len(degrees)), "true_frequency": np.ones(len(k))}
+    return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
+
+
+@pytest.mark.parametrize("errors", [[1.0] * 18 + [0.9, 30.0], [10.0] * 19 + [0.0]], ids=["above", "below"])
+def test_flagged_lines_are_further_than_sigma_from_the_mean(errors):
+    assert diagnostics.flagged_lines(np.array(errors)).tolist() == [False] * 19 + [True]
 
 
 def test_error_variance(rng):
@@ -25,22 +30,21 @@ def test_error_variance(rng):
 
 def test_definitions_of_the_mean_squared_error():
     true, found = np.array([1.0, 4.0]), np.array([2.0, 4.0])
-    assert diagnostics.mean_squared_error(found, true) == pytest.approx(0.5)
-    assert diagnostics.mean_squared_error(found, true, "logarithmic") == pytest.approx(np.log(2) ** 2 / 2)
-    assert diagnostics.mean_squared_error(found, true, "absolute") == pytest.approx(1 / 17)
-    for definition in diagnostics.MSE_DEFINITIONS:
+    expected = {"relative": 0.5, "logarithmic": np.log(2) ** 2 / 2, "absolute": 1 / 17}
+    assert expected.keys() == diagnostics.MSE_DEFINITIONS.keys()
+    for definition, error in expected.items():
+        assert diagnostics.mean_squared_error(found, true, definition) == pytest.approx(error)
         assert diagnostics.mean_squared_error(true, true, definition) == 0
-    with pytest.raises(
-        InputError, match="unknown definition 'rms'; there are relative, logarithmic, absolute"
-    ):
+    with pytest.raises(InputError, match="'rms'; there are relative, logarithmic, absolute"):
         diagnostics.mean_squared_error(found, true, "rms")
 
 
-def test_bands():
-    x, values = np.arange(5.0), np.array([9.0, 1.0, 3.0, 2.0, 9.0])
-    assert diagnostics.band_mean(x, values, 0, 4) == 2
-    assert diagnostics.band_max(x, values, 0, 4) == 3
-    assert diagnostics.largest_deviation(x, values, 0, 4) == (2.0, 2.0)
+def test_within_two_ends():
+    x, values = np.arange(5.0), np.array([9.0, 1.0, 6.0, 2.0, 9.0])
+    assert diagnostics.band_mean(x, values, 0, 4) == 3
+    assert diagnostics.band_median(x, values, 0, 4) == 2
+    assert diagnostics.band_max(x, values, 0, 4) == 6
+    assert diagnostics.largest_deviation(x, values, 0, 4) == (5.0, 2.0)
     with pytest.raises(InputError, match="nothing lies between 4 and 9: the values go from 0 to 4"):
         diagnostics.band_max(x, values, 4, 9)
 
@@ -53,44 +57,46 @@ def test_bad_spectra(pair, message):
         diagnostics.ratio(*pair)
 
 
-def comparison(degrees, angular, k, frequency):
-    """A `Comparison` with a truth of 1."""
-    true = {"true_angular": np.ones(len(degrees)), "true_frequency": np.ones(len(k))}
-    return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
+class TestBands:
+    K = np.arange(1, 20) * 0.0126
 
+    def test_those_that_are_reached_to_their_end(self):
+        found = bands(np.arange(30), self.K)
+        assert list(found)[:3] == ["C/C0, 2-4", "C/C0, 5-9", "C/C0, 10-19"]
+        assert found["C/C0, 2-4"][1].nonzero()[0].tolist() == [2, 3, 4]
+        places = [inside.nonzero()[0].tolist() for kind, inside in found.values() if kind == "frequency"]
+        assert places == [[0, 1], [2, 3, 4, 5, 6], list(range(7, 19))]
+        assert "C/C0, 20-39" in bands(np.arange(30), self.K, complete=False)
 
-def test_means_over_bands():
-    degrees, k = np.arange(2, 257), np.arange(1, 51) * 0.02
-    means = comparison(degrees, degrees / 10, k, k**2).wide_band_means()
-    assert means["C/C0, 1 < l < 10"] == pytest.approx(0.55)
-    assert means["C/C0, 10 < l < 200"] == pytest.approx(10.5)
-    assert means["P/P0, 0 < k < 0.03"] == pytest.approx(4e-4)
-    assert means["P/P0, highest near k = 0.31"] == pytest.approx(0.36**2)
+    def test_middles_of_bins(self):
+        assert list(bands(np.array([7.0, 12, 17, 22]), self.K))[:2] == ["C/C0, 5-9", "C/C0, 10-19"]
+        assert "C/C0, 10-19" not in bands(np.array([14.5, 18.5]), self.K)
 
+    def test_means(self):
+        known = {"angular": np.arange(60.0).reshape(2, 30), "frequency": self.K}
+        found = band_means(known, np.arange(30), self.K)
+        assert found["C/C0, 10-19"].tolist() == [14.5, 44.5]
+        assert found["P/P0, k > 0.1"] == pytest.approx(self.K[7:].mean())
+        table = {"high": ("frequency", 0.1, np.inf), "none": ("frequency", 1, 2)}
+        assert list(band_means(known, np.arange(30), self.K, table)) == ["high"]
 
-def test_bands_without_values_are_left_out():
-    few = comparison(np.arange(2, 9), np.ones(7), np.array([0.05, 0.2]), np.array([3.0, 5.0]))
-    means = few.wide_band_means()
-    assert means == {"C/C0, 1 < l < 8": 1, "P/P0, 0.03 < k < 0.1": 3, "P/P0, k > 0.1": 5}
-
-
-def test_median_of_a_band_is_not_moved_by_a_peak():
-    k = np.arange(9.0)
-    ratios = np.where(k == 4, 1e6, k)
-    assert diagnostics.band_median(k, ratios, 1, 7) == 5
-    with pytest.raises(InputError, match="nothing lies between 10 and 20"):
-        diagnostics.band_median(k, ratios, 10, 20)
+    def test_wide_bands(self):
+        degrees, k = np.arange(2, 257), np.arange(1, 51) * 0.02
+        means = comparison(degrees, degrees / 10, k, k**2).wide_band_means()
+        assert means["C/C0, 1 < l < 10"] == pytest.approx(0.55)
+        assert means["C/C0, 10 < l < 200"] == pytest.approx(10.5)
+        assert means["P/P0, 0 < k < 0.03"] == pytest.approx(4e-4)
+        assert means["P/P0, highest near k = 0.31"] == pytest.approx(0.36**2)
+        few = comparison(np.arange(2, 9), np.ones(7), [0.05, 0.2], [3.0, 5.0]).wide_band_means()
+        assert few == {"C/C0, 1 < l < 8": 1, "P/P0, 0.03 < k < 0.1": 3, "P/P0, k > 0.1": 5}
 
 
 def test_a_spectrum_in_the_bins_of_another():
     """Bins of three from l = 3, the last of which the first spectrum does not cover."""
-    degrees = np.arange(2.0, 10)
-    rest = {"k": np.ones(1), "frequency": np.ones(1), "true_frequency": np.ones(1)}
-    whole = Comparison(degrees=degrees, angular=degrees**2, true_angular=degrees, **rest)
-    bins = np.array([4.0, 7.0, 10.0])
-    binned = whole.in_bins_of(Comparison(degrees=bins, angular=bins, true_angular=bins, **rest))
+    degrees, bins = np.arange(2.0, 10), np.array([4.0, 7.0, 10.0])
+    fine = comparison(degrees, degrees**2)
+    binned = fine.in_bins_of(comparison(bins, bins))
     assert binned.degrees.tolist() == [4, 7]
-    assert binned.angular == pytest.approx([50 / 3, 149 / 3])
-    assert binned.angular_ratio == pytest.approx([50 / 12, 149 / 21])
-    same = whole.in_bins_of(whole)
-    assert np.array_equal(same.angular, whole.angular) and np.array_equal(same.degrees, degrees)
+    assert binned.angular_ratio == pytest.approx([50 / 3, 149 / 3])
+    same = fine.in_bins_of(fine)
+    assert np.array_equal(same.angular, fine.angular) and np.array_equal(same.degrees, degrees)

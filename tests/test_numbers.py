@@ -1,41 +1,62 @@
-"""Numbers with a tolerance: what a notebook shows, and what a test takes for the same."""
+"""Numbers with a tolerance: what a notebook shows, and what a test takes for the same. And the one table."""
 
 import math
+import re
+from itertools import product
 
+import click
 import pytest
 from pages import cells
 
 from himap.core.errors import InputError
 from himap.figures.numbers import NOT_COMPARED, QUOTED, agree, one_run, quote, quoted, show, show_table
+from himap.figures.tables import HTML, Table
+
+SPACE = "\N{NO-BREAK SPACE}"
 
 
 @pytest.mark.parametrize(
-    "entry, text",
+    "entry, shown, prose",
     [
-        ((0.98712, 0.01), "x: 0.987 ± 0.010"),
-        ((0.98712, 0.0999), "x: 0.99 ± 0.10"),
-        ((-31.24, 5), "x: -31.2 ± 5.0"),
-        ((123456, 500, "K"), "x: 123456 ± 500 K"),
-        ((1.23456e-7, 1.2e-9), "x: 1.235e-07 ± 1.2e-09"),
-        ((0, 1e-9), "x: 0.0e+00 ± 1.0e-09"),
-        ((math.nan, 0.1), "x: nan ± 1.0e-01"),
-        (125, "x: 125"),
-        ("synthetic", "x: synthetic"),
+        ((0.98712, 0.01), "0.987 ± 0.010", "0.99"),
+        ((0.98712, 0.0999), "0.99 ± 0.10", "1.0"),
+        ((0.9573, 0.005), "0.9573 ± 0.0050", "0.957"),
+        ((95.2, 1, "%"), "95.2 ± 1.0 %", "95 %"),
+        ((-31.24, 5), "-31.2 ± 5.0", "-31"),
+        ((-0.0004, 0.01), "-0.000 ± 0.010", "0.00"),
+        ((-3.14159, 0.02, "mK"), "-3.142 ± 0.020 mK", "-3.14 mK"),
+        ((142.3, 14), "142 ± 14", "140"),
+        ((123456, 500, "K"), "123456 ± 500 K", "123,500 K"),
+        ((12345.6, 1), "12345.6 ± 1.0", "12,346"),
+        ((9999.6, 1), "9999.6 ± 1.0", "10,000"),
+        ((1.814e8, 2e7), "1.81e+08 ± 2.0e+07", "1.8 × 10⁸"),
+        ((1.23456e-7, 1.2e-9), "1.235e-07 ± 1.2e-09", "1.23 × 10⁻⁷"),
+        ((9.996e-7, 1e-8), "1.00e-06 ± 1.0e-08", "1.00 × 10⁻⁶"),
+        ((0, 1e-9), "0.0e+00 ± 1.0e-09", "0.00000"),
+        ((math.nan, 0.1), "nan ± 1.0e-01", "nan"),
+        ((math.inf, 1), "inf ± 1.0e+00", "inf"),
+        (125, "125", "125"),
+        ("in part (2 of 3)", "in part (2 of 3)", "in part (2 of 3)"),
     ],
 )
-def test_the_digits_follow_the_tolerance(entry, text):
-    assert repr(show({"x": entry})) == text
-
-
-def test_the_table_is_html():
-    table = show({"10 < l": (1.0, 0.1, "mK"), "n": 3})._repr_html_()
-    assert cells(table) == [["10 &lt; l", "1.00 ± 0.10", "mK"], ["n", "3", ""]]
+def test_the_digits_follow_the_tolerance(entry, shown, prose):
+    """In a table, in prose, and of one run, which says so."""
+    assert repr(show({"x": entry})) == f"x: {shown}"
+    assert quoted(entry).replace(SPACE, " ") == prose
+    assert quoted(one_run(entry)) == quoted(entry)
+    number, unit = quoted(entry), ""
+    if isinstance(entry, tuple) and len(entry) == 3:
+        number, unit = number.rsplit(SPACE, 1)
+    line = f"x: {number.replace(' ', SPACE)}† {unit}".rstrip()
+    assert repr(show({"x": one_run(entry)})).splitlines() == [line, NOT_COMPARED]
+    assert one_run({"x": {"y": entry}}) == {"x": {"y": one_run(entry)}}
 
 
 @pytest.mark.parametrize("entry", [(1.0, 0), (1.0, -1), (1.0, math.nan), (1.0,), (1, 2, 3, 4), ("a", 1)])
 def test_a_number_needs_a_tolerance(entry):
-    with pytest.raises(InputError, match="x: "):
-        show({"x": entry})
+    for one in (entry, one_run(one_run(entry))):
+        with pytest.raises(InputError, match="PCA, x: "):
+            show_table({"PCA": {"x": one}})
 
 
 @pytest.mark.parametrize(
@@ -55,78 +76,7 @@ def test_a_number_needs_a_tolerance(entry):
         ("1 ± 1, 2 ± 1", "1 ± 1", False),
         ("<td>1.0 ± 0.5</td><td>3</td>", "<td>1.3 ± 0.5</td><td>3</td>", True),
         ("nan ± 1.0e-01", "0.10 ± 0.10", False),
-    ],
-)
-def test_texts_agree_within_the_stated_tolerance(text, reference, same):
-    assert agree(text, reference) is same
-
-
-def test_what_is_shown_agrees_with_what_is_shown_elsewhere():
-    mine, theirs, off = (repr(show({"ratio": (value, 3e-4)})) for value in (0.99971, 0.99999, 1.00061))
-    assert agree(mine, theirs) and not agree(mine, off)
-
-
-def test_a_number_of_another_width_leaves_the_rest_of_the_html():
-    mine, theirs = (
-        show_table({"PCA": {"C": (value, 0.5)}, "GMCA": {"C": (1.0, 0.5)}}).html() for value in (9.9, 10.1)
-    )
-    assert mine != theirs and agree(mine, theirs)
-
-
-@pytest.mark.parametrize(
-    "entry, text",
-    [
-        ((0.98712, 0.01), "x: 0.99†"),
-        ((123456, 500, "K"), "x: 123,500† K"),
-        ((1.8e9, 1e8), "x: 1.8\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁹†"),
-        ((math.nan, 0.1), "x: nan†"),
-        (7, "x: 7†"),
-        (
-            "in part (2 of 3)",
-            "x: in\N{NO-BREAK SPACE}part\N{NO-BREAK SPACE}(2\N{NO-BREAK SPACE}of\N{NO-BREAK SPACE}3)†",
-        ),
-    ],
-)
-def test_what_is_of_one_run_says_so(entry, text):
-    assert repr(show({"x": one_run(entry)})).splitlines() == [text, NOT_COMPARED]
-    assert quoted(one_run(entry)) == quoted(entry)
-    assert one_run({"x": {"y": entry}}) == {"x": {"y": one_run(entry)}}
-
-
-def test_only_what_is_of_one_run_is_marked():
-    table = show_table({"PCA": {"C": (0.987, 0.01)}, "SDecGMCA": one_run({"C": (0.987, 0.01)})})
-    assert cells(table.html()) == [["", "C"], ["PCA", "0.987 ± 0.010"], ["SDecGMCA", "0.99†"]]
-    assert f"<small>{NOT_COMPARED}</small>" in table.html() and repr(table).endswith(f"\n{NOT_COMPARED}")
-    assert table.markdown()[-1] == NOT_COMPARED
-    plain = show_table({"PCA": {"C": (0.987, 0.01)}})
-    assert NOT_COMPARED not in f"{plain!r}{plain.html()}{plain.markdown()}"
-
-
-@pytest.mark.parametrize("entry", [(1.0, 0), (1.0,), (1, 2, 3, 4), ("a", 1)])
-def test_a_number_of_one_run_needs_a_tolerance_too(entry):
-    with pytest.raises(InputError, match="x: "):
-        show({"x": one_run(one_run(entry))})
-
-
-RUNS = [(0.978, 0.01), (9e5, 0.01), (-3e-9, 1e-10), (2.5e8, 1e7), 12, "–"]
-"""All have the form of a number, or say that there is none."""
-
-
-@pytest.mark.parametrize("way", [lambda table: repr(table), lambda table: table.html()])
-@pytest.mark.parametrize("mine", RUNS)
-@pytest.mark.parametrize("theirs", RUNS)
-def test_of_one_run_the_form_is_compared_and_not_the_number(way, mine, theirs):
-    first, second = (
-        way(show_table({"PCA": {"C": (0.5, 0.1), "n": 4}, "SDecGMCA": {"C": one_run(one), "n": 4}}))
-        for one in (mine, theirs)
-    )
-    assert agree(first, second)
-
-
-@pytest.mark.parametrize(
-    "text, reference, same",
-    [
-        ("C: yes†", "C: does\N{NO-BREAK SPACE}not\N{NO-BREAK SPACE}apply†", True),
+        ("C: yes†", f"C: does{SPACE}not{SPACE}apply†", True),
         ("C: 0.9†", "P: 0.9†", False),
         ("C: 0.9† mK", "C: 0.9† K", False),
         ("C: 0.9†", "C: 0.9", False),
@@ -145,74 +95,113 @@ def test_of_one_run_the_form_is_compared_and_not_the_number(way, mine, theirs):
         ("P  3", "P 3", False),  # without a number of one run nothing is loosened
     ],
 )
-def test_nothing_beside_a_number_of_one_run_is_loosened(text, reference, same):
+def test_texts_agree_within_the_stated_tolerance_and_of_one_run_in_form(text, reference, same):
     assert agree(text, reference) is same and agree(reference, text) is same
+
+
+@pytest.mark.parametrize("way", [repr, Table.html], ids=["text", "html"])
+def test_what_is_shown_agrees_with_what_is_shown_elsewhere(way):
+    """Within the tolerance, whatever the width; of one run whatever the number, or if there is none."""
+    mine, other, off = (way(show({"C": (value, 0.5), "P": (1.0, 0.5)})) for value in (9.9, 10.1, 10.7))
+    assert mine != other and agree(mine, other) and not agree(mine, off)
+    runs = [(0.978, 0.01), (9e5, 0.01), (-3e-9, 1e-10), (2.5e8, 1e7), 12, "–"]
+    texts = [
+        way(show_table({"PCA": {"C": (0.5, 0.1), "n": 4}, "SDecGMCA": {"C": one_run(run), "n": 4}}))
+        for run in runs
+    ]
+    assert all(agree(mine, other) for mine, other in product(texts, texts))
 
 
 def test_a_table_has_a_column_for_each_quantity():
     assert show_table({"PCA": {"C": 1}}, head="bands").header == ["bands", "C"]
-    table = show_table({"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}})
-    lines = repr(table).splitlines()
-    assert lines[0].split() == ["C", "n", "P"]
-    assert lines[1].split("  ")[0] == "PCA" and "0.987 ± 0.010" in lines[1]
-    assert lines[2].endswith("1.50 ± 0.10 mK") and len(lines) == 3
-    head, *rows = cells(table._repr_html_())
-    assert head == ["", "C", "n", "P"]
-    assert rows == [["PCA", "0.987 ± 0.010", "3", ""], ["&lt;b&gt;", "1.000 ± 0.010", "", "1.50 ± 0.10 mK"]]
-    with pytest.raises(InputError, match="PCA, C: the tolerance"):
-        show_table({"PCA": {"C": (1, 0)}})
+    rows = {"PCA": {"C": (0.987, 0.01), "n": 3}, "<b>": {"P": (1.5, 0.1, "mK"), "C": (1, 0.01)}}
+    table = show_table(rows)
+    expected = [
+        ["", "C", "n", "P"],
+        ["PCA", "0.987 ± 0.010", "3", ""],
+        ["<b>", "1.000 ± 0.010", "", "1.50 ± 0.10 mK"],
+    ]
+    assert [line.split() for line in repr(table).splitlines()] == [" ".join(row).split() for row in expected]
+    escaped = [[cell.replace("<b>", "&lt;b&gt;") for cell in row] for row in expected]
+    assert cells(table.html()) == escaped
+    assert NOT_COMPARED not in f"{table!r}{table.html()}{table.markdown()}"
+    assert cells(show({"10 < l": (1.0, 0.1, "mK"), "n": 3}).html())[0] == ["10 &lt; l", "1.00 ± 0.10", "mK"]
 
 
-@pytest.mark.parametrize(
-    "entry, text",
-    [
-        ((0.9573, 0.005), "0.957"),
-        ((0.95, 0.001), "0.950"),
-        ((95.2, 1, "%"), "95 %"),
-        ((-0.0004, 0.01), "0.00"),
-        ((-3.14159, 0.02, "mK"), "-3.14 mK"),
-        ((142.3, 14), "140"),
-        ((12345.6, 1), "12,346"),
-        ((9999.6, 1), "10,000"),
-        ((1.814e8, 2e7), "1.8 × 10⁸"),
-        ((9.97e-7, 1e-9), "9.97 × 10⁻⁷"),
-        ((9.996e-7, 1e-8), "1.00 × 10⁻⁶"),
-        ((0, 1e-9), "0.00000"),
-        ((math.inf, 1), "inf"),
-        (27, "27"),
-        ("PCA", "PCA"),
-    ],
-)
-def test_prose_reads_the_digits_that_the_tolerance_is_sure_of(entry, text):
-    assert quoted(entry).replace("\N{NO-BREAK SPACE}", " ") == text
+def test_only_what_is_of_one_run_is_marked():
+    table = show_table({"PCA": {"C": (0.987, 0.01)}, "SDecGMCA": one_run({"C": (0.987, 0.01)})})
+    assert cells(table.html()) == [["", "C"], ["PCA", "0.987 ± 0.010"], ["SDecGMCA", "0.99†"]]
+    assert f"<small>{NOT_COMPARED}</small>" in table.html() and repr(table).endswith(f"\n{NOT_COMPARED}")
+    assert table.markdown()[-1] == NOT_COMPARED
 
 
-def test_what_is_quoted_is_glued_and_not_seen(monkeypatch):
+def test_what_is_quoted_is_glued_and_not_seen(monkeypatch, capsys):
+    quote(pca_loss=(0.95, 0.001))  # without a notebook there is nobody to keep it
     published = []
 
-    class Publisher:
-        def publish(self, data, metadata):
-            published.append((data, metadata["scrapbook"]))
-
     class Shell:
-        display_pub = Publisher()
+        class display_pub:
+            @staticmethod
+            def publish(data, metadata):
+                published.append((data, metadata["scrapbook"]))
 
     monkeypatch.setattr("IPython.get_ipython", Shell)
-    assert quote(pca_loss=(0.95, 0.001), pca_sky="synthetic") is None
-    (number, about), (word, _) = published
-    text, whole = QUOTED
-    assert number == {text: "'0.950'", whole: "0.9500 ± 0.0010"} and word == {text: "'synthetic'"}
+    quote(pca_loss=(0.95, 0.001), sky="synthetic", run=one_run((95.2, 1, "%")), settled=one_run("yes"))
+    text, with_tolerance = QUOTED
+    assert [data for data, _ in published] == [
+        {text: "'0.950'", with_tolerance: "0.9500 ± 0.0010"},
+        {text: "'synthetic'"},
+        {text: "'95\\xa0%'", with_tolerance: "95† %"},
+        {text: "'yes'", with_tolerance: "yes†"},
+    ]
+    about = published[0][1]
     assert about["name"] == "pca_loss" and all(kind.startswith(about["mime_prefix"]) for kind in QUOTED)
     with pytest.raises(InputError, match="pca_peak: the tolerance"):
         quote(pca_loss=(1, 0.1), pca_peak=(1, 0))
-    assert len(published) == 2
-    quote(pca_run=one_run((95.2, 1, "%")), pca_settled=one_run("yes"))
-    assert [data for data, _ in published[2:]] == [
-        {text: "'95\\xa0%'", whole: "95† %"},
-        {text: "'yes'", whole: "yes†"},
-    ]
+    assert len(published) == 4 and capsys.readouterr() == ("", "")
 
 
-def test_numbers_for_prose_need_no_notebook(capsys):
-    quote(pca_loss=(0.95, 0.001))
-    assert capsys.readouterr() == ("", "")
+class TestTable:
+    """On a terminal, in a notebook, in a page of the book."""
+
+    HEADER, ROWS = ["method", "n", "why"], [["PCA", 4, "a < b"], ["SDecGMCA", 5.50, "x | y"]]
+
+    def test_text_is_aligned_without_blanks_at_the_end(self):
+        lines = ["method    n    why", "PCA       4    a < b", "SDecGMCA  5.5  x | y"]
+        assert repr(Table(self.HEADER, self.ROWS)).splitlines() == lines
+        assert repr(Table(self.HEADER, self.ROWS, align="rr")).splitlines()[1] == "     PCA    4  a < b"
+        assert repr(Table([], self.ROWS)).splitlines() == lines[1:]
+
+    def test_texts_that_look_like_numbers_stay_as_they_are(self):
+        texts = ["1e3", "0.50", "1,000", "nan", "007", "-0", "True"]
+        assert repr(Table([], [texts])).split() == texts
+        assert cells(Table([], [texts]).html()) == [texts]
+
+    def test_colours_take_no_room(self):
+        rows = [["D1", "ok", "x"], ["D2", "not", "x"]]
+        coloured = [[name, click.style(verdict, fg="green"), x] for name, verdict, x in rows]
+        assert click.unstyle(repr(Table([], coloured))) == repr(Table([], rows))
+
+    def test_html_escapes_what_does_not_say_that_it_is_html(self):
+        page = Table(["<i>", HTML("<b>n</b>")], [["a & b", HTML("<a href='x'>y</a>")]]).html()
+        assert cells(page) == [["&lt;i&gt;", "<b>n</b>"], ["a &amp; b", "<a href='x'>y</a>"]]
+
+    def test_html_heads_columns_and_rows_and_scrolls(self):
+        page = Table(self.HEADER, self.ROWS, align="lr").html()
+        assert page.startswith('<div class="himap-table"><table>') and page.endswith("</table></div>")
+        (head,) = re.findall("<thead>(.*?)</thead>", page)
+        assert head.count('<th scope="col"') == 3 and "<td" not in head
+        assert page.count('<th scope="row"') == 2 and page.count("<td") == 4
+        assert re.findall("text-align:(\\w+)", head) == ["left", "right", "left"]
+        assert page.count("nowrap") == 2  # the numbers, that is, what stands at the right
+        assert "thead" not in Table([], self.ROWS).html()
+
+    def test_a_bar_does_not_end_a_cell_of_markdown(self):
+        lines = Table(self.HEADER, self.ROWS, align="lr").markdown()
+        assert len(lines) == 4 and re.fullmatch(r"\|:-+\|-+:\|:-+\|", lines[1])
+        assert lines[3].endswith(r"| x \| y |")
+
+    def test_it_may_be_empty(self):
+        assert repr(Table([], [])) == ""
+        assert repr(Table(self.HEADER, [], align="lr")) == "method  n  why"
+        assert cells(Table(self.HEADER, [], align="lr").html()) == [self.HEADER]

@@ -1,0 +1,176 @@
+"""Power spectra: closed forms, Parseval, and masks that change nothing on average."""
+
+import healpy as hp
+import numpy as np
+import pytest
+
+from himap.core.errors import InputError
+from himap.maps import masks, sphere
+from himap.measures.spectra import angular_power, frequency_power
+
+NSIDE = 32
+LMAX = 3 * NSIDE - 1
+N_PIX = 12 * NSIDE**2
+LATITUDE = sphere.pixel_latitude(NSIDE)
+CUT = np.abs(LATITUDE) > 20
+APODISED = np.clip(np.abs(LATITUDE) / 15 - 1, 0, 1)  # from 0 at |b| = 15 deg to 1 at twice that
+RED = np.where(np.arange(LMAX + 1) <= 2 * NSIDE, 1 / (1.0 + np.arange(LMAX + 1)) ** 2, 0)
+"""A steep spectrum, band-limited: what a mask mixes most."""
+
+
+def realisations(cl, n, rng):
+    return np.stack([sphere.synthesise(sphere.gaussian_alm(cl, rng), NSIDE) for _ in range(n)])
+
+
+def test_full_sky_against_healpy(rng):
+    maps = rng.standard_normal((2, N_PIX))
+    power = angular_power(maps)
+    assert power.degrees == pytest.approx(np.arange(LMAX + 1))
+    assert power.cl[1][1:] == pytest.approx(hp.anafast(maps[1], iter=3)[1:], rel=1e-6)
+    assert power.mean == pytest.approx(power.cl.mean(axis=0))
+
+
+def test_channel_means_do_not_count(rng):
+    maps = rng.standard_normal((2, N_PIX)).astype(np.float32)
+    shifted = maps + np.float32([[3], [-5]])
+    assert angular_power(shifted).cl == pytest.approx(angular_power(maps).cl, abs=1e-7)
+    before = frequency_power(maps, 1.0).power
+    assert frequency_power(shifted, 1.0).power == pytest.approx(before, rel=1e-5)
+
+
+@pytest.mark.parametrize("width", [5, 20])
+def test_mask_is_decoupled_without_bias(rng, width):
+    maps, mask = realisations(RED, 40, rng), np.abs(LATITUDE) > width
+    masked, full = angular_power(maps, mask=mask), angular_power(maps).mean
+    inside = (masked.degrees > 4) & (masked.degrees < 1.5 * NSIDE)
+    expected = np.interp(masked.degrees[inside], np.arange(LMAX + 1), full)
+    # Same skies, so only the modes lost to the mask scatter: 4 sigma of a tenth of all modes.
+    modes = 40 * (2 * masked.degrees[inside] + 1)
+    assert (np.abs(masked.mean[inside] / expected - 1) < 4 * np.sqrt(2 / modes) + 0.02).all()
+    naive = sphere.power_spectrum(sphere.analyse(maps * mask)).mean(axis=0)
+    assert naive[10] < 0.95 * full[10]  # the mask does something to be undone
+
+
+@pytest.mark.parametrize("weights", [CUT.astype(float), APODISED], ids=["sharp", "apodised"])
+class TestDecoupling:
+    def test_it_inverts_the_coupling_exactly(self, weights):
+        """Pseudo-spectra made by the coupling matrix itself, of a steep spectrum: no sample variance."""
+        bins = masks.bin_matrix(LMAX, 2)
+        steep = 1 / (1 + np.arange(len(bins))) ** 3.0
+        coupling = sphere.coupling_matrix(sphere.power_spectrum(sphere.analyse(weights)), LMAX)
+        decoupled = masks.decoupled((coupling @ (bins > 0).T @ steep)[None], weights, bins)[0]
+        assert decoupled == pytest.approx(steep, rel=1e-6)
+
+    @pytest.mark.filterwarnings("default")  # what NaMaster warns of is not ours
+    def test_against_namaster(self, rng, weights):
+        """The same pseudo-spectra, mask and bins, decoupled by NaMaster where it is installed."""
+        nmt = pytest.importorskip("pymaster")
+        maps = realisations(RED, 1, rng)
+        kept = weights > 0
+        centred = np.where(kept, maps[0] - np.average(maps[0][kept], weights=weights[kept]), 0)
+        bins = masks.bin_matrix(LMAX, 2)
+        bands = nmt.NmtBin(
+            ells=np.arange(LMAX + 1), bpws=(bins > 0).argmax(axis=0), weights=np.ones(LMAX + 1), lmax=LMAX
+        )
+        field = nmt.NmtField(weights, [centred], n_iter=sphere.N_ITER, n_iter_mask=sphere.N_ITER)
+        workspace = nmt.NmtWorkspace()
+        workspace.compute_coupling_matrix(field, field, bands)
+        expected = workspace.decouple_cell(nmt.compute_coupled_cell(field, field))[0]
+        found = angular_power(maps, mask=weights, bin_width=2)
+        inside = (found.degrees > 2) & (found.degrees < 2 * NSIDE)
+        assert found.cl[0][inside] == pytest.approx(expected[inside], rel=1e-3)
+
+
+def test_fallback_divides_by_the_mean_square_of_the_weights(rng, monkeypatch):
+    """White noise under fractional weights: their mean square is what the pseudo-spectrum loses."""
+    monkeypatch.setattr(masks, "_MAX_CONDITION", 0)
+    with pytest.warns(UserWarning, match="divided by that fraction"):
+        power = angular_power(rng.standard_normal((4, N_PIX)), mask=APODISED)
+    inside = (power.degrees > 20) & (power.degrees < 64)
+    assert power.mean[inside].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.03)
+
+
+def test_hopeless_mask_falls_back_with_a_warning(rng):
+    with pytest.warns(UserWarning, match="divided by that fraction"):
+        power = angular_power(rng.standard_normal((1, N_PIX)), mask=LATITUDE > 85, bin_width=1)
+    assert power.mean[20:90].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.2)
+
+
+def test_lmax_cuts_after_decoupling(rng):
+    """Power beyond lmax leaks into the last bins if it is cut before."""
+    maps = realisations(np.ones(LMAX + 1), 2, rng)
+    full, short = angular_power(maps, mask=CUT), angular_power(maps, mask=CUT, lmax=40)
+    assert short.degrees[-1] <= 40
+    assert short.cl == pytest.approx(full.cl[:, : short.cl.shape[1]])
+
+
+@pytest.mark.parametrize("outside", [1e6, np.nan])
+def test_what_the_mask_leaves_out_may_be_anything(rng, outside):
+    """Nor does a bright region that is masked leave a step behind when the mean is removed."""
+    maps = rng.standard_normal((6, N_PIX))
+    other = np.where(CUT, maps, outside)
+    assert angular_power(other, mask=CUT).cl == pytest.approx(angular_power(maps, mask=CUT).cl)
+    lines = frequency_power(maps[:, CUT], 1.0).power
+    assert frequency_power(other, 1.0, mask=CUT).power == pytest.approx(lines)
+
+
+def test_weights_count_once_in_the_frequency_spectrum(rng):
+    maps = rng.standard_normal((8, N_PIX))
+    centred = maps - np.average(maps, axis=1, weights=APODISED)[:, None]
+    expected = np.average(np.abs(np.fft.rfft(centred, axis=0)) ** 2 / 8, axis=1, weights=APODISED)
+    assert frequency_power(maps, 1.0, mask=APODISED).power == pytest.approx(expected)
+
+
+def test_unmasked_mask_changes_nothing(rng):
+    maps = realisations(RED, 2, rng)
+    masked = angular_power(maps, mask=np.ones(N_PIX, dtype=bool))
+    assert masked.cl[:, 2:64] == pytest.approx(angular_power(maps).cl[:, 2:64], rel=1e-4)
+
+
+def test_bins(rng):
+    maps = rng.standard_normal((1, N_PIX))
+    fine, coarse = angular_power(maps), angular_power(maps, bin_width=10)
+    assert coarse.degrees[:2] == pytest.approx([0, 5.5])
+    assert coarse.cl[0, 1] == pytest.approx(fine.cl[0, 1:11].mean())
+    assert angular_power(maps, lmax=20).cl.shape == (1, 21)
+
+
+def test_frequency_power_of_a_wave(rng):
+    """cos(k nu) on every line of sight, with random phases: half its power times the bandwidth, at one k."""
+    n_channels, width, n = 50, 2.0, 7
+    phase = rng.uniform(0, 2 * np.pi, N_PIX)
+    power = frequency_power(
+        np.cos(2 * np.pi * n * np.arange(n_channels)[:, None] / n_channels + phase), width
+    )
+    assert power.k[n] == pytest.approx(2 * np.pi * n / 100)
+    assert power.power[n] == pytest.approx(n_channels * width / 4, rel=0.01)
+    assert np.delete(power.power, n) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("n_channels", [20, 21])
+def test_parseval_along_the_line_of_sight(rng, n_channels):
+    """The sum over all k of P / bandwidth is the variance, and white noise has the same P at all k."""
+    width, maps = 4.0, 3 * rng.standard_normal((n_channels, N_PIX))
+    power = frequency_power(maps, width)
+    twice = np.full(len(power.k), 2.0)  # k and -k
+    twice[0] = 1
+    if n_channels % 2 == 0:
+        twice[-1] = 1
+    variance = maps.var(axis=1).mean()
+    assert (twice * power.power).sum() / (n_channels * width) == pytest.approx(variance)
+    assert power.power == pytest.approx(9 * width, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mask": np.ones(12)}, "must have shape"),
+        ({"mask": np.zeros(N_PIX)}, "keeps no pixel"),
+        ({"mask": np.full(N_PIX, 2.0)}, "between 0 and 1"),
+        ({"mask": np.full(N_PIX, np.nan)}, "between 0 and 1"),
+        ({"bin_width": 0}, "bin_width"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(InputError, match=message):
+        angular_power(np.ones((2, N_PIX)), **options)
