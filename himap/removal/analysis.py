@@ -68,22 +68,21 @@ class CubeModes:
 def analysed(maps, kept=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
-    With a mask `kept` (n_pix,) bool, of what is kept alone: what is bright goes on outside
-    (`himap.maps.inpaint`), what is not is zero there.
+    With a mask `kept` (n_pix,) bool, of the maps of the pixels that it keeps, (n_channels, n_kept): what is
+    bright is continued outside (`himap.maps.inpaint`), the rest is zero there.
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
-    nside = sphere.nside_of(maps)
+    nside = sphere.nside_of(maps if kept is None else kept)
     lmax, n_iter = 3 * nside - 1, 0 if nside >= _FINE else sphere.N_ITER_FLAT
-    seen = maps if kept is None else maps[:, kept]
     with threadpool_limits(1, user_api="blas"):
-        values, axes = np.linalg.eigh(channel_covariance(seen))
+        values, axes = np.linalg.eigh(channel_covariance(maps))
         faint = max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
         spectra, values = axes[:, values > _BRIGHT * faint], values[values > _BRIGHT * faint]
         tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone
-        lines = projection(spectra.T, seen)
+        lines = projection(spectra.T, maps)
         bright = np.empty((len(lines), (lmax + 1) ** 2))
         for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
             if kept is None:
@@ -92,7 +91,7 @@ def analysed(maps, kept=None):
                 alm = inpaint_alm(scattered(line[None], kept)[0], kept, tolerance)
             out[:] = harmonic.to_modes(alm)
         rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
-        for channel, spectrum, out in zip(progress(seen, "analysis"), spectra, rest, strict=True):
+        for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
             pixels = (channel - spectrum @ lines).astype(np.float32)
             pixels = pixels if kept is None else scattered(pixels[None], kept)[0]
             out[:] = harmonic.to_modes(sphere.analyse(pixels, lmax, n_iter=n_iter))

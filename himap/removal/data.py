@@ -102,7 +102,16 @@ class Data:
         kept = None if mask is None else checked_mask(mask, shape[-1] if shape else 0)
         if weights is not None:
             kept, weights = checked_weights(weights, shape, kept)
-        grid = kept if image is None else _checked_image(image, shape[-1] if shape else 0, kept)
+        grid = kept
+        if image is not None:
+            grid, n_pix = np.array(image), shape[-1] if shape else 0
+            if grid.dtype != bool or grid.ndim != 2 or np.count_nonzero(grid) != n_pix:
+                got = f"{grid.dtype} {grid.shape}, {np.count_nonzero(grid)} of them not 0"
+                raise InputError(
+                    f"image must be (n_y, n_x) bool, True at the {n_pix} pixels that the maps have, got "
+                    f"{got}."
+                )
+            grid[grid] = True if kept is None else kept
         by_voxel = np.ndim(weights) == 2
         maps = checked_cube(label, maps, min_channels=2, kept=weights > 0 if by_voxel else kept)
         if kept is not None:
@@ -152,17 +161,13 @@ class Data:
         # Imported here: most methods need no transforms, and importing these takes a second.
         from himap.removal.analysis import analysed
 
-        return self._once("modes", lambda: analysed(self.on_grid(self.centred), self.grid))
+        return self._once("modes", lambda: analysed(self.centred, self.grid))
 
     def _once(self, name, make):
         value = self.known.get(name, make)
         if callable(value):
             value = self.known[name] = value()
         return value
-
-    def on_grid(self, lines):
-        """Lines of sight (n, n_pix) among all pixels of the sphere, 0 elsewhere; unchanged without `grid`."""
-        return lines if self.grid is None else scattered(lines, self.grid)
 
     def on_sphere(self):
         """The same on the whole sphere, less the means: outside of `grid` what is bright goes on smoothly."""
@@ -251,8 +256,19 @@ def checked_weights(weights, shape, kept=None):
     InputError
         Another shape, something that is no weight, or none at all in the maps or in a channel.
     """
-    values = _checked_values(weights, shape)
-    seen = values > 0 if values.ndim == 1 else values.any(axis=0)
+    weights = np.asarray(weights, dtype=float) if np.asarray(weights).dtype == bool else weights
+    values = real_array("weights", weights)
+    if len(shape) != 2 or values.shape not in (shape, shape[1:]):
+        raise InputError(
+            f"weights must have shape (n_pix,) or (n_channels, n_pix), that of the maps, {shape}; got "
+            f"{values.shape}."
+        )
+    if values.dtype != np.float32:
+        values = values.astype(np.float64, copy=False)
+    n_bad = sum(np.count_nonzero(~((row >= 0) & np.isfinite(row))) for row in np.atleast_2d(values))
+    if n_bad:
+        raise InputError(f"weights must be finite and 0 or more, got {n_bad} that are not; 0 means not seen.")
+    seen = np.atleast_2d(values).any(axis=0)
     seen = seen if kept is None else seen & kept
     if not seen.any():
         raise InputError("the weights are 0 in all pixels that are kept; 0 means not seen.")
@@ -269,35 +285,6 @@ def checked_weights(weights, shape, kept=None):
     if values.ndim == 1 and np.ptp(values[seen]) == 0:
         values = None
     return None if kept is None and seen.all() else seen, values
-
-
-def _checked_values(weights, shape):
-    weights = np.asarray(weights, dtype=float) if np.asarray(weights).dtype == bool else weights
-    values = real_array("weights", weights)
-    if len(shape) != 2 or values.shape not in (shape, shape[1:]):
-        raise InputError(
-            f"weights must have shape (n_pix,) or (n_channels, n_pix), that of the maps, {shape}; got "
-            f"{values.shape}."
-        )
-    if values.dtype != np.float32:
-        values = values.astype(np.float64, copy=False)
-    n_bad = sum(np.count_nonzero(~((row >= 0) & np.isfinite(row))) for row in np.atleast_2d(values))
-    if n_bad:
-        raise InputError(f"weights must be finite and 0 or more, got {n_bad} that are not; 0 means not seen.")
-    return values
-
-
-def _checked_image(image, n_pix, kept):
-    """Which pixels of an image (n_y, n_x) bool the maps have that are kept, of `n_pix` that there are."""
-    image = np.array(image)
-    if image.dtype != bool or image.ndim != 2 or np.count_nonzero(image) != n_pix:
-        got = f"{image.dtype} {image.shape}, {np.count_nonzero(image)} of them not 0"
-        raise InputError(
-            f"image must be (n_y, n_x) bool, True at the {n_pix} pixels that the maps have, got {got}."
-        )
-    if kept is not None:
-        image[image] = kept
-    return image
 
 
 def check_channels(weights, least, label):

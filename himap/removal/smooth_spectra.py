@@ -12,7 +12,7 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
-from himap.removal.spectral_filter import SpectralFilter, filtered
+from himap.removal.spectral_filter import SpectralFilter
 
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
@@ -93,7 +93,7 @@ class SmoothSpectra(ForegroundRemover):
             first=np.array([band.first for band in bands]),
         )
         return FilteredSeparation(
-            low_rank=filtered(filter_.spectra, filter_.estimators, maps, modes),
+            low_rank=filter_.foreground(maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=all(one.converged for one in found),

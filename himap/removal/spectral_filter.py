@@ -32,6 +32,10 @@ class SpectralFilter:
     faint: np.ndarray
     first: np.ndarray
 
+    def foreground(self, maps, modes):
+        """The foreground of maps and their `CubeModes`, a `MapModes` (`filtered`)."""
+        return filtered(self.spectra, self.estimators, maps, modes)
+
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
