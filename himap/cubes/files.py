@@ -14,7 +14,7 @@ from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.cubes.weights import is_path, own_datasets, voxel_weights
 from himap.maps.healpix_io import ENDINGS, is_nested, temperature_unit
 from himap.maps.sphere import pixels_last, sphere_sizes
-from himap.sky.cosmology import FREQ_21CM
+from himap.removal.gnilc import LINE
 
 _HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
 _HELD_TRUTH = 2  # more of them for a truth
@@ -257,7 +257,7 @@ def _edges(table):
     )
     if not (adjoin and (lower > 0).all() and (lower < upper).all()):
         return None
-    redshifts = FREQ_21CM / edges[:, ::-1] - 1
+    redshifts = LINE / edges[:, ::-1] - 1
     if n_columns == 5 and not np.allclose(table[:, 3:], redshifts, rtol=0, atol=_REDSHIFT):
         return None
     return edges
