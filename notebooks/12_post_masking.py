@@ -65,7 +65,7 @@ from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.spectra import angular_power
 from himap.paper import captions, pipeline
-from himap.paper.losses import error_parts
+from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning

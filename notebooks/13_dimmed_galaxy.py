@@ -67,7 +67,7 @@ from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
 from himap.measures.spectra import frequency_power
 from himap.paper import captions, pipeline
-from himap.paper.losses import error_parts
+from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
 from himap.removal import peaks

@@ -61,7 +61,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.measures.n_sources import STABLE, eigenvalue_line
-from himap.paper.choice import SETTLED, views_of
+from himap.paper.choice import SETTLED, source_number_criteria
 from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
 from himap.paper.record import Record
 from himap.paper.study import Study
@@ -111,7 +111,7 @@ panels = [
     {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
 ]
 for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
-    views = views_of(case, [one for one in removers if one.name == name], first_sky.mocks)
+    views = source_number_criteria(case, [one for one in removers if one.name == name], first_sky.mocks)
     label = styles.numbered(name, None)
     look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
     faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}

@@ -56,7 +56,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
 from himap.measures.diagnostics import Comparison, bands
 from himap.paper.grid import cases_and_methods
-from himap.paper.harmless import corrected, parts
+from himap.paper.leakage import corrected, decompose
 from himap.paper.methods import table_1
 from himap.paper.study import Study
 from himap.removal import create
@@ -78,7 +78,7 @@ names = {"sdecgmca": "SDecGMCA", "beam_subspace": "BeamSubspace", "smooth_spectr
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
-found = {(one.name, one.n_sources): parts(case, one) for one in removers}
+found = {(one.name, one.n_sources): decompose(case, one) for one in removers}
 
 # %% [markdown]
 # ## Foreground left and HI lost, apart

@@ -11,7 +11,7 @@ from himap.instrument.beams import Evolving
 from himap.instrument.noise import noise_sigma
 from himap.measures import n_sources
 from himap.paper import cleaned, pipeline
-from himap.paper.choice import SETTLED, Views, eigenvalues, minka, views_of
+from himap.paper.choice import SETTLED, SourceNumberCriteria, eigenvalues, minka, source_number_criteria
 from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
 from himap.paper.grid import cases_and_methods
 from himap.paper.mocks import Mock, own_recovery
@@ -69,26 +69,28 @@ def made_up(**changed):
         "error": np.array([9, 2, 0.3, 0.1, 0.2]),
         "corrected_error": np.array([9, 2, 0.1, 0.1, 0.1]),
     }
-    return Views(**values | changed)
+    return SourceNumberCriteria(**values | changed)
 
 
-class TestViews:
+class TestOfASky:
     def test_advised_and_best(self):
-        views = made_up()
-        assert views.advised() == {"bic": 3, "aic": 5, "eigenvalues": 2, "stability": None, "mocks": 3}
-        assert views.best == 4
+        criteria = made_up()
+        assert criteria.recommended() == {"bic": 3, "aic": 5, "eigenvalues": 2, "stability": None, "mocks": 3}
+        assert criteria.best == 4
 
     def test_of_a_small_sky(self):
         (case,), _ = cases_and_methods(**TINY, n_realisations=1)
         removers = tuple(PCA(n_sources=n) for n in (1, 2, 3))
-        views = views_of(case, removers, [Mock(seed=1)])
-        assert list(views.counts) == [1, 2, 3] and len(views.change) == len(views.corrected_change) == 2
+        criteria = source_number_criteria(case, removers, [Mock(seed=1)])
+        assert (
+            list(criteria.counts) == [1, 2, 3] and len(criteria.change) == len(criteria.corrected_change) == 2
+        )
         own = own_recovery(case, removers[1])
         inside = slice(10, 20)
         ratio = own.output.angular[inside].mean() / own.input.angular[inside].mean()
-        assert views.error[1] >= abs(ratio - 1)
+        assert criteria.error[1] >= abs(ratio - 1)
         values = np.linalg.eigvalsh(np.cov(pipeline.basis(case, True).astype(float), bias=True))[::-1]
-        assert views.eigenvalues[:3] == pytest.approx(values[:3], rel=1e-3)
+        assert criteria.eigenvalues[:3] == pytest.approx(values[:3], rel=1e-3)
 
     def test_eigenvalues_at_one_resolution(self):
         """Through a beam that changes there are as many bright ones as through one that does not."""

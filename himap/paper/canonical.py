@@ -30,7 +30,7 @@ from himap.instrument.beams.meerkat_lobes import MeerKATLobes
 from himap.instrument.beams.misjudged import Misjudged
 from himap.instrument.beams.oscillating import Oscillating
 from himap.instrument.beams.rippled import Rippled
-from himap.paper import choice, cleaned, evidence, harmless, masked, mocks, pipeline
+from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import beam_errors
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
@@ -86,8 +86,8 @@ _PRODUCTS = {
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],
     masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
-    harmless.parts: [(CASE, PLAIN), (CASE, SmoothSpectra())],
-    harmless.foreseen: [(CASE, SmoothSpectra())],
+    leakage.decompose: [(CASE, PLAIN), (CASE, SmoothSpectra())],
+    leakage.expected_loss: [(CASE, SmoothSpectra())],
     beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
 }
 _CHOSEN_METHODS = (

@@ -38,7 +38,7 @@ def minka(case):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Views:
+class SourceNumberCriteria:
     """What is known of each number of sources of one method on one case.
 
     Attributes
@@ -53,7 +53,7 @@ class Views:
         To the next number, (n - 1,) (`n_sources.changes`): of C_l and P(k), and of their bands over the
         transfer function.
     error, corrected_error
-        How far the worst band is from the truth, (n,), as it is left and over the transfer function.
+        How far the worst band is from the truth, (n,), as it is and over the transfer function.
     """
 
     counts: np.ndarray
@@ -67,10 +67,10 @@ class Views:
 
     @property
     def best(self):
-        """The number that is nearest to the truth, as it is left."""
+        """The number whose residual is nearest to the truth, without a correction."""
         return int(self.counts[self.error.argmin()])
 
-    def advised(self):
+    def recommended(self):
         """{criterion: number of sources, or None}, of all but "minka"; none of them knows the truth."""
         return {
             "bic": int(self.counts[self.bic.argmin()]),
@@ -81,34 +81,33 @@ class Views:
         }
 
 
-def views_of(case, removers, mocks):
-    """The `Views` of a method with each number of sources, `removers`, ascending by one."""
+def source_number_criteria(case, removers, mocks):
+    """`SourceNumberCriteria` of a method with each number of sources, `removers`, ascending by one."""
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
     columns = zip(*(recovered(case, tuple(removers), mock) for mock in mocks), strict=True)
-    transfers = [TransferFunction(mocks=column) for column in columns]
-    left = [_in_bands(one, one.output) for one in own]
-    true = [_in_bands(one, one.input) for one in own]
-    shares = [_in_bands(*pair) for pair in zip(own, transfers, strict=True)]
-    corrected = np.divide(left, shares)
+
+    def in_bands(several):
+        """Means of C_l and P(k), or of the same over mocks, in the judged bands, (n, n_bands)."""
+        rows = []
+        for spectra in several:
+            known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
+            means = band_means(known, own[0].degrees, own[0].k)
+            rows.append([mean for band, mean in means.items() if band in JUDGED])
+        return np.array(rows)
+
+    residual, true = in_bands([one.output for one in own]), in_bands([one.input for one in own])
+    corrected = residual / in_bands([TransferFunction(mocks=column) for column in columns])
     variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
-    bic, aic = (
-        n_sources.information(variances, counts, case.survey.n_pix, kind=kind) for kind in ("bic", "aic")
-    )
-    return Views(
+    n_pix = case.survey.n_pix
+    bic, aic = (n_sources.information(variances, counts, n_pix, kind=kind) for kind in ("bic", "aic"))
+    return SourceNumberCriteria(
         counts=counts,
         bic=bic,
         aic=aic,
         eigenvalues=eigenvalues(case, "beams" in removers[0].uses),
         change=n_sources.changes([(one.output.angular[2:], one.output.frequency[1:]) for one in own]),
         corrected_change=n_sources.changes([row[:, None] for row in corrected]),
-        error=np.abs(np.divide(left, true) - 1).max(axis=1),
+        error=np.abs(residual / true - 1).max(axis=1),
         corrected_error=np.abs(corrected / true - 1).max(axis=1),
     )
-
-
-def _in_bands(known_at, spectra):
-    """Means of two spectra, "angular" and "frequency", in the judged bands, (n_bands,)."""
-    known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
-    found = band_means(known, known_at.degrees, known_at.k)
-    return np.array([mean for band, mean in found.items() if band in JUDGED])

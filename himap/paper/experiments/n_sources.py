@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.paper import cleaned
-from himap.paper.choice import eigenvalues, minka, views_of
+from himap.paper.choice import eigenvalues, minka, source_number_criteria
 from himap.paper.grid import cases_and_methods, make_products, skies_of, summarise
 from himap.paper.mocks import own_recovery, recovered
 from himap.paper.record import Experiment
@@ -102,14 +102,14 @@ def measure(sky):
 
 def _recommendations(case, name, removers, mocks):
     """The last columns of each criterion, for a method with each number of sources."""
-    views = views_of(case, removers, mocks)
-    recommended = views.advised() | ({"minka": minka(case)} if name == "pca" else {})
-    bias = dict(zip(views.counts.tolist(), views.error.tolist(), strict=True))
+    criteria = source_number_criteria(case, removers, mocks)
+    recommended = criteria.recommended() | ({"minka": minka(case)} if name == "pca" else {})
+    bias = dict(zip(criteria.counts.tolist(), criteria.error.tolist(), strict=True))
     return [
         {
             "criterion": criterion,
             "recommended": int(number or 0),
-            "best": views.best,
+            "best": criteria.best,
             "bias": bias.get(number),
             "least_bias": min(bias.values()),
         }

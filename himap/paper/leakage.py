@@ -1,0 +1,134 @@
+"""Foreground residual and signal loss of a method, each by itself, and the loss that a filter expects.
+
+C/C0 near 1 is no proof that HI is kept: what is lost of it and what is left of the foreground may cancel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from himap.maps import sphere
+from himap.maps.low_rank import centred
+from himap.measures.transfer import HarmonicPower, TransferFunction, expected_mock_power, harmonic_power
+from himap.paper import cleaned, pipeline
+from himap.removal.analysis import analysed
+from himap.removal.smooth_spectra import FilteredSeparation
+from himap.removal.spectral_filter import filtered, through_beams
+from himap.store.store import product
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """Powers of what a method makes of an observation, each a `HarmonicPower`.
+
+    Attributes
+    ----------
+    truth
+        HI and noise through the beam.
+    recovered
+        The residual of the observation: HI kept and foreground left.
+    kept
+        HI and noise less what the method subtracts of them.
+    left
+        The foreground residual.
+    shared
+        What `recovered` and `truth` have in common.
+    """
+
+    truth: HarmonicPower
+    recovered: HarmonicPower
+    kept: HarmonicPower
+    left: HarmonicPower
+    shared: HarmonicPower
+
+    def ratios(self, kind):
+        """Each part over the truth, {"recovered", "kept", "left", "shared": (n,)}.
+
+        `kind` is "angular", by l, or "frequency", by k; 0 where there is no truth.
+        """
+        truth = getattr(self.truth, kind)
+        return {
+            name: np.divide(getattr(power, kind), truth, out=np.zeros_like(truth), where=truth > 0)
+            for name, power in vars(self).items()
+            if name != "truth"
+        }
+
+
+def error_parts(case, remover, mask_peaks=True):
+    """(foreground residual, HI lost, truth) of a component method.
+
+    What such a method subtracts is a projection P of the maps, once its mixing matrix is known, so that the
+    residual of foreground F and truth T, whose peaks D were masked, is off by
+
+        residual - T = (F - P F) - P (T - D).
+
+    P is on the columns of A, or for a method that knows the beam, on diag(H_l) A at every l; of a filter it
+    is the filter. What an epsilon of its inversion keeps back is on the side of the foreground. Of a method
+    that ends at some l, all is up to that l.
+
+    Parameters
+    ----------
+    case
+        `pipeline.Case`.
+    remover
+        A method with a number of sources.
+    mask_peaks
+        As in `cleaned.separation`.
+
+    Returns
+    -------
+    foreground_residual, hi_lost, truth
+        (n_channels, n_pix) float32, mK, less their channel means.
+    """
+    observed, found = pipeline.observation(case), cleaned.separation(case, remover, mask_peaks)
+    known = centred(observed.truth - (observed.maps - pipeline.basis(case, mask_peaks)))
+    if found.lmax is not None:
+        known = sphere.cut_cube(known, found.lmax)
+    if isinstance(found, FilteredSeparation):
+        filter_ = found.filter
+        hi_lost = filtered(filter_.spectra, filter_.estimators, known, analysed(known)).cube()
+    elif "beams" in remover.uses:
+        relative = observed.beams / observed.beams.max(axis=0)
+        hi_lost = through_beams(known, found.mixing, relative, analysed(known)).cube()
+    else:
+        basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
+        hi_lost = basis @ (basis.T @ known)
+    residual = cleaned.error(case, remover, mask_peaks).cube() + hi_lost
+    return residual, hi_lost, centred(pipeline.truth(case, found.lmax))
+
+
+@product(name="parts")
+def decompose(case, remover, mask_peaks=True):
+    """The `Parts` of a component method, up to where it ends; arguments as of `error_parts`."""
+    cubes, found = error_parts(case, remover, mask_peaks), cleaned.separation(case, remover, mask_peaks)
+    width, lmax = case.survey.channel_width, case.survey.lmax if found.lmax is None else found.lmax
+    left, lost, truth = (sphere.analyse(cube, lmax, n_iter=sphere.N_ITER_FLAT) for cube in cubes)
+    kept = truth - lost
+    recovered = kept + left
+    cubes = {"truth": truth, "recovered": recovered, "kept": kept, "left": left}
+    powers = {name: harmonic_power(alms, width) for name, alms in cubes.items()}
+    difference = harmonic_power(recovered - truth, width)
+    shared = HarmonicPower(
+        power=(powers["truth"].power + powers["recovered"].power - difference.power) / 2,
+        n_channels=difference.n_channels,
+        channel_width=width,
+    )
+    return Parts(shared=shared, **powers)
+
+
+@product(name="foreseen")
+def expected_loss(case, remover, mask_peaks=True):
+    """What a `SmoothSpectra` knows that it keeps of HI and noise, a `MockPower`, without mocks or truth."""
+    found = cleaned.separation(case, remover, mask_peaks)
+    return expected_mock_power(found, case.survey.channel_width)
+
+
+def corrected(case, remover, mask_peaks=True):
+    """C/C0 and P/P0 once divided by what the method knows that it keeps, {"angular", "frequency": (n,)}."""
+    kept = TransferFunction(mocks=(expected_loss(case, remover, mask_peaks),))
+    measured = decompose(case, remover, mask_peaks)
+    found = {}
+    for kind in ("angular", "frequency"):
+        ratio, share = measured.ratios(kind)["recovered"], getattr(kept, kind)
+        found[kind] = np.divide(ratio, share[: len(ratio)], out=np.zeros_like(ratio), where=ratio > 0)
+    return found

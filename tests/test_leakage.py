@@ -1,0 +1,91 @@
+"""Foreground residual and signal loss, each by itself, and spectra divided by the loss that is expected."""
+
+import numpy as np
+import pytest
+
+from himap.core.survey import Survey
+from himap.instrument.beams import Oscillating
+from himap.maps import sphere
+from himap.maps.low_rank import centred
+from himap.measures.transfer import TransferFunction
+from himap.paper import cleaned, pipeline
+from himap.paper.leakage import corrected, decompose, error_parts, expected_loss
+from himap.paper.mocks import own_recovery
+from himap.removal import PCA, BeamSubspace, SDecGMCA, SmoothSpectra
+
+pytestmark = pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+
+CASE = pipeline.Case(survey=Survey.preset("ci", nside=8, n_channels=24, box_cells=16), beam=Oscillating())
+PLAIN, AWARE = PCA(n_sources=3), BeamSubspace(n_sources=3)
+FILTER = SmoothSpectra(n_sources=3, n_smooth=5)
+SHORT = {"n_warmup": 4, "n_refinement": 2, "n_sources": 3}
+ENDING = SDecGMCA(lmax=10, **SHORT)
+LOW = slice(2, 11)
+
+
+def power_of(cube):
+    return sphere.power_spectrum(sphere.analyse(cube)).mean(axis=0)
+
+
+class TestCubes:
+    @pytest.mark.parametrize("remover", [PLAIN, AWARE, SDecGMCA(beyond="projection", **SHORT), FILTER])
+    def test_the_parts_are_the_error(self, remover):
+        left, lost, truth = error_parts(CASE, remover)
+        residual = cleaned.residual(CASE, remover)
+        assert np.array_equal(truth, centred(pipeline.observation(CASE).truth))
+        rounding = 3e-7 * np.abs(pipeline.observation(CASE).maps).max()  # of cubes in float32
+        assert np.allclose(left - lost, centred(residual) - truth, atol=rounding)
+        assert lost.std() > 0.05 * truth.std()
+
+    def test_what_pca_loses_lies_in_its_space(self):
+        left, lost, _ = error_parts(CASE, PLAIN)
+        basis = np.linalg.qr(cleaned.separation(CASE, PLAIN).mixing)[0]
+        assert np.allclose(basis @ (basis.T @ lost), lost, atol=1e-6)
+        assert (basis.T @ left).std() < 0.02 * left.std()  # but for rounding of float32
+
+    def test_a_method_that_ends_is_compared_with_a_truth_that_ends_there(self):
+        assert cleaned.separation(CASE, ENDING).lmax == 10
+        for cube in error_parts(CASE, ENDING):
+            power = power_of(cube)
+            assert power[12:].max() < 0.02 * power[LOW].mean()
+
+
+@pytest.mark.parametrize("remover", [PLAIN, AWARE, FILTER, ENDING])
+def test_powers_are_those_of_what_comes_back(remover):
+    """Powers of all and in common against `own_recovery`, which knows of no parts."""
+    found, expected = decompose(CASE, remover), own_recovery(CASE, remover)
+    for one, two in (
+        (found.truth, expected.input),
+        (found.recovered, expected.output),
+        (found.shared, expected.cross),
+    ):
+        assert one.angular[LOW] == pytest.approx(two.angular[LOW], rel=0.02)
+
+
+def test_a_filter_takes_of_hi_what_it_takes_of_the_maps():
+    """T - P (T - D) of every coefficient, D being the peaks that were masked."""
+    linear, truth = cleaned.separation(CASE, FILTER).filter, pipeline.truth(CASE)
+    peaks = pipeline.observation(CASE).maps - pipeline.peak_masked(CASE).maps
+    put_in, seen = (sphere.analyse(centred(cube)) for cube in (truth, truth - peaks))
+    operators = linear.spectra @ linear.estimators
+    degrees = sphere.alm_degree(CASE.survey.lmax)
+    lost = np.array([np.einsum("ac,ca->a", operators[degrees, row], seen) for row in range(len(seen))])
+    powers = [sphere.power_spectrum(alms).mean(axis=0)[LOW] for alms in (put_in, put_in - lost)]
+    ratios = decompose(CASE, FILTER).ratios("angular")
+    assert ratios["kept"][LOW] == pytest.approx(powers[1] / powers[0], rel=0.01)
+    assert set(ratios) == {"recovered", "kept", "left", "shared"}
+
+
+def test_powers_of_a_projection_are_those_of_its_cubes():
+    left, lost, truth = error_parts(CASE, AWARE)
+    ratios = decompose(CASE, AWARE).ratios("angular")
+    for name, cube in (("left", left), ("kept", truth - lost)):
+        assert ratios[name][LOW] == pytest.approx((power_of(cube) / power_of(truth))[LOW], rel=0.02)
+
+
+def test_corrected_is_divided_by_what_is_expected():
+    share = TransferFunction(mocks=(expected_loss(CASE, FILTER),))
+    ratios, found = decompose(CASE, FILTER), corrected(CASE, FILTER)
+    for kind in ("angular", "frequency"):
+        assert found[kind] * getattr(share, kind) == pytest.approx(ratios.ratios(kind)["recovered"])
+    assert share.angular.max() < 1
