@@ -5,11 +5,11 @@ that it reaches (`himap.store.live`); after that its result is read from the cac
 (`himap.store.cache`), its arrays mapped from disk and read-only.
 """
 
-import contextlib
 import functools
 import inspect
 import time
 import warnings
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -25,17 +25,17 @@ from himap.store.live import code_fingerprint, is_current, note
 def product(function=None, *, name=None, version=None):
     """Decorator: keep what a function returns on disk.
 
-    The function is at the top level of a module. Its arguments are small: numbers, strings,
-    bools, None, paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by
-    its content). A dataclass also counts with the code of its class, and an argument with a method
-    `digest()` with what that returns, for instance the hash of a file. The result is an array, or
-    a dataclass, list, tuple or dict of arrays, text and numbers; arrays are read-only.
+    The function is at the top level of a module. Its arguments are small: numbers, strings, bools, None,
+    paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by its content). A
+    dataclass also counts with the code of its class, and an argument with a method `digest()` with what that
+    returns, for instance the hash of a file. The result is an array, or a dataclass, list, tuple or dict of
+    arrays, text and numbers; arrays are read-only. While one process computes a result, others wait for it.
 
     Parameters
     ----------
     name
-        By which caches, stamps and records know it, wherever the function is; default: that of the function.
-        Who renames the function gives the former name, and nothing is made again.
+        The name in caches, stamps and records, wherever the function is; default: that of the function. With
+        the former name of a renamed function nothing is made again.
     version
         A number to raise where the result changes for a reason that is not in the source, such as a newer
         package.
@@ -52,7 +52,7 @@ def product(function=None, *, name=None, version=None):
     return Product(function, name) if function else functools.partial(product, name=name, version=version)
 
 
-@contextlib.contextmanager
+@contextmanager
 def temporary(*products):
     """Delete at the end what some products made meanwhile, here and in the processes of `make_all`.
 
@@ -68,7 +68,7 @@ def temporary(*products):
                     cache.remove(name, key)
 
 
-@contextlib.contextmanager
+@contextmanager
 def recorded():
     """A list that gets the (name, key) of all that is put into the cache meanwhile."""
     made = []
@@ -113,41 +113,27 @@ class Product:
 
     def __call__(self, *args, **kwargs):
         """The result, from the cache if it is there; see the function for arguments and result."""
-        bound = self._bind(args, kwargs)
-        key, current = self._key(bound)
-        if not current:
+        bound, key, is_current = self._key(args, kwargs)
+        if not is_current:
             warnings.warn(
                 f"the code behind {self.name} has changed on disk since it was loaded, so its result is "
                 "neither read from the cache nor kept; restart Python or the kernel.",
                 stacklevel=2,
             )
             return self._function(*bound.args, **bound.kwargs)
-        with contextlib.suppress(LookupError):
-            return self._load(key)
+        with suppress(cache.Missing):
+            return cache.load(self.name, key)
         with cache.lock(self.name, key):
-            with contextlib.suppress(LookupError):
-                return self._load(key)  # another process has computed it meanwhile
+            with suppress(cache.Missing):
+                return cache.load(self.name, key)  # another process has computed it meanwhile
             started = time.monotonic()
             value = self._function(*bound.args, **bound.kwargs)
             seconds = time.monotonic() - started
             cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
             note_made([(self.name, key)])
-        try:
-            return cache.load(self.name, key)  # so that what it holds in memory can go
-        except cache.Damaged:  # another process has deleted it meanwhile
-            return value
-
-    def _load(self, key):
-        """The result in the cache; LookupError if there is none."""
-        if cache.holds(self.name, key):
-            try:
-                return cache.load(self.name, key)
-            except cache.Deleted:
-                pass  # by another process: nothing is wrong
-            except cache.Damaged as error:
-                text = f"the cached {self.name} is damaged and is computed again ({error})."
-                warnings.warn(text, stacklevel=3)
-        raise LookupError(key)
+        with suppress(cache.Missing):  # another process has deleted it meanwhile
+            value = cache.load(self.name, key)  # so that what it holds in memory can go
+        return value
 
     def compute(self, *args, **kwargs):
         """The result, computed now and not kept."""
@@ -155,40 +141,28 @@ class Product:
 
     def is_cached(self, *args, **kwargs):
         """Whether a call with these arguments would be read from the cache."""
-        key, current = self._key(self._bind(args, kwargs))
-        return current and cache.holds(self.name, key)
+        _, key, is_current = self._key(args, kwargs)
+        return is_current and cache.holds(self.name, key)
 
     def forget(self, *args, **kwargs):
         """Delete the result from the cache, if it is there."""
-        key, _ = self._key(self._bind(args, kwargs))
-        cache.remove(self.name, key)
+        cache.remove(self.name, self._key(args, kwargs)[1])
 
-    def _bind(self, args, kwargs):
+    def _key(self, args, kwargs):
+        """The arguments, the name of the result on disk, and whether its code on disk is what was loaded."""
         try:
             bound = self._signature.bind(*args, **kwargs)
         except TypeError as error:
             raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
         bound.apply_defaults()
-        return bound
-
-    def _key(self, bound):
-        """What names the result on disk; and whether the code on disk is what this process runs."""
-        sources = {self._function, *_classes(bound.arguments)}
-        text = f"{self._code(frozenset(sources))} {_describe(bound.arguments)}"
-        return sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
-
-    def _code(self, sources):
-        """Digest of the code of function and classes."""
+        sources = frozenset({self._function, *_classes(bound.arguments)})
         known = accepted_digests()
         if self._codes.get(sources, (None,))[0] is not known:
-            parts = {
-                f"{name} {digest}"
-                for source in sources
-                for name, digest in code_fingerprint(source).items()
-                if name != "look"
-            }
+            digests = [item for source in sources for item in code_fingerprint(source).items()]
+            parts = {f"{name} {digest}" for name, digest in digests if name != "look"}
             self._codes[sources] = known, sha256(" ".join(sorted(parts)).encode()).hexdigest()
-        return self._codes[sources][1]
+        text = f"{self._codes[sources][1]} {_describe(bound.arguments)}"
+        return bound, sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
 
 
 def _describe(value):
@@ -221,10 +195,9 @@ def _describe(value):
 def _classes(value):
     """The classes of the dataclasses in an argument: their code counts."""
     if isinstance(value, dict):
-        return [kind for item in value.values() for kind in _classes(item)]
+        value = tuple(value.values())
     if isinstance(value, (tuple, list)):
         return [kind for item in value for kind in _classes(item)]
     if is_dataclass(value):
-        inner = [kind for item in fields(value) for kind in _classes(getattr(value, item.name))]
-        return [type(value), *inner]
+        return [type(value), *_classes([getattr(value, item.name) for item in fields(value)])]
     return []
