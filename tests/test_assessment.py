@@ -65,7 +65,7 @@ class TestAgainstTheCube:
         width = SURVEY.channel_width
         degrees = found.power_spectra.angular.degrees
         seen = slice(2, int(min(degrees[-1], 1.5 * SURVEY.nside)))  # beyond, HEALPix has no good quadrature
-        cl = angular_power(left, lmax=int(degrees[-1])).mean
+        cl = angular_power(left).upto(degrees[-1]).mean
         assert found.power_spectra.angular.mean[seen] == pytest.approx(cl[seen], rel=0.01)
         power = frequency_power(left, width).power
         assert found.power_spectra.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)

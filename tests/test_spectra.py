@@ -96,14 +96,6 @@ def test_hopeless_mask_falls_back_with_a_warning(rng):
     assert power.mean[20:90].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.2)
 
 
-def test_lmax_cuts_after_decoupling(rng):
-    """Power beyond lmax leaks into the last bins if it is cut before."""
-    maps = realisations(np.ones(LMAX + 1), 2, rng)
-    full, short = angular_power(maps, mask=CUT), angular_power(maps, mask=CUT, lmax=40)
-    assert short.degrees[-1] <= 40
-    assert short.cl == pytest.approx(full.cl[:, : short.cl.shape[1]])
-
-
 @pytest.mark.parametrize("outside", [1e6, np.nan])
 def test_what_the_mask_leaves_out_may_be_anything(rng, outside):
     """Nor does a bright region that is masked leave a step behind when the mean is removed."""
@@ -132,7 +124,6 @@ def test_bins(rng):
     fine, coarse = angular_power(maps), angular_power(maps, bin_width=10)
     assert coarse.degrees[:2] == pytest.approx([0, 5.5])
     assert coarse.cl[0, 1] == pytest.approx(fine.cl[0, 1:11].mean())
-    assert angular_power(maps, lmax=20).cl.shape == (1, 21)
 
 
 def test_frequency_power_of_a_wave(rng):

@@ -59,18 +59,17 @@ def with_maps(figure, maps, units):
     """
     coarse = [_coarse(np.asarray(pixels, dtype=np.float64)) for pixels in maps.values()]
     labels = {"titles": list(maps), "units": list(units), "ordering": "RING", "coordinates": "Galactic"}
-    return _carrying(figure, _ARRAYS, _packed(maps=np.stack(coarse), **labels))
+    return _with_arrays(figure, maps=np.stack(coarse), **labels)
 
 
 def with_image(figure, values, *, x, y, unit):
     """The figure with an image (n_y, n_x) over `x` and `y`; all three are in the file under these names."""
-    return _carrying(figure, _ARRAYS, _packed(values=np.asarray(values), x=x, y=y, unit=unit))
+    return _with_arrays(figure, values=values, x=x, y=y, unit=unit)
 
 
 def _coarse(pixels):
     """A map at `NSIDE` or coarser: means of the pixels that have a value."""
-    nside = sphere.nside_of(pixels)
-    if nside <= NSIDE:
+    if sphere.nside_of(pixels) <= NSIDE:
         return pixels
     has_value = np.isfinite(pixels)
     share = sphere.change_resolution(has_value.astype(np.float64), NSIDE)
@@ -78,18 +77,17 @@ def _coarse(pixels):
     return np.divide(mean, share, out=np.full(len(mean), np.nan), where=share > 0)
 
 
-def _packed(**arrays):
-    """An NPZ file in base64; real numbers as float32, rounded."""
+def _with_arrays(figure, **arrays):
+    """The figure with an NPZ file in base64; real numbers as float32, rounded."""
+    for name, array in arrays.items():
+        array = np.asarray(array)
+        if array.dtype.kind == "f":
+            mantissa, exponent = np.frexp(array)
+            array = np.ldexp(np.round(mantissa * 2**_BITS) / 2**_BITS, exponent).astype(np.float32)
+        arrays[name] = array
     file = io.BytesIO()
-    np.savez_compressed(file, **{name: _rounded(np.asarray(array)) for name, array in arrays.items()})
-    return base64.b64encode(file.getvalue()).decode()
-
-
-def _rounded(array):
-    if array.dtype.kind != "f":
-        return array
-    mantissa, exponent = np.frexp(array)
-    return np.ldexp(np.round(mantissa * 2**_BITS) / 2**_BITS, exponent).astype(np.float32)
+    np.savez_compressed(file, **arrays)
+    return _carrying(figure, _ARRAYS, base64.b64encode(file.getvalue()).decode())
 
 
 def _carrying(figure, kind, text):

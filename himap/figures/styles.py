@@ -7,14 +7,8 @@ all for the method that is not the paper's; lines differ in style too, so they s
 import matplotlib
 import numpy as np
 
-BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS = (
-    "#0072B2",
-    "#E69F00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#D55E00",
-)
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
+BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS
 INDIGO = "#332288"
 
 CHANNELS = "frequency [MHz]"
@@ -40,24 +34,16 @@ METHOD_STYLES = {
     "pca": {"label": "PCA", "color": BLUE, "linestyle": "--"},
     "fastica": {"label": "FastICA", "color": ORANGE, "linestyle": (0, (1, 1.2))},
     "gmca": {"label": "GMCA", "color": GREEN, "linestyle": "-."},
-    "sdecgmca": {"label": "SDecGMCA", "color": VERMILION, "linestyle": "-", "linewidth": 2},
+    "sdecgmca": {"label": "SDecGMCA", "color": VERMILION, "linestyle": "-"},
     "polynomial": {"label": "polynomial", "color": PURPLE, "linestyle": (0, (3, 1, 1, 1, 1, 1))},
     "parametric": {"label": "parametric", "color": SKY_BLUE, "linestyle": (0, (8, 3))},
-    "beam_subspace": {
-        "label": "BeamSubspace",
-        "color": INDIGO,
-        "linestyle": (0, (10, 1.5, 1, 1.5)),
-        "linewidth": 2,
-    },
-    "smooth_spectra": {
-        "label": "SmoothSpectra",
-        "color": "#882255",
-        "linestyle": (0, (5, 1)),
-        "linewidth": 2,
-    },
+    "beam_subspace": {"label": "BeamSubspace", "color": INDIGO, "linestyle": (0, (10, 1.5, 1, 1.5))},
+    "smooth_spectra": {"label": "SmoothSpectra", "color": "#882255", "linestyle": (0, (5, 1))},
     "gnilc": {"label": "GNILC", "color": "#999933", "linestyle": (0, (4, 1, 1, 1))},
     "gaussian_process": {"label": "Gaussian process", "color": "0.45", "linestyle": (0, (2, 2))},
 }
+for _name in ("sdecgmca", "beam_subspace", "smooth_spectra"):
+    METHOD_STYLES[_name]["linewidth"] = 2
 """Line style of every method that comes with himap: the paper's six, ours and those of others."""
 
 
@@ -103,19 +89,14 @@ def of_methods(methods):
     for name, number in methods:
         n = n_of[name] = n_of.get(name, -1) + 1
         style = METHOD_STYLES.get(name, _OTHER)
+        dashes = [style["linestyle"], *(one for one in _UNLIKE if one != style["linestyle"])]
         looks[name, number] = {
             "color": tuple(paler(style["color"], n)),
-            "linestyle": _more_dashes(style["linestyle"])[n % len(_DASHES)],
+            "linestyle": dashes[n % len(_DASHES)],
             "label": numbered(name, number),
             "linewidth": 1.6,
         }
     return looks
-
-
-def _more_dashes(first):
-    """Line styles of several methods of one name, that of the first in front."""
-    others = [one for one in _UNLIKE if one != first]
-    return [first, *others][: len(_DASHES)]
 
 
 def paler(color, steps):

@@ -71,20 +71,15 @@ def _escaped(cell):
 
 
 def _row(cells, widths, sides, head=False):
-    """A row, as `tabulate` asks for it: the header with `head`, else one that its first cell names."""
-    written = [
-        _cell(cell.strip(), side, "col" if head else "row" if n == 0 else None)
-        for n, (cell, side) in enumerate(zip_longest(cells, sides, fillvalue="left"))
-    ]
-    row = f"<tr>{''.join(written)}</tr>"
-    return f"<thead>{row}</thead>" if head else row
-
-
-def _cell(text, side, heads):
-    """A cell that heads a column ("col"), a row ("row"), or none; its style stands above a notebook's own."""
-    tag, scope = ("th", f' scope="{heads}"') if heads else ("td", "")
-    nowrap = "" if heads or side == "left" else "; white-space:nowrap"
-    return f'<{tag}{scope} style="text-align:{side}; vertical-align:top{nowrap}">{text}</{tag}>'
+    """A row, as `tabulate` asks for it: the header with `head`, else with a first cell that heads it."""
+    row = ""
+    for n, (cell, side) in enumerate(zip_longest(cells, sides, fillvalue="left")):
+        scope = "col" if head else "row" if n == 0 else ""
+        tag, heads = ("th", f' scope="{scope}"') if scope else ("td", "")
+        nowrap = "" if scope or side == "left" else "; white-space:nowrap"
+        style = f"text-align:{side}; vertical-align:top{nowrap}"  # above a notebook's own
+        row += f'<{tag}{heads} style="{style}">{cell.strip()}</{tag}>'
+    return f"<thead><tr>{row}</tr></thead>" if head else f"<tr>{row}</tr>"
 
 
 _FORMAT = TableFormat(

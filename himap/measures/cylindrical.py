@@ -79,19 +79,47 @@ def cylindrical_power(maps, cell, *, mask=None, taper=False):
     InputError
         Maps of another shape, or too few cells for a mode along or across; a bad cell or mask.
     """
-    maps, seen = _checked(maps, cell, mask)
+    maps, seen = _check_input(maps, cell, mask)
     n_channels, n_y, n_x = maps.shape
-    along = windows.blackmanharris(n_channels, sym=False) if taper else np.ones(n_channels)
-    along = along.astype(maps.dtype)
+    window = windows.blackmanharris(n_channels, sym=False) if taper else np.ones(n_channels)
+    window = window.astype(maps.dtype)
     weighted = np.zeros_like(maps)
-    for channel, weight, out in zip(maps, along, weighted, strict=True):
+    for channel, weight, out in zip(maps, window, weighted, strict=True):
         out[seen] = weight * (channel[seen] - channel[seen].mean(dtype=np.float64))
     modes = fft.rfftn(weighted, axes=(1, 2, 0), workers=-1)
-    weight = np.mean(along**2, dtype=np.float64) * seen.mean()
-    return _binned(modes, n_channels, cell, np.prod(cell) / (maps.size * weight))
+    norm = np.prod(cell) / (maps.size * np.mean(window**2, dtype=np.float64) * seen.mean())
+
+    k_par = 2 * np.pi * fft.rfftfreq(n_channels, cell[0])
+    k_y, k_x = (2 * np.pi * fft.fftfreq(n, side) for n, side in zip((n_y, n_x), cell[1:], strict=True))
+    k_perp = np.hypot(k_y[:, None], k_x)
+    par_edges = _edges(k_par[1], k_par[-1])
+    perp_edges = _edges(min(abs(k_y[1]), abs(k_x[1])), min(-k_y.min(), -k_x.min()))
+    rows, columns = np.digitize(k_par, par_edges) - 1, np.digitize(k_perp, perp_edges)
+    n_par, n_perp = len(par_edges) - 1, len(perp_edges) - 1
+
+    def across(values):
+        """Sums over the modes of one k_par in every bin of k_perp."""
+        return np.bincount(columns.ravel(), values.ravel(), minlength=n_perp + 2)[1 : n_perp + 1]
+
+    total = np.zeros((n_par, n_perp))
+    for plane, row in zip(modes, rows, strict=True):
+        if 0 <= row < n_par:
+            total[row] += across(plane.real**2 + plane.imag**2)
+    in_row, in_column = np.bincount(rows[rows >= 0], minlength=n_par)[:n_par], across(np.ones(k_perp.shape))
+    n_modes = np.outer(in_row, in_column.astype(int))
+    k_sums = np.bincount(rows[rows >= 0], k_par[rows >= 0], minlength=n_par)[:n_par]
+    return CylindricalPower(
+        k_perp=_mean(across(k_perp), in_column),
+        k_par=_mean(k_sums, in_row),
+        perp_edges=perp_edges,
+        par_edges=par_edges,
+        power=norm * _mean(total, n_modes),
+        n_modes=n_modes,
+    )
 
 
-def _checked(maps, cell, mask):
+def _check_input(maps, cell, mask):
+    """Maps as floats, and the mask (n_y, n_x) bool."""
     maps = real_array("maps", maps)
     if maps.ndim != 3 or min(maps.shape) < 2:
         raise InputError(
@@ -112,49 +140,17 @@ def _checked(maps, cell, mask):
     return maps.astype(np.result_type(maps.dtype, np.float32), copy=False), seen
 
 
-def _binned(modes, n_channels, cell, norm):
-    """Means over bins of `norm` |modes|^2, (n_par, n_y, n_x) as `rfftn` has them."""
-    d_par, d_y, d_x = cell
-    k_par = 2 * np.pi * fft.rfftfreq(n_channels, d_par)
-    k_y, k_x = (2 * np.pi * fft.fftfreq(*of) for of in zip(modes.shape[1:], (d_y, d_x), strict=True))
-    par = _Bins(k_par, k_par[1], k_par[-1])
-    perp = _Bins(np.hypot(k_y[:, None], k_x), min(abs(k_y[1]), abs(k_x[1])), min(-k_y.min(), -k_x.min()))
-    total = np.zeros((len(par.counts), len(perp.counts)))
-    for plane, row in zip(modes, par.places, strict=True):
-        if 0 <= row < len(total):
-            total[row] += perp.sums(plane.real**2 + plane.imag**2)
-    n_modes = np.outer(par.counts, perp.counts)
-    return CylindricalPower(
-        k_perp=perp.mean,
-        k_par=par.mean,
-        perp_edges=perp.edges,
-        par_edges=par.edges,
-        power=norm * np.divide(total, n_modes, out=np.full(total.shape, np.nan), where=n_modes > 0),
-        n_modes=n_modes,
-    )
+def _edges(step, top):
+    """Edges of bins, at halves between multiples of `step`, even in the logarithm where these are many."""
+    edges = [0.5]
+    while edges[-1] * step < top:
+        edges.append(max(edges[-1] + 1, np.floor(edges[-1] * 10 ** (1 / _PER_DECADE)) + 0.5))
+    return np.array(edges) * step
 
 
-class _Bins:
-    """Bins of wavenumbers `k`, of any shape, with those that each has.
-
-    Edges lie at halves between multiples of `step`, evenly in the logarithm where there are many of these.
-    """
-
-    def __init__(self, k, step, top):
-        edges = [0.5]
-        while edges[-1] * step < top:
-            edges.append(max(edges[-1] + 1, np.floor(edges[-1] * 10 ** (1 / _PER_DECADE)) + 0.5))
-        self.edges = np.array(edges) * step
-        self.places = np.digitize(k, self.edges) - 1
-        self._inside = (self.places >= 0) & (self.places < len(edges) - 1)
-        self.counts = self.sums(np.ones(k.shape)).astype(int)
-        empty = np.full(len(self.counts), np.nan)
-        self.mean = np.divide(self.sums(k), self.counts, out=empty, where=self.counts > 0)
-
-    def sums(self, values):
-        """Of values, one for each k, over every bin."""
-        inside = self._inside
-        return np.bincount(self.places[inside], values[inside], minlength=len(self.edges) - 1)
+def _mean(total, count):
+    """total / count, NaN where there is none."""
+    return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
 
 
 def cell_of(freqs, angles, *, cosmology=None):

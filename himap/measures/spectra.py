@@ -59,8 +59,8 @@ class PowerSpectra:
     frequency: FrequencyPower
 
 
-def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
-    """Angular power spectrum of every channel.
+def angular_power(maps, *, mask=None, bin_width=None):
+    """Angular power spectrum of every channel, to l = 3 nside - 1.
 
     With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
     2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
@@ -72,8 +72,6 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
         (n_channels, n_pix), mK, RING.
     mask
         (n_pix,) bool, True where kept, or weights between 0 and 1; None for the full sky.
-    lmax
-        Largest multipole, 3 nside - 1 unless given.
     bin_width
         Multipoles per bin; 1 / f_sky rounded up unless given, so 1 on the full sky.
 
@@ -87,14 +85,13 @@ def angular_power(maps, *, mask=None, lmax=None, bin_width=None):
         A mask of the wrong shape or that keeps nothing, or a bad bin width.
     """
     maps, weights = checked_maps(maps, mask)
-    nside = sphere.nside_of(maps)
-    lmax = 3 * nside - 1 if lmax is None else whole_number("lmax", lmax, 2, 3 * nside - 1)
+    lmax = 3 * sphere.nside_of(maps) - 1
     width = None if bin_width is None else whole_number("bin_width", bin_width, 1, lmax)
-    full = lmax if mask is None else 3 * nside - 1  # a mask mixes in power from beyond lmax
-    pseudo = np.empty((len(maps), full + 1))
-    for channel, out in zip(progress(maps, "angular spectra"), pseudo, strict=True):
-        out[:] = sphere.power_spectrum(sphere.analyse(weighted(channel, weights).astype(maps.dtype), full))
-    return decouple(pseudo, None if mask is None else weights, width).upto(lmax)
+    pseudo = [
+        sphere.power_spectrum(sphere.analyse(weighted(channel, weights).astype(maps.dtype), lmax))
+        for channel in progress(maps, "angular spectra")
+    ]
+    return decouple(np.array(pseudo), None if mask is None else weights, width)
 
 
 def decouple(pseudo, weights=None, bin_width=None):
