@@ -1,6 +1,6 @@
 """What the claims are judged on: every method on every case of one sky, against the truth."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -36,11 +36,10 @@ class Realisation:
     n_sources
         Numbers of sources of the scan.
     method, options
-        What stands in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
-        value) of its options that differ from their defaults. In the claims it goes by "sdecgmca".
+        The method in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
+        value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
     noise_level
-        The noise that this method is told, over that of the survey. At 1 it is told nothing, and knows what
-        it knows by itself.
+        The noise that this method assumes, over that of the survey. At 1 it uses its default.
     """
 
     survey: Survey = field(default_factory=Survey)
@@ -89,7 +88,7 @@ class Realisation:
         return [(evidence.sky_brightness, (self.survey.sky, self.galaxy)), *voxels]
 
     def calls(self, case):
-        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is what stands in its place."""
+        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place."""
         observed, peaks, post = self.cases[case]
         methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
@@ -99,9 +98,9 @@ class Realisation:
 
     def _beyond(self, beam):
         """Arguments of `cleaned.assessment` for SD beyond l = 200; itself where it has no such option."""
-        own = observed, method, *_ = self.calls(beam)["sdecgmca"]
-        if not any(item.name == "beyond" for item in fields(method)):
-            return own
+        call = observed, method, *_ = self.calls(beam)["sdecgmca"]
+        if not hasattr(method, "beyond"):
+            return call
         try:
             further = self._in_place(observed.beam, beyond="regularised")
         except InputError:  # its last S has no regularisation that could be carried on
@@ -120,33 +119,43 @@ class Realisation:
     def _options(self):
         if self.noise_level == 1:
             return dict(self.options)
-        told = tuple((self.noise_level * noise_sigma(self.survey)).tolist())
-        return dict(self.options) | {"noise": told}
+        assumed = tuple((self.noise_level * noise_sigma(self.survey)).tolist())
+        return dict(self.options) | {"noise": assumed}
 
     def of(self, case):
         """{method: `Comparison`} of one case; methods by their registered name."""
-        if case not in self._compared:
-            self._compared[case] = {
-                method: self._assessed_against_truth(call) for method, call in self.calls(case).items()
-            }
-        return self._compared[case]
+        return {method: self._compare(call) for method, call in self.calls(case).items()}
+
+    def beyond(self, beam):
+        """`Comparison` of SDecGMCA that goes on beyond l = 200 with a regularised inversion of the beam."""
+        return self._compare(self._beyond(beam))
+
+    @property
+    def scan(self):
+        """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
+        return {n: self._compare(call) for n, call in self._scan().items()}
+
+    def _compare(self, call):
+        """`Comparison` of an assessment with the truth, which ends where it does."""
+        if call not in self._compared:
+            result = cleaned.assessment(*call)
+            self._compared[call] = self._comparison(result.power_spectra, self._truth(call))
+        return self._compared[call]
 
     @cached_property
     def _compared(self):
         return {}
 
-    @cached_property
-    def _run_beyond(self):
-        return {beam: self._assessed_against_truth(self._beyond(beam)) for beam in BEAMS}
+    def _truth(self, call):
+        return cleaned.assessment(*call).truth or pipeline.true_spectra(call[0])
 
-    def beyond(self, beam):
-        """`Comparison` of SDecGMCA that goes on beyond l = 200 with a regularised inversion of the beam."""
-        return self._run_beyond[beam]
+    def _comparison(self, recovered, true):
+        powerful = true.angular.degrees[true.angular.mean > 0]  # a method may end before the maps do
+        return Comparison.of(recovered, true, l_top=min(2 * self.survey.nside, powerful.max()))
 
-    @cached_property
-    def scan(self):
-        """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
-        return {n: self._assessed_against_truth(call) for n, call in self._scan().items()}
+    def assessed(self, method):
+        """The `Assessment` of a method on the oscillating case."""
+        return cleaned.assessment(*self.calls("oscillating")[method])
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
@@ -154,7 +163,7 @@ class Realisation:
         return self._comparison(result.masked, result.masked_truth)
 
     def unmasked(self, method):
-        """The `Comparison` of the whole sky in the bins of `masked`."""
+        """The `Comparison` of the full sky in the bins of `masked`."""
         return self.of("oscillating")[method].in_bins_of(self.masked(method))
 
     def flagged(self, method):
@@ -167,18 +176,20 @@ class Realisation:
 
     def variance(self, method):
         """Variance over channels of the fractional error of C_l at the l of `of`, on the oscillating case."""
-        result = self.assessed(method)
-        true = _true_of(result, self.cases["oscillating"][0]).angular
-        inside = np.isin(true.degrees, self.of("oscillating")[method].degrees)
-        return diagnostics.error_variance(result.power_spectra.angular.cl[:, inside], true.cl[:, inside])
+        call = self.calls("oscillating")[method]
+        true, degrees = self._truth(call).angular, self._compare(call).degrees
+        inside = np.isin(true.degrees, degrees)
+        return diagnostics.error_variance(
+            self.assessed(method).power_spectra.angular.cl[:, inside], true.cl[:, inside]
+        )
 
     def brightness(self):
         """{region of the sky: rms of foregrounds and of HI before the beam, mK}."""
-        (whole, high) = evidence.sky_brightness(self.survey.sky, self.galaxy)
-        return {"all sky": tuple(whole), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
+        everywhere, high = evidence.sky_brightness(self.survey.sky, self.galaxy)
+        return {"all sky": tuple(everywhere), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
 
     def masked_voxels(self, beam):
-        """{what stands out there: how many voxels the peak masking replaces}."""
+        """{"HI", "noise" or "foreground": how many voxels where it stands out the peak masking replaces}."""
         counts = evidence.masked_voxels(self.cases[beam][0])
         return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
 
@@ -194,30 +205,13 @@ class Realisation:
         """c of Table 1."""
         return table_1(self.cases[beam][0].beam)["regularisation"]
 
-    def assessed(self, method):
-        """The `Assessment` of a method on the oscillating case."""
-        return cleaned.assessment(*self.calls("oscillating")[method])
 
-    def _assessed_against_truth(self, call):
-        result = cleaned.assessment(*call)
-        return self._comparison(result.power_spectra, _true_of(result, call[0]))
-
-    def _comparison(self, recovered, true):
-        powerful = true.angular.degrees[true.angular.mean > 0]  # a method may end before the maps do
-        return Comparison.of(recovered, true, l_top=min(2 * self.survey.nside, powerful.max()))
-
-
-def _true_of(assessment, case):
-    """The `PowerSpectra` that a result is compared with; they end where it does."""
-    return assessment.truth or pipeline.true_spectra(case)
-
-
-def make(skies, *, only_oscillating=()):
+def make(realisations, *, only_oscillating=()):
     """Compute what some realisations need together and is not in the cache; returns how many assessments.
 
-    Of the realisations in `only_oscillating` that is what SDecGMCA leaves on the oscillating case.
+    Of the realisations in `only_oscillating` that is the residual of SDecGMCA on the oscillating case.
     """
-    assessments = dict.fromkeys(call for sky in skies for call in sky.assessments)
+    assessments = dict.fromkeys(call for sky in realisations for call in sky.assessments)
     assessments |= dict.fromkeys(sky.calls("oscillating")["sdecgmca"] for sky in only_oscillating)
-    facts = dict.fromkeys(fact for sky in skies for fact in sky.facts)
+    facts = dict.fromkeys(fact for sky in realisations for fact in sky.facts)
     return cleaned.make_by_case([*facts, *((cleaned.assessment, call) for call in assessments)])

@@ -16,9 +16,8 @@ from himap.store.fingerprint import CodeTree
 from himap.store.provenance import Provenance
 
 _MOST_SOURCES = 10_000
-_SKIES = {"n_realisations": ("int", 20, "skies, each with a seed of its own")}
+_SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
-_NEXT = "goes with the next release"
 
 _OPTIONS = (
     click.option("--preset", help="ci, quick, laptop or paper."),
@@ -66,12 +65,14 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
 
     experiment = find_experiment(name)
     chosen, given = _parameters(experiment, pairs, preset)
-    record = None
-    if check is None and grow is None:
+    path, record = grow if check is None else check, None
+    if None not in (check, grow):
+        raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
+    if path is None:
         path = copy_name(name, chosen["preset"], given, suffix=".json")
         path = json_output(output, path, overwrite=overwrite)
     else:
-        path = _existing(check, grow, output, overwrite)
+        check_alone("--grow" if check is None else "--check", output, overwrite)
         record = Record.load(experiment, path)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
@@ -79,9 +80,12 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
 
     def about(since):
-        preset = chosen["preset"]
         made = Provenance.of(
-            skies[0].survey, galaxy=skies[0].galaxy, preset=preset, parameters=stated, started=since
+            skies[0].survey,
+            galaxy=skies[0].galaxy,
+            preset=chosen["preset"],
+            parameters=stated,
+            started=since,
         )
         # The code that ran, whatever was edited in the hours since.
         return asdict(made) | {"code": measuring_code(name, CodeTree(loaded=True))}
@@ -101,45 +105,32 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
             rows = experiment.table([sky for sky in skies if sky.survey.seed == seed])
             record = record.grow(rows, about(since))
             record.save(path)  # at once: no sky is lost
-    click.echo(_table(experiment.summary(record.rows)))
+    summary = experiment.summary(record.rows)
+    # Columns of numbers are at the right.
+    align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
+    click.echo(Table(summary.columns, summary.to_numpy(), align=align))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
 def _parameters(experiment, pairs, preset):
     """{name: value} of all parameters of an experiment, and of those that were given."""
-    chapter = [one for one in find(experiment.chapter).parameters if one.name not in experiment.without]
-    more = {} if any(one.name == "n_realisations" for one in chapter) else _SKIES
-    declared = chapter + [Parameter(one, *rest) for one, rest in more.items()]
-    declared = [replace(one, default=experiment.defaults.get(one.name, one.default)) for one in declared]
+    declared = {one.name: one for one in (_SKIES, *find(experiment.chapter).parameters)}
+    declared = [
+        replace(one, default=experiment.defaults.get(one.name, one.default))
+        for one in declared.values()
+        if one.name not in experiment.without
+    ]
     given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
         whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
     return {one.name: one.default for one in declared} | given, given
 
 
-def _existing(check, grow, output, overwrite):
-    """The path of the record that is checked or grows."""
-    if check is not None and grow is not None:
-        raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
-    option, path = ("--check", check) if grow is None else ("--grow", grow)
-    check_alone(option, output, overwrite)
-    return path
-
-
-def _table(frame):
-    """A DataFrame of texts as a table; columns of numbers are at the right."""
-    rows = frame.to_numpy().tolist()
-    numbers = [
-        all(cell[:1] in "+-–.0123456789" for cell in column if cell) for column in zip(*rows, strict=True)
-    ]
-    return Table(frame.columns, rows, align="".join("r" if one else "l" for one in numbers))
-
-
 def _formerly(old, name):
     """The command `old`, which is `himap measure NAME` now."""
 
     def command(**options):
-        click.echo(f"`himap {old}` is `himap measure {name}` now, and {_NEXT}.", err=True)
+        click.echo(f"`himap {old}` is `himap measure {name}` now, and goes with the next release.", err=True)
         _measure(name, **options)
 
     words = f"Measure {name}; now `himap measure {name}`.\n\n\b\nhimap {old} --preset quick"
