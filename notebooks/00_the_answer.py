@@ -44,8 +44,7 @@ from pathlib import Path
 from IPython.display import Markdown
 
 from himap.app.stored import RESULTS, read_ledger
-from himap.app.stored_curves import angular_ratios, stored_curves
-from himap.app.stored_tables import ledgers_table, picture
+from himap.app.stored_tables import angular_ratios, ledgers_table, picture, stored_curves
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table

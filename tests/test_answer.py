@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from ledgers import entry
 
-from himap.app.stored_curves import angular_ratios, stored_curves
-from himap.app.stored_tables import picture
+from himap.app.stored_tables import angular_ratios, picture, stored_curves
 from himap.core.errors import InputError
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.conclusions import CONCLUSIONS, verdict

@@ -55,7 +55,7 @@ def read_stored(name, folder=None):
 
 
 def read_ledger(path=LEDGER):
-    """The `himap.paper.claims.entries.Entry` of each claim in a record, and what made it, (list, dict).
+    """The `himap.paper.claims.entries.Entry` of each claim in a record, and its provenance, (list, dict).
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_ledger(path=LEDGER):
 
 
 def stored_figure(folder, name, results=None):
-    """What is stored of one figure, a dict: where it is in the paper, what made it, and its curves.
+    """What is stored of one figure, a dict: where it is in the paper, its provenance, and its curves.
 
     Parameters
     ----------
@@ -111,15 +111,20 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
         ("times"), all of it ("core_hours"), and the memory that himap asks for ("gigabytes").
     """
     memory = estimate(replace(PRESETS["paper"], **size))
+    before, after = smaller["about"]["size"], larger["about"]["size"]
     rows = []
-    for before, row in zip(smaller["steps"], larger["steps"], strict=True):
-        name = row["step"]
+    for small, large in zip(smaller["steps"], larger["steps"], strict=True):
+        name = large["step"]
         times = _TIMES.get(name, 3)
         if not times:
             continue
         with_channels = scaling["found"]["n_channels"][name]["exponent"]
-        sizes = smaller["about"]["size"], larger["about"]["size"], size
-        once = row["seconds"] * _growth(row["seconds"] / before["seconds"], with_channels, *sizes)
+        growth = large["seconds"] / small["seconds"]
+        growth /= (after["n_channels"] / before["n_channels"]) ** with_channels
+        with_nside = math.log(growth) / math.log(after["nside"] / before["nside"])
+        exponents = {"nside": with_nside, "n_channels": with_channels}
+        factors = [(size[axis] / after[axis]) ** exponent for axis, exponent in exponents.items()]
+        once = large["seconds"] * math.prod(factors)
         rows.append(
             {
                 "step": name,
@@ -132,24 +137,13 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
     return rows
 
 
-def _growth(measured, with_channels, smaller, larger, asked):
-    """Factor in time from `larger` to `asked`, given the one from `smaller` to `larger`."""
-    first, second = _factors(smaller, larger), _factors(larger, asked)
-    with_nside = math.log(measured / first["n_channels"] ** with_channels) / math.log(first["nside"])
-    return second["nside"] ** with_nside * second["n_channels"] ** with_channels
-
-
-def _factors(before, after):
-    return {name: after[name] / before[name] for name in ("nside", "n_channels")}
-
-
 def times_of_all(steps, about):
-    """How long light cone, observations and the ledger of one realisation took: {part: seconds}.
+    """Time of light cone, observations and the ledger of one realisation: {part: seconds}.
 
     Parameters
     ----------
     steps, about
-        The steps, and what made the ledger once the observations were there, as they are stored.
+        The steps, and the provenance of the ledger once the observations were there, as they are stored.
     """
     parts = {row["step"]: row["seconds"] for row in steps["steps"][:2]}
     return parts | {"the ledger": about["seconds"]}

@@ -1,6 +1,8 @@
-"""How stored results are laid out on the pages: tables and pictures as Markdown."""
+"""How stored results are laid out on the pages: tables and pictures as Markdown, and curves."""
 
 import os
+
+import numpy as np
 
 from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
@@ -12,6 +14,7 @@ from himap.paper.ledger_table import BADGES, measured, summary
 from himap.store.provenance import Provenance
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
+_TOP = 200  # the largest l that is shown
 _PARTS = 3  # of a claim that a cell can list
 _SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}
 _GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
@@ -37,7 +40,7 @@ def short(value, digits=2):
 
 
 def steps_table(found):
-    """Time, memory, floor and alternative of every step, the machine, and what was measured, as Markdown.
+    """Time, memory, floor and alternative of every step, the machine, and the provenance, as Markdown.
 
     Parameters
     ----------
@@ -45,46 +48,50 @@ def steps_table(found):
         What ``python -m benchmarks`` wrote. The goals are shown at the preset ``paper``, for which they were
         set; what misses its goal is bold.
     """
-    head = ["Step", "Time", "Goal", "Memory", "Goal", "Floor", "Over it", "Alternative"]
-    goals = found["about"]["preset"] == "paper"
-    rows = [_step(row, goals) for row in found["steps"]]
-    head = head if goals else [word for word in head if word != "Goal"]
-    return "\n\n".join([_markdown(head, rows), _machine(found["machine"]), _footer(found["about"])])
-
-
-def _step(row, goals):
-    beside = row.get("alternative")
-    cells = [f"{short(row['seconds'], 3)} s", f"{row['goal_seconds']} s"]
-    cells += [f"{row['memory_gb']:.1f} GB", f"{row['goal_gb']} GB", f"{short(row['floor_seconds'])} s"]
-    cells.append(f"{short(row['seconds'] / row['floor_seconds'])} ×")
-    cells = [cell.replace(" ", _NO_BREAK) for cell in cells]
-    if goals:
-        cells[0] = f"**{cells[0]}**" if row["seconds"] > row["goal_seconds"] else cells[0]
-        cells[2] = f"**{cells[2]}**" if row["memory_gb"] > row["goal_gb"] else cells[2]
-    cells.append(f"{short(beside['seconds'] / row['seconds'])} × {beside['name']}" if beside else "")
-    return [row["step"], *(cells if goals else [cell for n, cell in enumerate(cells) if n not in (1, 3)])]
-
-
-def _machine(machine):
-    return (
+    goals, rows = found["about"]["preset"] == "paper", []
+    for step in found["steps"]:
+        texts = {
+            "Time": f"{short(step['seconds'], 3)} s",
+            "Goal": f"{step['goal_seconds']} s",
+            "Memory": f"{step['memory_gb']:.1f} GB",
+            "Goal ": f"{step['goal_gb']} GB",
+            "Floor": f"{short(step['floor_seconds'])} s",
+            "Over it": f"{short(step['seconds'] / step['floor_seconds'])} ×",
+        }
+        texts = {name: text.replace(" ", _NO_BREAK) for name, text in texts.items()}
+        missed = {
+            "Time": step["seconds"] > step["goal_seconds"],
+            "Memory": step["memory_gb"] > step["goal_gb"],
+        }
+        row = {
+            name: f"**{text}**" if goals and missed.get(name) else text
+            for name, text in texts.items()
+            if goals or not name.startswith("Goal")
+        }
+        other = step.get("alternative")
+        times = f"{short(other['seconds'] / step['seconds'])} × {other['name']}" if other else ""
+        rows.append({"Step": step["step"]} | row | {"Alternative": times})
+    machine = found["machine"]
+    said = (
         f"This machine moved {machine['bandwidth'] / 1e9:.3g} GB/s, did {machine['operations'] / 1e9:.3g} "
         f"GFlop/s in float64 ({machine['operations_single'] / 1e9:.3g} in float32), and took "
         f"{1e3 * machine['transform']:.3g} ms for a spherical harmonic transform "
         f"({1e3 * machine['transform_single']:.3g} in float32)."
     )
+    head = [name.strip() for name in rows[0]]
+    return "\n\n".join([_markdown(head, [row.values() for row in rows]), said, _footer(found["about"])])
 
 
 def growth_table(found):
     """The exponents of every step, of what ``python -m benchmarks.scaling`` wrote, as Markdown."""
-    ways = found["found"]
-    names = list(next(iter(ways.values())))
-    rows = [[name, *(f"{way[name]['exponent']:.2f}" for way in ways.values())] for name in names]
+    ways = found["found"].values()
+    rows = [[step, *(f"{way[step]['exponent']:.2f}" for way in ways)] for step in next(iter(ways))]
     head = ["Step", "with nside", "with channels"]
     return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
 
 
 def endurance_table(found):
-    """What disturbed commands came to, of what ``python -m benchmarks.endurance`` wrote, as Markdown.
+    """Outcomes of disturbed commands, of what ``python -m benchmarks.endurance`` wrote, as Markdown.
 
     A count that ought to be zero and is not is bold.
     """
@@ -92,13 +99,11 @@ def endurance_table(found):
     for name, counts in found["found"].items():
         text, times = _DISTURBED[name]
         failed = sum(counts.get(key, 0) for key in ("reruns_that_failed", "processes_that_failed"))
-        if "told_in_a_sentence" in counts or "done_all_the_same" in counts:  # a count of zero is left out
-            failed += (
-                counts["finished"] - counts.get("told_in_a_sentence", 0) - counts.get("done_all_the_same", 0)
-            )
-        left = sum(n for key, n in counts.items() if key.startswith("left_") or key == "processes_left")
-        lost = (failed, counts.get("other_results", 0), left)
-        rows.append([text, f"{counts.get(times, 0)}", *(f"**{n}**" if n else "0" for n in lost)])
+        endings = [counts[key] for key in ("told_in_a_sentence", "done_all_the_same") if key in counts]
+        failed += counts["finished"] - sum(endings) if endings else 0  # a count of zero is left out
+        remains = sum(n for key, n in counts.items() if key.startswith("left_") or key == "processes_left")
+        numbers = (failed, counts.get("other_results", 0), remains)
+        rows.append([text, f"{counts.get(times, 0)}", *(f"**{n}**" if n else "0" for n in numbers)])
     head = ["What was done", "Times", "Failed", "Other results", "Left behind"]
     return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
 
@@ -114,25 +119,30 @@ def ledgers_table(ledgers, only=None):
         Function from the entries of one claim, one of each ledger, to whether it is shown, such as
         `of_chapter("10_results")` or `differing`; all claims unless given, and then their count as well.
     """
-    rows = list(zip(*(entries for entries, _ in ledgers), strict=True))
-    made = [Provenance.of_stored(about) for _, about in ledgers]
-    names = [
-        f"{_ledger_name(one, made)}, {_skies(entries)}"
-        for one, (entries, _) in zip(made, ledgers, strict=True)
-    ]
-    shown = [_claim(entries) for entries in rows if only is None or only(entries)]
-    total = [["all", "", "", *map(_count, zip(*rows, strict=True))]] if only is None else []
-    table = _markdown(["Claim", "Measured", "The paper says", *names], shown + total)
-    return "\n\n".join([table, *_notes(names, made)])
-
-
-def _notes(names, made):
-    """What made each ledger, as paragraphs; what several have in common stands in one of its own."""
-    lines = [one.footer().split(" · ") for one in made]
-    shared = [word for word in lines[0] if len(lines) > 1 and all(word in line for line in lines)]
-    common = [f"*All: {' · '.join(shared)}*"] if shared else []
-    own = [" · ".join(word for word in line if word not in shared) for line in lines]
-    return [*common, *(f"*{name}: {one}*" for name, one in zip(names, own, strict=True))]
+    names = []
+    for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
+        n_skies = len(entries[0].findings)
+        names.append(f"{name}, {n_skies} sk{'y' if n_skies == 1 else 'ies'}")
+    rows = []
+    for entries in zip(*(entries for entries, _ in ledgers), strict=True):
+        if only is None or only(entries):
+            claim = entries[0].claim
+            first = [f"**{claim.id}**", f"{claim.number} ({claim.beam})", claim.paper]
+            rows.append([*first, *map(_cell, entries)])
+    if only is None:
+        counts = [
+            [f"{BADGES[verdict][0]} {n}" for verdict, n in summary(entries).items() if n]
+            for entries, _ in ledgers
+        ]
+        rows.append(["all", "", "", *map(" · ".join, counts)])
+    table = _markdown(["Claim", "Measured", "The paper says", *names], rows)
+    # The words that all have in common are in a paragraph of their own.
+    footers = [Provenance.of_stored(about).footer().split(" · ") for _, about in ledgers]
+    shared = [word for word in footers[0] if len(footers) > 1 and all(word in words for words in footers)]
+    notes = [f"*All: {' · '.join(shared)}*"] if shared else []
+    for name, words in zip(names, footers, strict=True):
+        notes.append(f"*{name}: {' · '.join(word for word in words if word not in shared)}*")
+    return "\n\n".join([table, *notes])
 
 
 def of_chapter(notebook):
@@ -147,17 +157,16 @@ def differing(entries):
 
 def verdicts_table(ledgers):
     """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
-    every = [Provenance.of_stored(about) for _, about in ledgers]
-    rows = []
-    for entries, about in ledgers:
-        made, realisations = Provenance.of_stored(about), len(entries[0].findings)
-        rows.append([_ledger_name(made, every), f"{realisations}", *summary(entries).values()])
+    rows = [
+        [name, f"{len(entries[0].findings)}", *summary(entries).values()]
+        for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True)
+    ]
     signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
     return _markdown(["", "skies", *signs], rows)
 
 
 def failed_table(entries):
-    """What does not hold of each claim, and the numbers of its first realisation, as Markdown.
+    """The parts that do not hold of each claim, and the numbers of its first realisation, as Markdown.
 
     Claims of which every part holds in every realisation, and those that do not apply, have no row.
     """
@@ -166,60 +175,41 @@ def failed_table(entries):
         parts = [f"{part} ({n})" for part, n in entry.failed_parts().items()]
         if parts:
             rows.append([f"**{entry.claim.id}**", _signed(entry), "; ".join(parts), entry.sentence])
-    return _markdown(["Claim", "", f"Does not hold (in how many of {_most(entries)})", "Numbers"], rows)
+    most = max(len(entry.findings) for entry in entries)
+    return _markdown(["Claim", "", f"Does not hold (in how many of {most})", "Numbers"], rows)
 
 
-def _most(entries):
-    return max(len(entry.findings) for entry in entries)
-
-
-def _ledger_name(made, every):
-    """Size of a ledger, its Galaxy if `every` has several, and what stands for SDecGMCA's default reading."""
-    changed = dict(made.overrides)
-    galaxies = {one.galaxy for one in every}
-    galaxy = [_GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if len(galaxies) > 1 else []
-    method = [styles.numbered(changed["method"], None)] if "method" in changed else []
-    reading = [str(changed["reading"])] if "reading" in changed else []
-    return ", ".join([_SIZES.get(made.preset, made.preset), *galaxy, *method, *reading])
-
-
-def _skies(entries):
-    n = len(entries[0].findings)
-    return f"{n} sk{'y' if n == 1 else 'ies'}"
-
-
-def _claim(entries):
-    """The cells of one claim: what is measured, what the paper has, verdict and number of each ledger."""
-    claim = entries[0].claim
-    cells = [_cell(entry) for entry in entries]
-    return [f"**{claim.id}**", f"{claim.number} ({claim.beam})", claim.paper, *cells]
+def _ledger_names(ledgers):
+    """Size of each ledger, its Galaxy if there are several, and what replaces SDecGMCA's default reading."""
+    every = [Provenance.of_stored(about) for _, about in ledgers]
+    several, names = len({made.galaxy for made in every}) > 1, []
+    for made in every:
+        changed = dict(made.overrides)
+        name = [_SIZES.get(made.preset, made.preset)]
+        name += [_GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
+        name += [styles.numbered(changed["method"], None)] if "method" in changed else []
+        name += [str(changed["reading"])] if "reading" in changed else []
+        names.append(", ".join(name))
+    return names
 
 
 def _cell(entry):
-    """Sign, number and failing parts of an entry; words where sign and number would both be a dash."""
+    """Sign and number of an entry, and the parts that fail on half of the skies or more.
+
+    In words where sign and number would both be a dash.
+    """
     number = measured(entry)
     if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
         number = entry.verdict
-    return f"{_signed(entry)} {number}{_which_fail(entry)}"
-
-
-def _which_fail(entry):
-    """The parts of a claim that its verdict hangs on: those that fail on half of the skies or more."""
     often = [part for part, n in entry.failed_parts().items() if 2 * n >= len(entry.findings)]
-    if not often or entry.verdict not in (FAILED, IN_PART):
-        return ""
+    often = often if entry.verdict in (FAILED, IN_PART) else []
     more = f"; and {len(often) - _PARTS} more" if len(often) > _PARTS else ""
-    return f"<br>fails: {'; '.join(often[:_PARTS])}{more}"
+    return f"{_signed(entry)} {number}" + (f"<br>fails: {'; '.join(often[:_PARTS])}{more}" if often else "")
 
 
 def _signed(entry):
     """The sign of the verdict, and of one in part how many parts hold."""
     return f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
-
-
-def _count(entries):
-    count = summary(entries)
-    return " · ".join(f"{sign} {count[one]}" for one, (sign, _) in BADGES.items() if count[one])
 
 
 def pictures(folders, results=None):
@@ -233,7 +223,6 @@ def pictures(folders, results=None):
         Default: `RESULTS`.
     """
     chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
-    place = os.path.relpath(results or RESULTS, notebooks_folder())
     stored = {}
     for folder in folders:
         for row in read_stored(f"{folder}/figures", results)["figures"]:
@@ -243,36 +232,65 @@ def pictures(folders, results=None):
         chapter, caption = chapters[name]
         link = f"[{chapter.name}]({chapter.name}.ipynb)"
         parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption)} ({link}).")
-        for folder, row in several:
-            parts += _picture(f"{place}/{folder}/{name}.png", row)
+        parts += [part for folder, row in several for part in _picture(folder, row, results)]
     return "\n\n".join(parts)
 
 
 def picture(folder, name, results=None):
-    """One stored figure as Markdown: its picture by the relative path, its caption, and what made it."""
-    place = os.path.relpath(results or RESULTS, notebooks_folder())
+    """One stored figure as Markdown: its picture by the relative path, its caption, and its provenance."""
     row = stored_figure(folder, name, results)
-    shown, made = _picture(f"{place}/{folder}/{name}.png", row)
+    shown, made = _picture(folder, row, results)
     captions = [f": {plain_caption(one.captions[name])}" for one in notebooks() if name in one.captions]
     return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again{''.join(captions)}.*\n\n{made}"
 
 
-def _picture(path, row):
-    """Two paragraphs: a stored figure that leads to itself in full size, and what made it."""
-    made = _made(row["parameters"], row["execution"])
+def _picture(folder, row, results):
+    """Two paragraphs: a stored figure that links to itself in full size, and its provenance.
+
+    That has parameters that are not the notebook's, but not the time: the picture says when it was drawn,
+    which is before its notebook ended.
+    """
+    path = f"{os.path.relpath(results or RESULTS, notebooks_folder())}/{folder}/{row['name']}.png"
+    chosen, execution = {"preset": "quick", "galaxy": "synthetic"} | row["parameters"], row["execution"]
+    size = f"{chosen.pop('preset')}, {chosen.pop('galaxy')} Galaxy"
+    changed = [f"{name} = {value}" for name, value in chosen.items()]
+    code = f"himap {execution['himap']}, commit {execution['commit']}{' with edits' * execution['dirty']}"
+    made = " · ".join([size, *changed, code])
     return f"[![Fig. {row['paper']}, {made}]({path})]({path})", f"*{made}*"
 
 
-def _made(parameters, execution):
-    """One line: preset, Galaxy, other parameters that are not the notebook's, version and commit.
+def stored_curves(folder, figure, results=None):
+    """The curves of one stored figure, {panel: {label: (x, y)}}; arguments as of `stored_figure`."""
+    return {
+        panel: {
+            label: (np.array(group["x"]), np.array(y)) for group in groups for label, y in group["y"].items()
+        }
+        for panel, groups in stored_figure(folder, figure, results)["panels"].items()
+    }
 
-    Not the time: the picture says when it was drawn, which is before its notebook ended.
+
+def angular_ratios(curves, **settings):
+    """A panel of `himap.figures.plotting.ratios`: C/C0 of all methods among some curves, 2 <= l <= 200.
+
+    Not for P(k): a method that ends at some l is compared there with a truth that ends there, which is not
+    among the curves. C_l has no such other truth.
+
+    Parameters
+    ----------
+    curves
+        {label: (l, C_l)} of one panel of a figure, as of `stored_curves`.
+    settings
+        Of the panel, such as its title.
     """
-    chosen = {"preset": "quick", "galaxy": "synthetic"} | parameters
-    size = f"{chosen.pop('preset')}, {chosen.pop('galaxy')} Galaxy"
-    changed = [f"{name} = {value}" for name, value in chosen.items()]
-    edits = " with edits" if execution["dirty"] else ""
-    return " · ".join([size, *changed, f"himap {execution['himap']}, commit {execution['commit']}{edits}"])
+    at, true = curves["HI + noise"]
+    drawn = []
+    for look in styles.METHOD_STYLES.values():
+        if look["label"] in curves:
+            degrees, power = curves[look["label"]]
+            shown = (degrees >= 2) & (degrees <= _TOP)
+            ratio = (power / true[np.searchsorted(at, degrees)])[shown]
+            drawn.append((degrees[shown], ratio, ratio, ratio, look))
+    return {"curves": drawn, "xlabel": styles.AXES["angular"]["xlabel"]} | settings
 
 
 def _footer(about):

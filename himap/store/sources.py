@@ -35,7 +35,7 @@ IGNORED = {
 results: no number depends on them."""
 
 LOOKS = {
-    *("himap.figures", "himap.app.stored_curves", "himap.app.stored_tables"),
+    *("himap.figures", "himap.app.stored_tables"),
     *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.readings_figures"),
     *("himap.paper.study_figures", "himap.store.provenance"),
 }
