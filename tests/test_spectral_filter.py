@@ -1,20 +1,24 @@
-"""What a linear filter by multipole takes of maps, against a slow twin on the coefficients of a cube."""
+"""Filters by multipole, and projections on spectra seen through beams, against slow twins."""
 
 import numpy as np
 import pytest
-from smooth_problem import NSIDE, make_sky
+from smooth_problem import make_sky
+from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
 
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.analysis import analysed
-from himap.removal.spectral_filter import SpectralFilter
-
-LMAX = 2 * NSIDE
+from himap.removal.spectral_filter import SpectralFilter, on_sky, seen_through, through_beams
 
 
 @pytest.fixture
-def sky(rng):
-    return make_sky(rng)
+def problem(rng):
+    return make_problem(rng)[:3]
+
+
+@pytest.fixture(scope="module")
+def sky():
+    return make_sky(np.random.default_rng(4))
 
 
 def some_filter(rng, n_channels, lmax, n_sources=2):
@@ -29,45 +33,74 @@ def some_filter(rng, n_channels, lmax, n_sources=2):
     )
 
 
-def take(linear, maps):
+def foreground(linear, maps):
     return linear.foreground(maps, analysed(maps)).cube()
 
 
-def test_taken_one_multipole_at_a_time(sky, rng):
-    """Maps that end at the last l of the filter: what a transform holds is all that there is."""
-    linear = some_filter(rng, len(sky.maps), LMAX)
-    modes = analysed(sky.maps)
-    expected = modes.upto(LMAX)
-    for degree, block in enumerate(harmonic.blocks(expected)):
-        block[:] = linear.spectra[degree] @ linear.estimators[degree] @ block
-    expected = np.array([sphere.synthesise(alm, NSIDE) for alm in harmonic.from_modes(expected)])
-    found = take(linear, sky.maps)
-    assert np.std(found - expected) < 1e-3 * np.std(expected)
+class TestFilter:
+    def test_one_multipole_at_a_time(self, sky, rng):
+        """Maps that end at the last l of the filter: what a transform holds is all that there is."""
+        linear, modes = some_filter(rng, len(sky.maps), LMAX), analysed(sky.maps)
+        expected = modes.upto(LMAX)
+        for degree, block in enumerate(harmonic.blocks(expected)):
+            assert modes.at(degree) == pytest.approx(block)
+            block[:] = linear.spectra[degree] @ linear.estimators[degree] @ block
+        expected = np.array([sphere.synthesise(alm, NSIDE) for alm in harmonic.from_modes(expected)])
+        assert np.std(foreground(linear, sky.maps) - expected) < 1e-3 * np.std(expected)
+
+    def test_beyond_the_last_multipole_it_goes_on_as_there(self, rng):
+        """A map of all l that the pixels hold, and a filter that is the same at every l."""
+        maps = rng.standard_normal((6, 12 * NSIDE**2)).astype(np.float32)
+        linear = some_filter(rng, 6, 12)
+        linear.spectra[:], linear.estimators[:] = linear.spectra[0], linear.estimators[0]
+        expected = linear.spectra[0] @ linear.estimators[0] @ maps
+        assert foreground(linear, maps) == pytest.approx(expected, abs=1e-5)
+
+    def test_a_filter_of_a_sum_is_the_sum_of_filters(self, sky, rng):
+        linear = some_filter(rng, len(sky.maps), LMAX)
+        cubes = [part.astype(np.float32) for part in (sky.maps, sky.truth, sky.maps - sky.truth)]
+        total, truth, rest = (foreground(linear, cube) for cube in cubes)
+        assert np.std(total - truth - rest) < 1e-3 * np.std(total)
+
+    def test_covariance_of_the_band(self, rng):
+        linear = some_filter(rng, 3, 12)
+        assert [linear.faint_at(degree)[0, 0] for degree in (0, 4, 5, 12)] == [1, 1, 2, 2]
 
 
-def test_beyond_the_last_multipole_it_goes_on_as_there(rng):
-    """A map of all l that the pixels hold, and a filter that takes the same at every l."""
-    maps = rng.standard_normal((6, 12 * NSIDE**2)).astype(np.float32)
-    linear = some_filter(rng, 6, 12)
-    linear.spectra[:], linear.estimators[:] = linear.spectra[0], linear.estimators[0]
-    expected = linear.spectra[0] @ linear.estimators[0] @ maps
-    assert linear.foreground(maps, analysed(maps)).cube() == pytest.approx(expected, abs=1e-5)
+class TestBeams:
+    def test_through_equal_beams_it_is_a_projection_of_channels(self, rng):
+        maps = rng.standard_normal((8, 12 * NSIDE**2)).astype(np.float32)
+        space = rng.standard_normal((8, 2))
+        expected = space @ np.linalg.lstsq(space, maps)[0]
+        found = through_beams(maps, space, np.ones((8, 3 * NSIDE)), analysed(maps)).cube()
+        assert found == pytest.approx(expected, abs=1e-5)
 
+    def test_against_every_mode_by_itself(self, problem, rng):
+        """Least squares for every (l, m), without the common basis, on noise that the transform can hold."""
+        _, mixing, _ = problem
+        alms = np.stack([sphere.gaussian_alm(np.ones(LMAX + 1), rng) for _ in range(8)])
+        maps = np.stack([sphere.synthesise(alm, NSIDE) for alm in alms]).astype(np.float32)
+        modes = harmonic.to_modes(alms)
+        for mode, degree in enumerate(harmonic.degrees(LMAX)):
+            matrix = BEAMS[:, degree, None] * mixing
+            modes[:, mode] = matrix @ np.linalg.lstsq(matrix, modes[:, mode])[0]
+        expected = sphere.synthesise(harmonic.from_modes(modes), NSIDE)
+        found = through_beams(maps, mixing, BEAMS, analysed(maps)).cube()
+        assert (found - expected).std() < 3e-3 * expected.std()
 
-def test_a_filter_of_a_sum_is_the_sum_of_filters(sky, rng):
-    linear = some_filter(rng, len(sky.maps), LMAX)
-    cubes = [part.astype(np.float32) for part in (sky.maps, sky.truth, sky.maps - sky.truth)]
-    whole, truth, rest = (linear.foreground(cube, analysed(cube)).cube() for cube in cubes)
-    assert np.std(whole - truth - rest) < 1e-3 * np.std(whole)
+    def test_only_the_span_counts(self, problem, rng):
+        maps, mixing, _ = problem
+        other, maps = mixing @ (np.eye(4) + rng.random((4, 4))), maps.astype(np.float32)
+        one, two = (through_beams(maps, space, BEAMS, analysed(maps)).cube() for space in (mixing, other))
+        assert one == pytest.approx(two, abs=1e-5 * float(np.abs(one).max()))
 
-
-def test_modes_of_one_multipole(sky):
-    modes = analysed(sky.maps)
-    whole = modes.upto(LMAX)
-    for degree in (0, 7, LMAX):
-        assert modes.at(degree) == pytest.approx(harmonic.blocks(whole)[degree])
-
-
-def test_covariance_of_the_band(rng):
-    linear = some_filter(rng, 3, 12)
-    assert [linear.faint_at(degree)[0, 0] for degree in (0, 4, 5, 12)] == [1, 1, 2, 2]
+    @pytest.mark.parametrize("lmax", [None, 9])
+    def test_sources_seen_through_beams(self, problem, rng, lmax):
+        """diag(b_l) A S_l channel by channel, all l and to a smaller one, in few spectra."""
+        _, mixing, _ = problem
+        sources = np.stack([sphere.gaussian_alm(1 / np.arange(1, LMAX + 2) ** 2, rng) for _ in range(4)])
+        found = on_sky(seen_through(harmonic.to_modes(sources), mixing, BEAMS[:, : LMAX + 1]), NSIDE, lmax)
+        alms = [sphere.multiply_beam(row @ sources, beam) for row, beam in zip(mixing, BEAMS, strict=True)]
+        alms = np.where(sphere.alm_degree(LMAX) <= (LMAX if lmax is None else lmax), alms, 0)
+        assert found.lines(slice(None)) == pytest.approx(sphere.synthesise(alms, NSIDE), abs=1e-9)
+        assert found.spectra.T @ found.spectra == pytest.approx(np.eye(found.spectra.shape[1]), abs=1e-12)

@@ -84,96 +84,75 @@ class SmoothSpectra(ForegroundRemover):
             _Band(modes, windows, first, last, basis, freqs, rounding)
             for first, last in multipole_bands(lmax)
         ]
-        found = [self._settled(band, freqs) for band in progress(bands, self.name)]
-        mixing, sources = self._sources(basis, np.hstack([one.amplitudes for one in found]))
-        filter_ = SpectralFilter(
-            spectra=np.concatenate([one.spectra for one in found]),
-            estimators=np.concatenate([one.estimators for one in found]),
-            faint=np.array([one.faint for one in found]),
+        for band in progress(bands, self.name):
+            try:
+                band.settle(self.n_sources)
+            except np.linalg.LinAlgError:
+                raise InputError(
+                    f"HI and {self.n_smooth} smooth functions cannot be separated over "
+                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {band.first}; use "
+                    f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
+                    "another method."
+                ) from None
+        linear = SpectralFilter(
+            spectra=np.concatenate([band.spectra for band in bands]),
+            estimators=np.concatenate([band.estimators for band in bands]),
+            faint=np.array([band.faint for band in bands]),
             first=np.array([band.first for band in bands]),
         )
+        amplitudes = np.hstack([band.amplitudes for band in bands])
+        axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
+        mixing, sources = ordered(basis @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
-            low_rank=filter_.foreground(maps, modes),
+            low_rank=linear.foreground(maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
-            converged=all(one.converged for one in found),
-            n_iterations=max(one.n_turns for one in found),
-            filter=filter_,
+            converged=all(band.converged for band in bands),
+            n_iterations=max(band.n_turns for band in bands),
+            filter=linear,
         )
-
-    def _settled(self, band, freqs):
-        try:
-            return band.settled(self.n_sources)
-        except np.linalg.LinAlgError:
-            width = freqs[-1] - freqs[0]
-            raise InputError(
-                f"HI and {self.n_smooth} smooth functions cannot be told apart over {width:.4g} MHz in "
-                f"{len(freqs)} channels, at l from {band.first}; take fewer, such as "
-                f"n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or another method."
-            ) from None
-
-    def _sources(self, basis, amplitudes):
-        """Principal axes of the foreground before the beam, and their modes."""
-        _, axes = np.linalg.eigh(amplitudes @ amplitudes.T)
-        axes = axes[:, ::-1][:, : self.n_sources]
-        return ordered(basis @ axes, axes.T @ amplitudes)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Found:
-    """What a band of multipoles gives: its part of a `SpectralFilter`, and amplitudes in the basis."""
-
-    spectra: np.ndarray
-    estimators: np.ndarray
-    faint: np.ndarray
-    amplitudes: np.ndarray
-    converged: bool
-    n_turns: int
 
 
 class _Band:
-    """The data of some multipoles, and the smooth functions seen through the beams."""
+    """The data of some multipoles, and the smooth functions seen through the beams.
+
+    Once it has settled: its part of a `SpectralFilter` and the amplitudes of the foreground in the basis.
+    """
 
     def __init__(self, modes, windows, first, last, basis, freqs, rounding):
-        self.first, self.basis, self.freqs, self.rounding = first, basis, freqs, rounding
+        self.first, self.freqs, self.rounding = first, freqs, rounding
         self.degrees = range(first, last + 1)
         self.n_modes = (last + 1) ** 2 - first**2
         self.seen = windows.T[first : last + 1, :, None] * basis
         self._modes = modes
 
-    def settled(self, n_sources):
-        """The `_Found` of this band once the covariance of HI and noise has settled."""
+    def settle(self, n_sources):
+        """Turns from what least squares of all smooth functions leave until the covariance C settles."""
         data = [self._modes.at(degree) for degree in self.degrees]
-        faint = self._start(data)
-        converged, n_turns, n_taken = False, 0, self.basis.shape[1]
-        while not converged and n_turns < _MOST_TURNS:
-            n_turns += 1
-            turn, estimators = self._spectra(data, faint, n_sources)
-            spectra = self.seen @ turn
-            left = self._left(data, spectra, estimators, faint)
-            # Never more than in the last turn: one that is faint could come and go for ever.
-            n_taken = min(n_taken, int(np.sum(turn.any(axis=0))))
-            last, faint = faint, self._faint(left, n_taken)
-            converged = bool(np.linalg.norm(faint - last) <= _SETTLED * np.linalg.norm(last))
-        amplitudes = [turn @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-        return _Found(
-            spectra=spectra,
-            estimators=estimators,
-            faint=last,
-            amplitudes=np.hstack(amplitudes),
-            converged=converged,
-            n_turns=n_turns,
-        )
-
-    def _start(self, data):
-        """Covariance of HI and noise from what least squares of all smooth functions leave."""
+        _, n_channels, n_smooth = self.seen.shape
         orthonormal = np.linalg.qr(self.seen)[0]
         left = [block - one @ (one.T @ block) for one, block in zip(orthonormal, data, strict=True)]
-        n_channels, n_smooth = self.basis.shape
         products = sum(block @ block.T for block in left) / self.n_modes
-        return self._faint(products * n_channels / (n_channels - n_smooth), n_smooth)
+        faint = self._faint(products * n_channels / (n_channels - n_smooth), n_smooth)
+        self.converged, self.n_turns, n_taken = False, 0, n_smooth
+        while not self.converged and self.n_turns < _MOST_TURNS:
+            self.n_turns += 1
+            turn, self.estimators = self._axes(data, faint, n_sources)
+            self.spectra = self.seen @ turn
+            products = 0  # of HI and noise given the data
+            for one, estimator, block in zip(self.spectra, self.estimators, data, strict=True):
+                rest = block - one @ (estimator @ block)
+                products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
+            # Never more than in the last turn: one that is faint could come and go for ever.
+            n_taken = min(n_taken, int(np.sum(turn.any(axis=0))))
+            self.faint, faint = faint, self._faint((products + products.T) / (2 * self.n_modes), n_taken)
+            change = np.linalg.norm(faint - self.faint)
+            self.converged = bool(change <= _SETTLED * np.linalg.norm(self.faint))
+        self.amplitudes = np.hstack(
+            [turn @ (one @ block) for one, block in zip(self.estimators, data, strict=True)]
+        )
 
-    def _spectra(self, data, faint, n_sources):
+    def _axes(self, data, faint, n_sources):
         """Axes of the foreground in the smooth functions, (n_smooth, n_sources), and G_l of each l."""
         inverse = np.linalg.inv(faint)
         weighted = inverse @ self.seen
@@ -191,14 +170,6 @@ class _Band:
         turn = root @ (axes * np.sqrt(variance))  # so that its sources have unit variance
         precision = turn.T @ known @ turn + np.eye(n_sources)
         return turn, np.linalg.solve(precision, np.swapaxes(weighted @ turn, 1, 2))
-
-    def _left(self, data, spectra, estimators, faint):
-        """Mean products of HI and noise given the data, (n_channels, n_channels)."""
-        products = 0
-        for one, estimator, block in zip(spectra, estimators, data, strict=True):
-            left = block - one @ (estimator @ block)
-            products = products + left @ left.T + block.shape[1] * (one @ (estimator @ faint))
-        return (products + products.T) / (2 * self.n_modes)
 
     def _faint(self, products, n_taken):
         return faint_covariance(products + self.rounding * np.eye(len(products)), self.freqs, n_taken)
