@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
 from himap.core.survey import PRESETS
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Oscillating
 from himap.maps import sphere
 from himap.paper import pipeline
 from himap.store.provenance import Provenance

@@ -41,7 +41,7 @@ import numpy as np
 from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Oscillating
 from himap.instrument.noise import noise_sigma, system_temperature
 from himap.maps import sphere
 from himap.paper import pipeline

@@ -17,13 +17,13 @@ from himap.instrument.beams import (
     FromFile,
     MeerKAT,
     MeerKATLobes,
-    Misjudged,
     Oscillating,
+    PerturbedBeam,
     Rippled,
     named,
 )
 from himap.instrument.beams.base import REGISTRY, Beam, GaussianBeam, diffraction_fwhm, gaussian_widths
-from himap.instrument.beams.oscillating import RIPPLES
+from himap.instrument.beams.paper import RIPPLES
 from himap.maps import sphere
 from himap.paper import pipeline
 
@@ -101,7 +101,7 @@ class TestContract:
 
 
 def test_public_names():
-    classes = (Degraded, Evolving, FromFile, MeerKAT, MeerKATLobes, Misjudged, Oscillating, Rippled)
+    classes = (Degraded, Evolving, FromFile, MeerKAT, MeerKATLobes, PerturbedBeam, Oscillating, Rippled)
     assert {kind.name: kind for kind in classes} == {name: REGISTRY[name] for name in NAMES}
     with pytest.raises(AttributeError, match="has no attribute 'Square'"):
         _ = beams.Square
@@ -265,17 +265,19 @@ class TestMeerKATLobes:
         assert lobes[:20] == pytest.approx(gaussian[:20], abs=0.005)
 
 
-class TestMisjudged:
+class TestPerturbed:
     def test_of_a_gaussian_it_is_one_of_another_width(self):
-        told = Misjudged(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
+        told = PerturbedBeam(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
         expected = Evolving().fwhm(SURVEY.freqs) * (1.02 + 0.001 * np.sin(2 * np.pi * SURVEY.freqs / 7 + 0.5))
         assert told.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
-        assert Misjudged(beam="evolving").of_survey(SURVEY).total == pytest.approx(
+        assert PerturbedBeam(beam="evolving").of_survey(SURVEY).total == pytest.approx(
             Evolving().of_survey(SURVEY).total
         )
 
     def test_what_the_analyst_smooths_with_is_known(self):
-        told, true = (one.of_survey(SURVEY) for one in (Misjudged(beam="degraded", width=0.1), Degraded()))
+        told, true = (
+            one.of_survey(SURVEY) for one in (PerturbedBeam(beam="degraded", width=0.1), Degraded())
+        )
         assert np.array_equal(told.resmoothing, true.resmoothing)
         assert (told.telescope[:, 5:] < true.telescope[:, 5:]).all()
 
@@ -284,10 +286,10 @@ class TestMisjudged:
         numbers = Evolving().of_survey(SURVEY).total
         numbers[:, 30:] = -0.01
         np.save(tmp_path / "b.npy", numbers)
-        told = Misjudged(beam=str(tmp_path / "b.npy"), width=0.5)
+        told = PerturbedBeam(beam=str(tmp_path / "b.npy"), width=0.5)
         assert told.by_line and told.digest() == FromFile(path=tmp_path / "b.npy").digest()
         assert told.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
-        assert not Misjudged().by_line and Misjudged().follows_dish
+        assert not PerturbedBeam().by_line and PerturbedBeam().follows_dish
 
     @pytest.mark.parametrize(
         ("text", "message"),

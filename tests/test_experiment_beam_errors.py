@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from himap.core.errors import InputError
-from himap.instrument.beams import Evolving, MeerKAT, Misjudged, Oscillating, Rippled
+from himap.instrument.beams import Evolving, MeerKAT, Oscillating, PerturbedBeam, Rippled
 from himap.measures.diagnostics import JUDGED
 from himap.measures.spectra import angular_power
 from himap.paper import pipeline
@@ -39,8 +39,8 @@ class TestAssumedBeam:
     @pytest.mark.parametrize(
         ("kind", "error", "expected"),
         [
-            ("width", 0.01, Misjudged(beam="oscillating", width=0.01)),
-            ("ripple", 1e-3, Misjudged(beam="oscillating", ripple=1e-3)),
+            ("width", 0.01, PerturbedBeam(beam="oscillating", width=0.01)),
+            ("ripple", 1e-3, PerturbedBeam(beam="oscillating", ripple=1e-3)),
             ("amplitude", 0.5, Rippled(amplitude=0.15)),
             ("phase", 0.2, Rippled(phase=0.2)),
             ("period", 0.1, Rippled(period=22)),
@@ -97,7 +97,7 @@ class TestMeasure:
     def test_with_another_beam_it_is_the_residual_with_that(self, grid):
         """The power of the cube itself, cleaned with the wrong beam."""
         ((case, (aware, _)),) = grid[0].methods.items()
-        observed, assumed = pipeline.observation(case), Misjudged(width=0.05)
+        observed, assumed = pipeline.observation(case), PerturbedBeam(width=0.05)
         cube = aware.clean(
             observed.maps,
             freqs=observed.freqs,

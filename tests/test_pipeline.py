@@ -9,8 +9,7 @@ from cube_measures import correlation, line_errors
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded
-from himap.instrument.beams.evolving import Evolving
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Evolving, Oscillating
 from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics

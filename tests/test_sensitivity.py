@@ -7,7 +7,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, write_hdf5
 from himap.core.errors import InputError
 from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
 from himap.cubes.sensitivity import sensitivity_figure, sensitivity_table
-from himap.instrument.beams import Evolving, Misjudged
+from himap.instrument.beams import Evolving, PerturbedBeam
 from himap.maps import sphere
 from himap.measures.low_rank_spectra import masked_alms
 from himap.measures.transfer import harmonic_power
@@ -39,7 +39,7 @@ def cleaned_with(cube, beam):
 def test_power_of_cubes_that_are_cleaned_with_that_beam(path):
     cube = read_cube(path)
     cleaned, wrong = (
-        cleaned_with(cube, beam) for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
+        cleaned_with(cube, beam) for beam in (Evolving(), PerturbedBeam(beam="evolving", width=0.3))
     )
     (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     assert (found.kind, found.error) == ("width", 0.3)
@@ -76,7 +76,7 @@ def test_a_part_of_the_sky(path, method, options):
     cube = read_cube(path).within(np.abs(sphere.pixel_latitude(NSIDE)) > 20)
     cleaned, wrong = (
         clean_cube(cube, method, n_sources=2, beams=beams_of(cube, beam), peaks=False, **options)
-        for beam in (Evolving(), Misjudged(beam="evolving", width=0.3))
+        for beam in (Evolving(), PerturbedBeam(beam="evolving", width=0.3))
     )
     (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
     before, after = (

@@ -47,9 +47,9 @@ METHODS = {
     ("removal/gaussian_process.py", "GaussianProcess._separate"): ANY_METHOD,
 }
 OTHERS = {
-    ("instrument/beams/oscillating.py", "Oscillating._fwhm"): OBSERVED,
+    ("instrument/beams/paper.py", "Oscillating._fwhm"): OBSERVED,
     ("instrument/beams/meerkat.py", "MeerKAT._fwhm"): ANY_BEAM,
-    ("instrument/beams/from_file.py", "FromFile._windows"): ANY_BEAM,
+    ("instrument/beams/others.py", "FromFile._windows"): ANY_BEAM,
     ("paper/claims/three_beams.py", None): CLAIMED,
     ("paper/claims/base.py", "bump"): CLAIMED,
     ("removal/blurred_mixture.py", "BlurredMixture.fit"): {"16"} | BEAM_AWARE,

@@ -13,7 +13,7 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams import named
 from himap.instrument.beams.base import Beam
-from himap.instrument.beams.misjudged import Misjudged
+from himap.instrument.beams.others import PerturbedBeam
 from himap.measures.low_rank_spectra import FAINT
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
@@ -29,12 +29,12 @@ class Sensitivity:
     Attributes
     ----------
     beam
-        The `Misjudged` beam.
+        The `PerturbedBeam` beam.
     ratios
         {band: power with that beam over power with the one that was assumed}, such as "C/C0, 10-19".
     """
 
-    beam: Misjudged
+    beam: PerturbedBeam
     ratios: dict[str, float]
 
     @property
@@ -78,7 +78,7 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     cube, method = cleaned.cube, cleaned.method
     if "beams" not in method.uses:
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
-    assumed = misjudged_beams(beam, widths, ripples, period)
+    assumed = perturbed_beams(beam, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
     alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
@@ -91,11 +91,11 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     return sensitivities
 
 
-def misjudged_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
-    """A list of `Misjudged`; parameters and errors as of `beam_sensitivity`."""
+def perturbed_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
+    """A list of `PerturbedBeam`; parameters and errors as of `beam_sensitivity`."""
     beam = beam if isinstance(beam, Beam) else named(beam)
-    assumed = [Misjudged(beam=str(beam), width=width) for width in widths]
-    assumed += [Misjudged(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
+    assumed = [PerturbedBeam(beam=str(beam), width=width) for width in widths]
+    assumed += [PerturbedBeam(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
     if not assumed or not all(one.width or one.ripple for one in assumed):
         raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
     return assumed

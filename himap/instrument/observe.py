@@ -1,4 +1,4 @@
-"""From a sky to an observation: beam, noise, and the truth that a perfect cleaning would leave."""
+"""From a sky to an observation: beam, noise, and the truth, the residual of a perfect cleaning."""
 
 from dataclasses import dataclass
 
@@ -37,8 +37,8 @@ class Observation:
 def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
     """Observe a sky.
 
-    What is at hand as harmonic coefficients (complex, to 3 nside - 1, as `sphere.analyse` gives them) is not
-    transformed again, so several beams can share the analysis of one sky.
+    Harmonic coefficients (complex, to 3 nside - 1, from `sphere.analyse`) are accepted in place of maps, so
+    that several beams can share the analysis of a sky.
 
     Parameters
     ----------
@@ -54,28 +54,24 @@ def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
     survey
         The `Survey` they belong to.
     noise_alms
-        Coefficients of `noise`, (n_channels, n_alm), where they are at hand.
+        Coefficients of `noise`, (n_channels, n_alm), if known.
 
     Raises
     ------
     InputError
         Cubes that are not of the survey's shape.
     """
-    if windows.total.shape != (survey.n_channels, survey.lmax + 1):
+    expected = (survey.n_channels, survey.lmax + 1)
+    if windows.total.shape != expected:
         raise InputError(
-            f"the beam must be made for this survey: b_l of shape {(survey.n_channels, survey.lmax + 1)}, "
-            f"got {windows.total.shape}."
+            f"the beam must be made for this survey: b_l of shape {expected}, got {windows.total.shape}."
         )
     noise = _checked("noise", noise, survey)
-    signal = _coefficients("hi", hi, survey)
-    bright = _mixture(*foregrounds, survey) if isinstance(foregrounds, tuple) else None
-    if bright is None:
-        bright = _coefficients("foregrounds", foregrounds, survey)
+    signal, bright = _alms("hi", hi, survey), _alms("foregrounds", foregrounds, survey)
     truth = _through(windows.total, signal)
     if windows.resmoothing is not None:
-        smoothed = _through(
-            windows.resmoothing, _coefficients("noise", noise if noise_alms is None else noise_alms, survey)
-        )
+        noise_alms = _alms("noise", noise if noise_alms is None else noise_alms, survey)
+        smoothed = _through(windows.resmoothing, noise_alms)
         truth = (hi_alm + noise_alm for hi_alm, noise_alm in zip(truth, smoothed, strict=True))
     truth = _cube(truth, survey, "HI and noise")
     if windows.resmoothing is None:
@@ -91,23 +87,21 @@ def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
     )
 
 
-def _coefficients(label, cube, survey):
-    """Coefficients of each channel in turn, as given or of maps, which are analysed in float64."""
+def _alms(label, cube, survey):
+    """Coefficients of each channel in turn: as given, of maps (analysed in float64), or of modes."""
+    if isinstance(cube, tuple):
+        spectra, alms = cube
+        expected = (survey.n_channels, len(alms)), (len(alms), sphere.alm_size(survey.lmax))
+        if (np.shape(spectra), np.shape(alms)) != expected:
+            raise InputError(
+                f"{label} must have shapes (n_channels, n_modes) and (n_modes, n_alm) = {expected[0]} and "
+                f"{expected[1]}, got {np.shape(spectra)} and {np.shape(alms)}."
+            )
+        return (row @ alms for row in spectra)
+    cube = _checked(label, cube, survey)
     if np.iscomplexobj(cube):
-        return _checked(label, cube, survey)
-    maps = _checked(label, cube, survey)
-    return (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in maps)
-
-
-def _mixture(spectra, alms, survey):
-    """Coefficients of each channel of the cube `spectra` @ alms in turn."""
-    expected = (survey.n_channels, len(alms)), (len(alms), sphere.alm_size(survey.lmax))
-    if (np.shape(spectra), np.shape(alms)) != expected:
-        raise InputError(
-            f"foregrounds must have shapes (n_channels, n_modes) and (n_modes, n_alm) = {expected[0]} and "
-            f"{expected[1]}, got {np.shape(spectra)} and {np.shape(alms)}."
-        )
-    return (row @ alms for row in spectra)
+        return cube
+    return (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in cube)
 
 
 def _checked(label, cube, survey):

@@ -22,14 +22,9 @@ import numpy as np
 from himap import removal
 from himap.core.survey import Survey
 from himap.instrument import beams
-from himap.instrument.beams.degraded import Degraded
-from himap.instrument.beams.evolving import Evolving
-from himap.instrument.beams.from_file import FromFile
-from himap.instrument.beams.meerkat import MeerKAT
-from himap.instrument.beams.meerkat_lobes import MeerKATLobes
-from himap.instrument.beams.misjudged import Misjudged
-from himap.instrument.beams.oscillating import Oscillating
-from himap.instrument.beams.rippled import Rippled
+from himap.instrument.beams.meerkat import MeerKAT, MeerKATLobes
+from himap.instrument.beams.others import FromFile, PerturbedBeam
+from himap.instrument.beams.paper import Degraded, Evolving, Oscillating, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import beam_errors
 from himap.removal.beam_subspace import BeamSubspace
@@ -109,7 +104,7 @@ _CHOSEN_BEAMS = (
     MeerKAT(),
     MeerKATLobes(),
     Rippled(),
-    Misjudged(width=0.1, ripple=0.1),
+    PerturbedBeam(width=0.1, ripple=0.1),
 )
 
 

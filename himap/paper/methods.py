@@ -3,9 +3,7 @@
 from dataclasses import fields
 
 from himap.core.errors import InputError
-from himap.instrument.beams.degraded import Degraded
-from himap.instrument.beams.evolving import Evolving
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gmca import GMCA

@@ -13,7 +13,7 @@ from himap.core.errors import InputError
 from himap.core.memory import check_memory
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
-from himap.instrument.beams.degraded import Degraded
+from himap.instrument.beams.paper import Degraded
 from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.maps import sphere

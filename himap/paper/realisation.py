@@ -8,9 +8,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
-from himap.instrument.beams.degraded import Degraded
-from himap.instrument.beams.evolving import Evolving
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison

@@ -33,7 +33,7 @@ class SpectralFilter:
     first: np.ndarray
 
     def foreground(self, maps, modes):
-        """The foreground of maps and their `CubeModes`, a `MapModes` (`filtered`)."""
+        """The foreground of maps and their `CubeModes`, a `LowRankCube` (`filtered`)."""
         return filtered(self.spectra, self.estimators, maps, modes)
 
     def faint_at(self, degree):

@@ -47,7 +47,7 @@ def sensitivity(
         raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
     chosen = {"widths": widths, "ripples": ripples} if widths or ripples else {}
     if beam is not None:
-        measured.misjudged_beams(beam, **chosen, period=period)  # before the work
+        measured.perturbed_beams(beam, **chosen, period=period)  # before the work
     cube, beams = cube_and_beams(path, remover, beam, dish, mask, reading)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SeparationWarning)  # of cleaning it says the report

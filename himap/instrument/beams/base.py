@@ -1,4 +1,4 @@
-"""What every beam has in common: from its width, or itself, to b_l of every channel; and the register.
+"""The base of every beam: from its width, or directly, to b_l of every channel; and the register.
 
 A beam is a frozen dataclass of its parameters with one hook. To add one, write one file with one class in
 `himap/instrument/beams/`; it registers by its name, and the contract test runs on it by itself.
@@ -12,20 +12,9 @@ import numpy as np
 from astropy import constants as const
 from astropy import units as u
 
-from himap.core.checks import checked_fields, checked_freqs, parameter
+from himap.core.checks import checked_fields, checked_freqs
 from himap.core.errors import InputError
 from himap.maps import sphere
-
-__all__ = [
-    "DISH",
-    "REGISTRY",
-    "Beam",
-    "GaussianBeam",
-    "Windows",
-    "diffraction_fwhm",
-    "gaussian_widths",
-    "parameter",
-]
 
 REGISTRY = {}
 

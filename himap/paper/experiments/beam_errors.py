@@ -7,9 +7,8 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.instrument.beams import named
-from himap.instrument.beams.misjudged import Misjudged
-from himap.instrument.beams.oscillating import Oscillating
-from himap.instrument.beams.rippled import Rippled
+from himap.instrument.beams.others import PerturbedBeam
+from himap.instrument.beams.paper import Oscillating, Rippled
 from himap.measures.diagnostics import JUDGED
 from himap.measures.transfer import mock_power
 from himap.paper import cleaned, pipeline
@@ -75,7 +74,7 @@ def assumed_beam(beam, kind, error):
             f"an error of the beam is one of {', '.join(KINDS)} and a number, got {kind!r} and {error!r}."
         )
     if kind in ("width", "ripple"):
-        return Misjudged(beam=str(beam), **{kind: float(error)})
+        return PerturbedBeam(beam=str(beam), **{kind: float(error)})
     ripple = Rippled() if beam == Oscillating() else beam
     if not isinstance(ripple, Rippled):
         raise InputError(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.instrument.beams.oscillating import Oscillating
+from himap.instrument.beams.paper import Oscillating
 from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows

@@ -1,0 +1,140 @@
+"""Beams from elsewhere: widths or b_l in a file, and another beam with an error of its width."""
+
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from himap.core.checks import parameter
+from himap.core.errors import InputError
+from himap.core.reading import is_file, read_numbers, regular_file
+from himap.instrument.beams.base import Beam, Windows
+from himap.maps import sphere
+
+_NARROWEST, _WIDEST = 0.04, 10.0  # deg, of a FWHM: less is in rad, more in arcmin
+_TOLERANCE = 0.01  # by which b_l may miss 1 at l = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromFile(Beam):
+    """FWHM in degrees (then Gaussian), or b_l from l = 0, of a .npy or text file.
+
+    One line for each channel: of a survey by ascending frequency, of a cube in the order of the cube's file.
+    Results depend on what the file holds, not on its name.
+
+    Raises
+    ------
+    InputError
+        No such file; in use, numbers that do not fit the channels or cannot be a beam.
+    """
+
+    name: ClassVar[str] = "file"
+    by_line: ClassVar[bool] = True
+    path: str = parameter(help="path of a file with one line for each channel: FWHM (deg), or b_l")
+
+    def __post_init__(self):
+        if not isinstance(self.path, str | Path) or not is_file(self.path):
+            raise InputError(f"the beam must be in a file of widths or b_l; there is no file {self.path}.")
+        regular_file(self.path, "beam")
+        object.__setattr__(self, "path", str(self.path))
+
+    def __str__(self):
+        return self.path
+
+    def digest(self):
+        """A hash of what the file holds, for results that are kept."""
+        return sha256(Path(self.path).read_bytes()).hexdigest()
+
+    def _windows(self, freqs, lmax, dish_diameter):
+        numbers = read_numbers(self.path)
+        if numbers.ndim == 2 and numbers.shape[1] == 1:
+            numbers = numbers[:, 0]
+        if numbers.ndim not in (1, 2) or len(numbers) != len(freqs):
+            raise InputError(
+                f"{self.path} must hold one FWHM (deg) or one line of b_l for each of the {len(freqs)} "
+                f"channels, got {numbers.shape}."
+            )
+        is_width = numbers.ndim == 1
+        if is_width and not ((numbers >= _NARROWEST) & (numbers <= _WIDEST)).all():
+            raise InputError(
+                f"{self.path} must hold FWHM in degrees, between {_NARROWEST:g} and {_WIDEST:g}, got "
+                f"{numbers.min():g} to {numbers.max():g}."
+            )
+        beams = sphere.gaussian_beam(np.deg2rad(numbers), lmax) if is_width else numbers[:, : lmax + 1]
+        self._check(beams)
+        return Windows(telescope=beams)
+
+    def _check(self, beams):
+        """Refuse b_l that cannot be those of a beam."""
+        bad = np.argwhere(~np.isfinite(beams))
+        if len(bad):
+            channel, degree = bad[0]
+            raise InputError(
+                f"{self.path} must hold finite numbers, got {beams[channel, degree]} in line {channel + 1} "
+                f"at l = {degree}."
+            )
+        if np.abs(beams[:, 0] - 1).max() > _TOLERANCE or np.abs(beams).max() > 1 + _TOLERANCE:
+            raise InputError(
+                f"{self.path} must hold b_l that are 1 at l = 0 and nowhere more, got "
+                f"{beams[:, 0].min():g} to {beams[:, 0].max():g} at l = 0 and {np.abs(beams).max():g} at "
+                "most; for widths give one FWHM (deg) a line."
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerturbedBeam(Beam):
+    """Another beam whose FWHM is wrong by a share e = width + ripple sin(2 pi nu / period + phase).
+
+    That of a Gaussian is b_l to the power (1 + e)^2; the same is used for any other.
+
+    Raises
+    ------
+    InputError
+        An unknown beam, or a field outside its range.
+    """
+
+    name: ClassVar[str] = "misjudged"
+    beam: str = parameter("oscillating", "the beam that it is, by name, or a file")
+    width: float = parameter(0.0, "relative error of the FWHM of all channels", minimum=-0.5, maximum=0.5)
+    ripple: float = parameter(
+        0.0, "relative amplitude of an error that oscillates", minimum=-0.5, maximum=0.5
+    )
+    period: float = parameter(20.0, "its period, MHz", minimum=0, above=True)
+    phase: float = parameter(0.0, "its phase at 0 MHz, rad")
+
+    def __post_init__(self):
+        super().__post_init__()
+        _ = self._true
+
+    @property
+    def _true(self):
+        from himap.instrument.beams import named  # here, because the register finds this beam too
+
+        return named(self.beam)
+
+    @property
+    def follows_dish(self):
+        """Whether the width of the true beam follows from the diameter of the dish."""
+        return self._true.follows_dish
+
+    @property
+    def by_line(self):
+        """Whether the true beam goes by the lines of a file."""
+        return self._true.by_line
+
+    def digest(self):
+        """A hash of the file that holds the beam, if one does, for results that are kept."""
+        return self._true.digest() if self.by_line else ""
+
+    def error(self, freqs):
+        """The relative error of the FWHM at `freqs` in MHz, (n_channels,)."""
+        return self.width + self.ripple * np.sin(2 * np.pi * np.asarray(freqs) / self.period + self.phase)
+
+    def _windows(self, freqs, lmax, dish_diameter):
+        true = self._true.windows(freqs, lmax=lmax, dish_diameter=dish_diameter)
+        power = (1 + self.error(freqs)[:, None]) ** 2
+        # The analyst knows the resmoothing; b_l of a measured beam may be below zero where it is nothing.
+        telescope = np.sign(true.telescope) * np.abs(true.telescope) ** power
+        return Windows(telescope=telescope, resmoothing=true.resmoothing)
