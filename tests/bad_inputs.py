@@ -123,48 +123,19 @@ def add(name, words, message, write=None, *given, **options):
 
 # Frequencies in names and headers.
 NO_FREQS = "does not tell its frequencies"
-for names in (
-    ["map_971p137MHz", "map_972p137MHz"],
-    ["map_900_11MHz", "map_901_12MHz"],
-    ["900-910MHz", "910-920MHz"],
-    ["900MHz-910MHz", "910MHz-920MHz"],
-    ["900to910MHz", "910to920MHz"],
-    ["bw_20MHz_900MHz", "bw_20MHz_910MHz"],
-    ["bw20MHz_a", "bw21MHz_b"],
-    ["1.4e3MHz", "1.5e3MHz"],
-    ["900,5MHz", "901,5MHz"],
-    ["900000kHz", "901000kHz"],
-    ["900MHzish", "901MHzish"],
-    ["map_.900MHz", "map_.901MHz"],
-    ["2020-01-01_900MHz", "2020-01-01_910MHz"],
-):
+for names in (["map_971p137MHz", "map_972p137MHz"], ["900-910MHz", "910-920MHz"], ["a_900MHz", "b"]):
     add(f"file names {names[0]}", "folder", NO_FREQS, write_folder, "folder", names)
-for name in ("1,20.5 MHz", "900-910 MHz", "MHz", "900 MHz of 20 MHz", "900_11MHz"):
-    columns = {"column_names": [name, "910 MHz", "920 MHz"]}
-    add(f"a column {name}", "a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:3], **columns)
-for value in ("900.0 MHz", True, "", "nan"):
-    cards = [[("FREQ", value)], [("FREQ", 910.0)]]
-    add(f"FREQ {value!r}", "folder", "FREQ in a header must be a number", write_folder, "folder", "ab", cards)
-for values in ([900.0, 911.0], [9e8, 9.11e8], [910.0, 900.0]):
+columns = {"column_names": ["900 MHz of 20 MHz", "910 MHz", "920 MHz"]}
+add("a column of two numbers", "a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:3], **columns)
+for names, values, message in (
+    ("ab", ["900.0 MHz", 910.0], "FREQ in a header must be a number"),
+    (["900MHz", "910MHz"], [900.0, 911.0], "names and headers"),
+):
     cards = [[("FREQ", value)] for value in values]
-    files = ["folder", ["900MHz", "910MHz"], cards]
-    add(f"FREQ {values} beside names", "folder", "names and headers", write_folder, *files)
-for names in (["a", "b"], ["a_900MHz", "b"]):
-    cards = [[("FREQ", 900.0)], []]
-    add(f"FREQ in one of {names}", "folder", NO_FREQS, write_folder, "folder", names, cards)
+    add(f"FREQ {values}", "folder", message, write_folder, "folder", names, cards)
 
 # HDF5: what is a frequency, a unit, an order.
-for name in [
-    "freq_weights",
-    "freq_index",
-    "nu_flag",
-    "tsys_mhz",
-    "rms_mhz",
-    "bandwidth_mhz",
-    "freqoffset",
-    "freq_mask",
-    "nu_id",
-]:
+for name in ("freq_weights", "tsys_mhz", "nu_id"):
     add(f"a dataset {name}", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
 more = {"more": {"bandwidth": np.linspace(950, 960, 24)}, "freqs_name": None}
 add("a bandwidth alone", "a.h5", NO_FREQS, write_hdf5, "a.h5", **more)
@@ -181,24 +152,18 @@ add(
         h5py.File("a.h5", "a")["freq_ghz"].attrs.update(unit="MHz"),
     ),
 )
-for shape in ((N_PIX,), SHAPE, SHAPE[::-1]):
+for shape in ((N_PIX,), SHAPE[::-1]):
     add(f"a mask {shape}", "a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
-for key, values in {
-    "_FillValue": ("none", [1.0, 2.0]),
-    "scale_factor": ("none", [1.0, 2.0], np.inf, 0.0),
-    "add_offset": ("none",),
-}.items():
-    for value in values:
-        add(f"{key} {value}", "a.h5", key, write_hdf5, "a.h5", **{key: value})
-for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "Jy/beam", "K" * 20_000):
+for key, value in (("_FillValue", [1.0, 2.0]), ("scale_factor", np.inf), ("add_offset", "none")):
+    add(f"{key} {value}", "a.h5", key, write_hdf5, "a.h5", **{key: value})
+for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "K" * 20_000):
     add(f"unit {value!r:.20}", "a.h5", "unit", write_hdf5, "a.h5", said={"order": "RING"}, unit=value)
-for value in (np.bytes_(b"R\xcfNG"), "SPIRAL", 1, "RING" * 5000, "\x1b[31mRING"):
+for value in (np.bytes_(b"R\xcfNG"), 1, "\x1b[31mRING"):
     said = {"unit": "mK"}
     add(f"order {value!r:.20}", "a.h5", "RING or NESTED", write_hdf5, "a.h5", said=said, order=value)
-for value in ("parsec", np.bytes_(b"\xb5Hz"), 7, "Hz" * 5000, "(" * 5000):
+for value in ("parsec", np.bytes_(b"\xb5Hz"), "(" * 5000):
     add(f"unit of frequencies {value!r:.20}", "a.h5", "Hz", change, "freqs", unit=value)
-for values in (["a"] * 24, np.arange(24), np.ones(24, bool), FREQS.astype(complex)):
-    values = np.asarray(values, dtype="S1") if isinstance(values, list) else values
+for values in (np.array([b"a"] * 24), np.ones(24, bool), FREQS.astype(complex)):
     add(f"frequencies of {values.dtype} in HDF5", "a.h5", "freq", write_hdf5, "a.h5", freqs=values)
 more = {"again": good_maps()}
 add("two cubes", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
@@ -208,11 +173,8 @@ add("long names", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
 add("no such dataset", "good.h5 --maps cubes", "has no dataset cubes")
 add("no such dataset of frequencies", "good.h5 --freqs-name nus", "has no dataset nus")
 add("no sphere in HDF5", "good.h5 --maps freqs", "must be (n_channels, n_pix)")
-for word in ("--maps", "--freqs-name"):
-    files = write_folder, "folder", ["900MHz", "910MHz"]
-    add(f"{word} of a folder", f"folder {word} x", "are for HDF5 files", *files)
-add("--maps of fits", "good.fits --maps x", "are for HDF5 files")
-add("--maps of npy", "good.npy --freqs nu.txt --unit mK --maps x", "are for HDF5 files")
+for path in ("good.fits", "good.npy"):
+    add(f"--freqs-name of {path}", f"{path} --freqs nu.txt --unit mK --freqs-name x", "are for HDF5 files")
 
 
 # HDF5: what leads elsewhere, or nowhere.
@@ -246,35 +208,16 @@ def deep_groups():
         group["maps"] = good_maps()
 
 
-def a_circle():
-    write_hdf5("a.h5", freqs_name=None)
-    with h5py.File("a.h5", "a") as file:
-        file.create_group("one")["two"] = file["/"]
-
-
 def many_groups():
     with h5py.File("a.h5", "w") as file:
         for n in range(10_001):
             file.create_group(f"{n}")
 
 
-def large_hdf5(chunks):
+def large_hdf5():
     change("/", "maps")
     with h5py.File("a.h5", "a") as file:
-        if chunks:
-            file.create_dataset("maps", (24, 12 * 2**46), "f8", chunks=(1, 1024))
-        else:
-            plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-            plist.set_alloc_time(h5py.h5d.ALLOC_TIME_LATE)
-            space = h5py.h5s.create_simple((24, 12 * 2**46))
-            h5py.h5d.create(file.id, b"maps", h5py.h5t.IEEE_F64LE, space, plist)
-
-
-def bytes_as_a_name():
-    write_hdf5("a.h5")
-    with h5py.File("a.h5", "a") as file:
-        file.id.links.create_soft(b"\xff\xfe", b"maps")
-        file.move("maps", b"\xe9\xff")
+        file.create_dataset("maps", (24, 12 * 2**46), "f8", chunks=(1, 1024))
 
 
 add("maps in another file", "a.h5", "another file", elsewhere, "maps", good_maps())
@@ -283,11 +226,8 @@ add("a link to another file", "a.h5 --maps maps", "another file", behind_a_link)
 add("a link to another file, unnamed", "a.h5", "maps in another file", behind_a_link)
 add("a virtual dataset", "a.h5", "another file", virtual)
 add("groups in groups", "a.h5", "groups", deep_groups)
-add("groups in a circle", "a.h5", NO_FREQS, a_circle)
 add("too many groups", "a.h5", "groups", many_groups)
-add("petabytes in chunks", "a.h5", "GB", large_hdf5, True)
-add("petabytes", "a.h5", "GB", large_hdf5, False)
-add("a name in bytes", "a.h5", "cannot be read as HDF5", bytes_as_a_name)
+add("petabytes in HDF5", "a.h5", "GB", large_hdf5)
 
 # Containers of cora and draco.
 for pols in (["XX", "YY"], ["I", "I"]):
@@ -391,36 +331,16 @@ def save(name, values):
 READING = ["--freqs", "nu.txt", "--unit", "mK"]
 NPY = ["a.npy", *READING]
 npy = "{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}".format
-for shape in ("(24, 12884901888)", f"({10**17},)", f"({10**15}, 192)"):
-    add(f"petabytes in npy {shape}", NPY, "a.npy", npy_with_header, "a.npy", npy("<f8", shape))
-for shape in ("(-24, 192)", "'words'", "((24, 192),)", "(24.0, 192)", f"({'9' * 300}, 2)"):
-    add(f"a shape in npy {shape:.20}", NPY, "a.npy", npy_with_header, "a.npy", npy("<f4", shape))
-for header in (
-    "",
-    "[1, 2]",
-    "{'descr'",
-    "{'descr': '<f4', 'fortran_order': False}",
-    npy("nothing", "(24, 192)"),
-    "{'descr': 7, 'fortran_order': False, 'shape': (24, 192)}",
-    npy("|O", "(24, 192)"),
-    "(" * 2000,
-    "__import__('os').mkdir('owned')",
-    "\0\0\0",
-):
-    add(f"a header of npy {header!r:.30}", NPY, "a.npy", npy_with_header, "a.npy", header)
+headers = [npy("<f8", f"(24, {10**15})"), npy("<f4", "(24.0, 192)"), npy("|O", "(24, 192)")]
+for n, header in enumerate([*headers, "(" * 2000, "__import__('os').mkdir('owned')"]):
+    add(f"header {n} of npy", NPY, "a.npy", npy_with_header, "a.npy", header)
 for array in (
     np.zeros(SHAPE, "M8[s]"),
-    np.zeros(SHAPE, "m8[s]"),
     np.full(SHAPE, "a"),
-    np.full(SHAPE, b"a"),
     np.ones(SHAPE, bool),
-    np.ones(SHAPE, complex),
     np.zeros(SHAPE, [("a", "f4")]),
-    np.zeros(SHAPE, "V4"),
     np.ones((24, 2, N_PIX)),
     np.float64(3),
-    np.ones(24 * N_PIX),
-    np.ones((24, N_PIX - 1)),
     np.ones((24, 0)),
 ):
     message = "a.npy must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2"
@@ -431,49 +351,34 @@ add("a pickle", NPY, "no .npy file of plain numbers", save, "a.npy", np.array([{
 add("an archive", NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.rename("a.npz", "a.npy")))
 for numbers in (
     np.full(24, "a"),
-    np.zeros(24, [("a", "f4"), ("b", "f4")]),
-    np.ones(24, complex),
-    np.zeros(24, "M8[s]"),
-    np.ones(24, bool),
-    np.array([None] * 24),
     np.zeros(0),
     np.float64(1.5),
     np.ones((24, 3, 3)),
-    np.full(24, np.nan),
     np.full(24, np.inf),
     np.full(24, -1.0),
     np.full((24, 12), np.nan),
-    np.ones((24, 0)),
 ):
     name = f"beams of {numbers.dtype} {numbers.shape} {numbers.ravel()[:1]}"
     add(name, "good.h5 --beam b.npy", "b.npy", save, "b.npy", numbers)
+COLUMNS = "one frequency a line"
 for numbers, message in (
     (np.full(24, "a"), "f.npy"),
-    (np.zeros(24, [("a", "f4")]), "f.npy"),
-    (np.ones(24, complex), "f.npy"),
-    (np.zeros(24, "M8[s]"), "f.npy"),
-    (np.ones(24, bool), "f.npy"),
     (np.zeros(0, int), "f.npy"),
     (np.full(24, np.nan), "freq"),
     (-FREQS, "freqs must be positive"),
     (FREQS[:3], "one frequency for each of the 24 channels, got 3"),
     (1e6 * FREQS, "looks like another unit"),
     (np.full(24, 1000.0), "two channels have the frequency 1000 MHz"),
-    (np.stack([FREQS, FREQS]), "one frequency a line"),
+    (np.stack([FREQS, FREQS]), COLUMNS),
     (FREQS.reshape(2, 3, 4), "table of shape (2, 3, 4)"),
-    (FREQS.reshape(12, 2), "one frequency a line"),
-    (np.array([FREQS, np.full(24, 5.0)]).T, "one frequency a line"),
-    (np.array([np.arange(1, 25), FREQS]).T, "one frequency a line"),
-    (np.array([np.arange(24), EDGES[:-1], EDGES[1:]]).T, "one frequency a line"),
-    (np.array([EDGES[:-1], EDGES[1:] - 0.1]).T, "one frequency a line"),
-    (np.array([EDGES[1:], EDGES[:-1]]).T, "one frequency a line"),
-    (np.array([EDGES[:-1], EDGES[1:]]).T - 2e3, "one frequency a line"),
-    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS]).T, "one frequency a line"),
-    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS, FREQS]).T, "one frequency a line"),
+    (np.array([FREQS, np.full(24, 5.0)]).T, COLUMNS),
+    (np.array([np.arange(1, 25), FREQS]).T, COLUMNS),
+    (np.array([EDGES[:-1], EDGES[1:] - 0.1]).T, COLUMNS),
+    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS, FREQS]).T, COLUMNS),
 ):
     name = f"frequencies of {numbers.dtype} {numbers.shape} {numbers.ravel()[:2]} {numbers.ravel()[-1:]}"
     add(name, "good.npy --unit mK --freqs f.npy", message, save, "f.npy", numbers)
-for content in (b"9\xe9\n", bytes(100), b"", b"1 2\n3\n", b"a\n", bytes(range(256))):
+for content in (b"9\xe9\n", b"", b"1 2\n3\n"):
     for option, more in (("--freqs", "good.npy --unit mK"), ("--beam", "good.h5")):
         write = partial(Path("f.txt").write_bytes, 24 * content)
         add(f"{option} {content!r:.20}", f"{more} {option} f.txt", "f.txt", write)
@@ -511,15 +416,12 @@ def bad(value):
 
 for word, values, message in (
     ("weights", bad(-1), "the weights must be finite and 0 or more; 0 means not seen; 1 are not"),
-    ("weights", bad(np.nan), "finite and 0 or more"),
     ("weights", bad(np.inf), "finite and 0 or more"),
     ("flags", bad(2), "True (or 1) where a voxel is bad and False (or 0) where it is good; 1 are not"),
-    ("flags", bad(0.5), "1 are not"),
     ("flags", bad(np.nan), "1 are not"),
     ("weights", np.ones(768), "of the pixels of the cube, (192,), or of its voxels, (24, 192), all"),
     ("weights", np.ones((23, N_PIX)), "all channels in its file included; got (23, 192)"),
     ("flags", np.ones((24, 24)), "n_pix = 12 nside^2, got"),
-    ("flags", np.ones(SHAPE), "needs two channels with seen pixels, got 0 of 24"),
     ("weights", np.zeros(N_PIX), "needs two channels with seen pixels, got 0 of 24"),
     ("weights", np.full(N_PIX, "a"), "must be real numbers"),
 ):
@@ -572,9 +474,12 @@ def over_frequencies():
 
 
 over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"
-for command in ("clean", "suggest", "sensitivity", "transfer"):
-    output = "nu.h5" if command == "clean" else "nu.html"
+for command, output in (("clean", "nu.h5"), ("suggest", "nu.html"), ("transfer", "nu.html")):
     add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", over_frequencies)
+over = "good.npy --unit mK --freqs c_mixing.txt -o c.npy --overwrite"
+add("frequencies over by a companion", over, "made from", os.rename, "nu.txt", "c_mixing.txt")
+over = f"c_foreground.npy {' '.join(READING)} -o c.npy --overwrite"
+add("a cube over by a companion", over, "made from", os.rename, "good.npy", "c_foreground.npy")
 add("over its mask", "good.h5 --mask mask.fits -o mask.fits --overwrite", "made from")
 add("over its weights", "good.h5 --weights bl.npy -o bl.npy --overwrite", "made from")
 prior = "good.h5 --method gnilc -p prior=good.npy -o good.npy --overwrite"
@@ -590,27 +495,19 @@ for name in ("nowhere/c.h5", "c.hdf5", "", "..", "c\0.h5"):
 add("a folder as output", "good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
 
 LONG = "x" * 300 + ".h5"
-for option in ("", "--beam", "--freqs", "--mask", "--truth", "--mocks", "-o"):
+for option in ("", "--beam", "--truth", "-o"):
     add(f"a long name as {option}", f"{'good.h5 ' * bool(option)}{option} {LONG}", "xxx")
-    if option != "-o":
-        words = f"{'good.h5 ' * bool(option)}{option} loop.h5"
-        add(f"a loop of links as {option}", words, "loop.h5", os.symlink, "loop.h5", "loop.h5")
-for words in (
-    "pipe.h5",
-    "pipe.fits",
-    "pipe.npy --freqs nu.txt --unit mK",
-    "good.h5 --beam pipe.txt",
-    "good.npy --freqs pipe.txt --unit mK",
-    "good.h5 --mask pipe.fits",
-    "good.h5 --truth pipe.h5",
-    "good.h5 --mocks pipe.h5",
-    "good.h5 --method gnilc -p prior=pipe.npy",
+for option in ("", "--freqs", "--mocks"):
+    words = f"{'good.h5 ' * bool(option)}{option} loop.h5"
+    add(f"a loop of links as {option}", words, "loop.h5", os.symlink, "loop.h5", "loop.h5")
+for words, name in (
+    ("pipe.h5", "pipe.h5"),
+    ("good.h5 --beam pipe.txt", "pipe.txt"),
+    ("good.h5 --mask pipe.fits", "pipe.fits"),
+    ("good.h5 --method gnilc -p prior=pipe.npy", "pipe.npy"),
 ):
-    (name,) = (word.removeprefix("prior=") for word in words.split() if "pipe" in word)
     add(f"a pipe in {words}", words, name, os.mkfifo, name)
-for option in ("--beam", "--freqs", "--mask"):
-    words = "good.npy --unit mK" if option == "--freqs" else "good.h5"
-    add(f"a folder as {option}", f"{words} {option} folder", "folder", os.mkdir, "folder")
+add("a folder as a mask", "good.h5 --mask folder", "folder", os.mkdir, "folder")
 for make in (os.mkfifo, os.mkdir):
     add(f"{make.__name__} in a folder", "folder", "920MHz.fits", lambda make=make: (
         write_folder("folder", ["900MHz", "910MHz"]), make("folder/920MHz.fits")))  # fmt: skip
@@ -640,7 +537,7 @@ BEAM = "--method beam_subspace --beam"
 add("an unknown method", "good.h5 --method magic", "unknown method")
 add("an unknown parameter", "good.h5 -p n_sorces=3", "did you mean n_sources")
 add("a parameter called name", "good.h5 -p name=x", "name")
-for value in ("1000000000000", "0", "many", "2.5", "1e999"):
+for value in ("0", "many", "1e999"):
     add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")
 add("more sources than channels", "good.h5 -p n_sources=30", "at most the number of channels")
 add("no noise", "good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
@@ -649,11 +546,10 @@ add("an unknown beam", f"good.h5 {BEAM} square", "unknown beam")
 add("a beam without its file", f"good.h5 {BEAM} file", "the path of the file itself")
 add("beams for other channels", f"good.h5 {BEAM} b.npy", "got (3,)", save, "b.npy", np.ones(3))
 add("a dish of no size", "good.h5 --beam evolving --dish 0", "diameter in m")
-add("a dish that is no number", "good.h5 --beam evolving --dish nan", "dish")
 add("a dish alone", "good.h5 --dish 3", "dish")
-for word in ("1000000000000", "0", "-3"):
+for word in ("1000000000000", "-3"):
     add(f"{word} mocks", f"good.h5 --beam evolving --mocks {word}", "the number of mocks")
-for words in (f"--to {10**9}", f"--to {10**30}", "--from 0", "--from -5", "--to 1", "--from 24 --to 25"):
+for words in (f"--to {10**30}", "--from -5", "--to 1", "--from 24 --to 25"):
     add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
 add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
 for command in ("claims", "readings"):

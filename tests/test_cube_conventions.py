@@ -2,23 +2,22 @@
 
 import os
 import resource
+from contextlib import contextmanager
 
 import h5py
 import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
-from click.testing import CliRunner
+from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5, write_table
+from cube_files import himap
 
-from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.core.memory import LIMIT_VARIABLE
 from himap.core.reading import read_numbers, regular_file
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_truth
 from himap.cubes.layout import SpherePixels
-from himap.cubes.mocks import read_mocks
 from himap.maps.healpix_io import read_maps
 
 
@@ -31,10 +30,6 @@ def maps():
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def himap(*words):
-    return CliRunner().invoke(main, [str(word) for word in words])
 
 
 class TestHDF5:
@@ -72,12 +67,6 @@ class TestHDF5:
         cube = read_cube("a.h5")
         assert cube.maps == pytest.approx(np.delete(maps, 3, axis=1), abs=0.26) and not cube.mask[3]
 
-    def test_packed_frequencies(self):
-        write_hdf5("a.h5", freqs=np.arange(24))
-        with h5py.File("a.h5", "a") as file:
-            file["freqs"].attrs.update(scale_factor=5.0, add_offset=950.0)
-        assert read_cube("a.h5").freqs == pytest.approx(FREQS)
-
     def test_other_attributes_that_begin_like_these(self, maps):
         write_hdf5("a.h5", order_of_fit=3, unit_of_weights="1/K")
         assert np.array_equal(read_cube("a.h5").maps, maps)
@@ -101,26 +90,21 @@ class TestHDF5:
 
 
 class TestFITS:
-    def write(self, columns, **cards):
-        table = fits.BinTableHDU.from_columns(columns)
-        table.header.update({"PIXTYPE": "HEALPIX", "ORDERING": "RING", "NSIDE": NSIDE} | cards)
-        table.writeto("a.fits")
-
     def test_null_is_compared_before_scaling(self):
         whole = np.arange(N_PIX, dtype=np.int16)
-        self.write([fits.Column("T", "I", array=whole)], TNULL1=8, TSCAL1=0.5, TZERO1=3.5)
+        write_table([fits.Column("T", "I", array=whole)], TNULL1=8, TSCAL1=0.5, TZERO1=3.5)
         expected = np.where(whole == 8, np.nan, 0.5 * whole + 3.5)  # which is 8 for another one
         assert np.array_equal(read_maps("a.fits").maps[0], expected, equal_nan=True)
 
     def test_unsigned_integers(self):
         whole = np.arange(N_PIX, dtype=np.uint16) + 40_000
-        self.write([fits.Column("T", "I", bzero=32768, array=whole)])
+        write_table([fits.Column("T", "I", bzero=32768, array=whole)])
         assert np.array_equal(read_maps("a.fits").maps[0], whole)
 
     def test_bad_data_in_columns_of_two_precisions(self):
         one, two = np.ones(N_PIX, np.float32), np.ones(N_PIX)
         one[5] = two[5] = -999.9
-        self.write([fits.Column("A", "E", array=one), fits.Column("B", "D", array=two)], BAD_DATA=-999.9)
+        write_table([fits.Column("A", "E", array=one), fits.Column("B", "D", array=two)], BAD_DATA=-999.9)
         found = read_maps("a.fits").maps
         assert np.isnan(found[:, 5]).all() and np.isfinite(np.delete(found, 5, axis=1)).all()
 
@@ -132,7 +116,7 @@ class TestFITS:
 
     def test_many_pixels_a_row(self, rng):
         pixels = rng.standard_normal(N_PIX).astype(np.float32)
-        self.write([fits.Column("T", "64E", array=pixels.reshape(-1, 64))])
+        write_table([fits.Column("T", "64E", array=pixels.reshape(-1, 64))])
         assert np.array_equal(read_maps("a.fits").maps[0], pixels)
 
 
@@ -152,12 +136,6 @@ class TestSaid:
         assert done.exit_code == 0, done.output
         for name in ("The truth", "t.npy"):
             assert f"{name}: the file does not say the order of its pixels: taken as RING" in done.output
-
-    def test_mocks_without_a_listener(self, maps):
-        write_hdf5("a.h5")
-        np.save("t.npy", maps / 100)
-        (mock,) = read_mocks(read_cube("a.h5"), ["t.npy"], freqs=FREQS, unit="mK")
-        assert mock == pytest.approx(maps / 100)
 
     def test_names_that_are_no_text(self):
         """Bytes that are no UTF-8: the cube is read and written, and its name shown in a way that can be."""
@@ -307,27 +285,15 @@ class TestFullDisk:
             save_cleaned(cleaned, name)
         assert sorted(here.iterdir()) == before
 
-    def test_the_page(self, here):
-        write_hdf5("a.h5")
-        write_hdf5("m.h5", good_maps() / 100)
-        before = sorted(here.iterdir())
-        words = ["clean", "a.h5", "--method", "pca", "-p", "n_sources=2", "--mocks", "m.h5", "-o", "c.h5"]
-        with self.little_room(70_000):
-            done = himap(*words)
-        assert done.exit_code == 2 and "Error: c.html cannot be written" in done.output, done.output
-        assert sorted(here.iterdir()) == before
-
     @staticmethod
+    @contextmanager
     def little_room(n_bytes):
-        class Room:
-            def __enter__(self):
-                self.before = resource.getrlimit(resource.RLIMIT_FSIZE)
-                resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, self.before[1]))
-
-            def __exit__(self, *_):
-                resource.setrlimit(resource.RLIMIT_FSIZE, self.before)
-
-        return Room()
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_messages_are_short_and_plain():

@@ -8,7 +8,7 @@ from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
-from himap.cubes.spectra import spectra_beside, spectra_of
+from himap.cubes.spectra import spectra_of
 from himap.measures import n_sources
 from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance
@@ -74,13 +74,6 @@ class TestTransfer:
         assert found.frequency[1:] == pytest.approx(expected["frequency"], abs=0.01)
         assert found.angular[2:25].mean() == pytest.approx(expected["angular"][1:24].mean(), abs=0.003)
         assert found.frequency[1] < 0.8
-
-    def test_what_mocks_have_in_a_gap_counts_nothing(self, cube, rng):
-        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
-        mock = mock_of(cube, rng)
-        disturbed = np.where(cube.missing, np.float32(1e6), mock)
-        one, two = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))
-        assert np.array_equal(one.frequency, two.frequency) and np.array_equal(one.angular, two.angular)
 
     def test_corrects_what_is_left_through_gaps(self, cube, rng):
         """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
@@ -148,12 +141,6 @@ class TestSuggestion:
         expected = (n_seen * np.log(variances)).sum(axis=1) + price
         found = n_sources.information(variances, counts, n_pix, n_seen=n_seen)
         assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / n_seen.sum())
-
-    def test_spectra_beside_those_of_another_number(self, cube):
-        three, two = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2))
-        found, expected = spectra_beside(three)(two), spectra_of(two)
-        assert found.angular.mean[2:33] == pytest.approx(expected.angular.mean[2:33], rel=1e-3)
-        assert np.array_equal(found.frequency.power, expected.frequency.power)
 
     def test_lines_of_sight_with_too_few_channels(self, hits, flags, rng, tmp_path):
         """Refused by the library, left out by the command for the largest number that it tries."""

@@ -80,10 +80,6 @@ class TestMade:
         with pytest.raises(InputError, match=told):
             list(made_mocks(replace(cube, **changed), beams_of(cube, "degraded"), n_mocks, **options))
 
-    def test_without_a_beam(self, cube):
-        with pytest.raises(InputError, match="with the beam of the cube; give it"):
-            made_mocks(cube, None, 2)
-
 
 class TestFromFiles:
     def test_one_of_each_file(self, cube, rng, tmp_path):
@@ -214,40 +210,6 @@ class TestCommands:
             "t.html",
             "truth.h5",
         ]
-
-    @pytest.mark.parametrize("keep", [True, False])
-    def test_peaks_of_mocks_are_masked_as_those_of_the_cube(self, here, monkeypatch, keep):
-        from himap.removal import cleaning
-
-        masked, mask_peaks = [], cleaning.mask_peaks
-        monkeypatch.setattr(
-            cleaning,
-            "mask_peaks",
-            lambda maps, *more, **options: masked.append(maps) or mask_peaks(maps, *more, **options),
-        )
-        words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "-o", "t.html")
-        assert himap("transfer", "cube.h5", *words, *["--keep-peaks"] * keep).exit_code == 0
-        assert len(masked) == (0 if keep else 2)
-
-    def test_nothing_is_measured_twice(self, here, monkeypatch):
-        """Spectra of the cleaned cube, and those beside the truth, once each."""
-        from himap.cubes import spectra
-
-        called = []
-        for name in ("spectra_of", "compared"):
-            function = getattr(spectra, name)
-
-            def counted(*given, function=function, name=name):
-                called.append(name)
-                return function(*given)
-
-            monkeypatch.setattr(spectra, name, counted)
-        words = ("--method", "pca", "-p", "n_sources=2", "--truth", "truth.h5", "-o", "c.h5", "--overwrite")
-        assert himap("clean", "cube.h5", *words, "--mocks", "mock0.h5").exit_code == 0
-        assert sorted(called) == ["compared", "spectra_of"]
-        called.clear()
-        assert himap("clean", "cube.h5", *words).exit_code == 0
-        assert called == ["compared"]
 
     def test_clean_with_mocks_from_files(self, here):
         words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "--mocks", "mock1.h5")

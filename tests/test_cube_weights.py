@@ -4,7 +4,7 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
-from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
+from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
@@ -238,7 +238,3 @@ def test_a_mask_in_the_cube_that_nobody_named(flags):
     with pytest.raises(InputError, match="has a mask, sky/flags"):
         read_cube("cube.h5")
     assert read_cube("cube.h5", flags="cube.h5").missing.any()
-
-
-def test_nside_is_of_the_cube():
-    assert read_cube("cube.h5", weights=np.arange(N_PIX)).nside == NSIDE

@@ -144,19 +144,6 @@ class TestPySM:
         assert found / 1e3 == near(expected, maps)
 
 
-class TestGLASS:
-    def test_shells_of_overdensity(self, maps, expected):
-        """An array of shells, made to temperatures by whoever has them, is a .npy of (shells, pixels)."""
-        mean = maps.mean(axis=1, dtype=np.float64, keepdims=True)
-        delta = maps / mean - 1
-        np.save("shells.npy", mean * (1 + delta))
-        np.savetxt("nu.txt", CENTRES)
-        words = ["shells.npy", "--freqs", "nu.txt", "--unit", "mK", "--order", "RING"]
-        done = himap("clean", *words, *PCA[:-1], "out.npy")
-        assert done.exit_code == 0, done.output
-        assert np.load("out.npy") == near(expected, maps)
-
-
 class TestContainers:
     @pytest.mark.parametrize("told", ["S", "O"])
     def test_map(self, told, maps, expected):

@@ -11,7 +11,6 @@ from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.study import Study
-from himap.removal import analysis, cleaning
 
 
 @pytest.fixture
@@ -49,21 +48,6 @@ class TestSuggestion:
             means = found.angular.mean[inside], expected.angular.mean[inside]
             assert means[0] == pytest.approx(means[1], rel=tolerance)
             assert np.array_equal(found.frequency.power, expected.frequency.power)
-
-    def test_peaks_and_modes_are_found_once_for_all_numbers(self, maps, tmp_path, monkeypatch):
-        np.save(tmp_path / "a.npy", maps)
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        calls = []
-        for module, name in ((cleaning, "mask_peaks"), (analysis, "analysed")):
-            work = getattr(module, name)
-
-            def counted(*args, name=name, work=work, **options):
-                calls.append(name)
-                return work(*args, **options)
-
-            monkeypatch.setattr(module, name, counted)
-        suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 4), beams=beams_of(cube, "evolving"))
-        assert sorted(calls) == ["analysed", "mask_peaks"]
 
     def test_what_a_beam_adds_does_not_count_for_a_method_that_knows_it(self, rng, tmp_path):
         """Two spectra through beams that differ much: PCA sees more components, BeamSubspace two."""
@@ -164,10 +148,7 @@ class TestSuggestion:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--from", 5, "--to", 5], "--to must be more than --from"),
             (["--method", "polynomial"], "no parameter 'n_sources'"),
-            (["--method", "beam_subspace"], "give --beam"),
-            (["--to", 30], "at most the number of channels"),
             (["-o", "n.txt"], "is a .html file"),
         ],
     )
