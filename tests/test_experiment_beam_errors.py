@@ -121,17 +121,6 @@ class TestMeasure:
         assert excess["width", 0.1] > 10 * excess["width", 0.0]
         assert excess["width", 0.0] == pytest.approx(excess["width", 0.001], rel=0.5, abs=0.02)
 
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            ({"methods": []}, "there must be methods"),
-            ({"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),
-        ],
-    )
-    def test_refused_before_any_work(self, given, message):
-        with pytest.raises(InputError, match=message):
-            skies(**TINY | {"methods": TWO, "errors": {}} | given)
-
 
 class TestJudged:
     def test_means_over_skies(self):

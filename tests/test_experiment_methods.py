@@ -91,24 +91,6 @@ class TestSkies:
         assert others == [PCA(n_sources=3), GNILC()]  # a method that is there already is not there again
         assert [getattr(one, "n_sources", None) for one in second[1]] == [5, 5, 6, None]
 
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            ({"beams": []}, "each once"),
-            ({"beams": ["degraded", "degraded"]}, "each once"),
-            ({"beams": "degraded"}, "each once"),
-            ({"methods": [["pca", [3]]]}, "pca has 1 numbers of sources for 2 beams"),
-            ({"methods": [["pca"]]}, "[name, number of sources]"),
-            ({"methods": []}, "there must be methods"),
-            ({"corrected": ["gmca"]}, "to be corrected is gmca, but the methods are pca"),
-            ({"n_mocks": 0}, "n_mocks"),
-        ],
-    )
-    def test_refused(self, given, message):
-        with pytest.raises(InputError) as caught:
-            skies(**self.USUAL | given)
-        assert message in str(caught.value)
-
 
 class TestTable:
     def test_of_a_small_sky(self):

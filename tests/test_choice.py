@@ -1,4 +1,4 @@
-"""Criteria for the number of sources against the truth: each by itself, and over a small sky."""
+"""Criteria for the number of sources: each by itself, and of a small sky."""
 
 from dataclasses import replace
 
@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from himap.core.errors import InputError
 from himap.instrument.beams import Evolving
-from himap.instrument.noise import noise_sigma
 from himap.measures import n_sources
-from himap.paper import cleaned, pipeline
-from himap.paper.choice import SETTLED, SourceNumberCriteria, eigenvalues, minka, source_number_criteria
-from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
+from himap.paper import pipeline
+from himap.paper.choice import SETTLED, SourceNumberCriteria, eigenvalues, source_number_criteria
 from himap.paper.grid import cases_and_methods
 from himap.paper.mocks import Mock, own_recovery
 from himap.removal import PCA
@@ -99,70 +96,3 @@ class TestOfASky:
         aware, blind = (eigenvalues(changing, aware) for aware in (True, False))
         same = eigenvalues(case, True)
         assert aware[3] / aware[0] < 3 * same[3] / same[0] and blind[3] / blind[0] > 3 * aware[3] / aware[0]
-
-
-class TestMeasure:
-    GRID = TINY | {"beams": ["degraded"], "noises": [1], "methods": ["pca"], "n_mocks": 1, "n_sources_max": 3}
-
-    def test_rows(self):
-        grid = skies(**self.GRID | {"noises": [1, 10], "methods": ["pca", "beam_subspace"]}, n_realisations=2)
-        table = EXPERIMENT.table(grid)
-        assert len(table) == 2 * 2 * (6 + 5)
-        assert not table.duplicated(["seed", "noise", "method", "criterion"]).any()
-        assert table["noise"].round(6).unique().tolist() == [1, 10]
-        assert set(table.loc[table["method"] == "pca", "criterion"]) == set(CRITERIA)
-        assert table["best"].between(1, 3).all()
-        assert (table["bias"].notna() == table["recommended"].between(1, 3)).all()
-        assert (table["bias"].dropna() >= table["least_bias"][table["bias"].notna()]).all()
-        right = table[table["recommended"] == table["best"]]
-        assert right["bias"].tolist() == right["least_bias"].tolist() and len(right)
-        assert minka(next(iter(grid[0].methods))) in range(1, 17)
-
-    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
-        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-        found, separate = [], PCA.separate
-        monkeypatch.setattr(
-            PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
-        )
-        (sky,) = skies(**self.GRID | {"n_sources_max": 2}, n_realisations=1)
-        EXPERIMENT.table([sky])
-        numbers = [remover.n_sources for remover in found]
-        assert sorted(numbers) == [1, 1, 2, 2]  # the sky, and the sky with the mock
-        ((case, _),) = sky.methods.items()
-        assert not cleaned.separation.is_cached(case, PCA(n_sources=1))
-
-    def test_cases(self):
-        found = skies(**self.GRID | {"beams": ["degraded", "evolving"], "noises": [1, 3]}, n_realisations=2)
-        assert [[case.survey.seed for case in sky.methods] for sky in found] == [[2025] * 4, [2026] * 4]
-        first, second, *others = found[0].methods
-        assert [case.beam.name for case in (first, second, *others)] == ["degraded"] * 2 + ["evolving"] * 2
-        assert noise_sigma(second.survey) == pytest.approx(3 * noise_sigma(first.survey))
-        assert found[0].survey == first.survey
-
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            *(({"noises": noises}, "1 first") for noises in ([], [3], [1, 0], [1, "much"], [1, True])),
-            ({"beams": []}, "there must be beams"),
-            ({"methods": []}, "there must be methods"),
-            ({"methods": ["gnilc"]}, "no parameter 'n_sources'"),
-            ({"n_sources_max": 1}, "between 2 and 100"),
-            ({"n_sources_max": 17}, "at most the number of channels"),
-            ({"n_mocks": 0}, "between 1 and 1000"),
-        ],
-    )
-    def test_refused(self, given, message):
-        with pytest.raises(InputError, match=message):
-            skies(**self.GRID | given)
-
-
-def test_summary():
-    nan = float("nan")
-    first = {"seed": 7, "beam": "degraded", "noise": 1.0, "method": "pca", "criterion": "bic"}
-    first |= {"best": 3, "least_bias": 0.1}
-    pairs = [(4, 0.2), (3, 0.1), (9, nan), (0, nan), (2, 0.4), (1, 0.5)]
-    table = EXPERIMENT.frame([first | {"recommended": number, "bias": bias} for number, bias in pairs])
-    (row,) = EXPERIMENT.summary(table).to_numpy().tolist()
-    assert row == ["PCA", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100"]
-    (row,) = EXPERIMENT.summary(table[2:4]).to_numpy().tolist()
-    assert row[-2:] == ["", ""]

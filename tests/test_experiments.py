@@ -1,0 +1,228 @@
+"""Experiments on a grid of skies and methods: bad settings, what is made and deleted, small tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from himap.core.errors import InputError
+from himap.instrument.noise import noise_sigma
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
+from himap.paper import cleaned, mocks, pipeline
+from himap.paper.choice import minka
+from himap.paper.experiment_figures import transfer_figure
+from himap.paper.experiments import find_experiment, n_sources, transfer
+from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
+from himap.paper.mocks import Mock, own_recovery
+from himap.removal import GNILC, PCA, SDecGMCA
+
+TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
+BANDS = ["C/C0, 2-4", "C/C0, 5-9", "C/C0, 10-19", "P/P0, 0-0.03", "P/P0, 0.03-0.1", "P/P0, k > 0.1"]
+USUAL = {
+    "beam_errors": {"methods": [["beam_subspace", 3]], "errors": {}},
+    "methods": {"beams": ["degraded", "oscillating"], "methods": [["pca", 3]]},
+    "n_sources": {"beams": ["degraded"], "noises": [1], "methods": ["pca"], "n_mocks": 1, "n_sources_max": 3},
+    "transfer": {"methods": [["pca", 3]], "n_mocks": 2},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        *(
+            (name, given, message)
+            for name in ("transfer", "beam_errors", "methods")
+            for given, message in (
+                ({"methods": [["pca"]]}, "[name, number of sources]"),
+                ({"methods": ["pca"]}, "[name, number of sources]"),
+                ({"methods": [["pca", 17]]}, "at most the number of channels"),
+                ({"methods": [["kpca", 3]]}, "unknown method"),
+                ({"methods": []}, "there must be methods"),
+                ({"n_realisations": 0}, "between 1 and 1000"),
+                ({"n_realisations": "2"}, "n_realisations"),
+            )
+        ),
+        ("transfer", {"beam": "square"}, "square"),
+        ("transfer", {"n_mocks": 1}, "between 2 and 1000"),
+        ("beam_errors", {"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),
+        *(("methods", {"beams": beams}, "each once") for beams in ([], ["degraded", "degraded"], "degraded")),
+        ("methods", {"methods": [["pca", [3]]]}, "pca has 1 numbers of sources for 2 beams"),
+        ("methods", {"corrected": ["gmca"]}, "to be corrected is gmca, but the methods are pca"),
+        ("methods", {"n_mocks": 0}, "n_mocks"),
+        *(("n_sources", {"noises": one}, "1 first") for one in ([], [3], [1, 0], [1, "much"], [1, True])),
+        ("n_sources", {"beams": []}, "there must be beams"),
+        ("n_sources", {"methods": []}, "there must be methods"),
+        ("n_sources", {"methods": ["gnilc"]}, "no parameter 'n_sources'"),
+        ("n_sources", {"n_sources_max": 1}, "between 2 and 100"),
+        ("n_sources", {"n_sources_max": 17}, "at most the number of channels"),
+        ("n_sources", {"n_mocks": 0}, "between 1 and 1000"),
+    ],
+)
+def test_bad_settings_are_refused_before_any_work(name, given, message):
+    with pytest.raises(InputError) as caught:
+        find_experiment(name).skies(**TINY | USUAL[name] | given)
+    assert message in str(caught.value)
+
+
+def test_seeds_and_methods():
+    methods = [["pca", 3], ["sdecgmca", 4], ["gnilc", None]]
+    cases, (pca, sdecgmca, gnilc) = cases_and_methods(
+        **TINY, methods=methods, reading="letter", n_realisations=2
+    )
+    assert [case.survey.seed for case in cases] == [2025, 2026]
+    assert (pca, gnilc) == (PCA(n_sources=3), GNILC())
+    assert isinstance(sdecgmca, SDecGMCA) and (sdecgmca.n_sources, sdecgmca.thresholds) == (4, "mad")
+
+
+class TestMaking:
+    @pytest.fixture
+    def sky(self, tmp_path, monkeypatch):
+        """Of PCA and two mocks; nothing is in the cache."""
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+        (case,), removers = cases_and_methods(**TINY, methods=[["pca", 3]], n_realisations=1)
+        return Sky(methods={case: removers}, mocks=(Mock(seed=1), Mock(seed=2)))
+
+    def test_observations_and_separations_are_deleted(self, sky, monkeypatch):
+        before = measured_recoveries(sky)
+        ((case, (pca,)),) = sky.methods.items()
+        assert own_recovery.is_cached(case, pca) and not cleaned.separation.is_cached(case, pca)
+        assert not any(made.is_cached(case) for made in (pipeline.observation, pipeline.peak_masked))
+        # And nothing is observed for what is there.
+        monkeypatch.setattr(pipeline.observation, "_function", lambda case: 1 / 0)
+        ((*_, own, transfers),) = measured_recoveries(sky)
+        assert (own.output.power == before[0][2].output.power).all() and len(transfers.mocks) == 2
+
+    def test_products_that_were_there_before_stay(self, sky):
+        ((case, (pca,)),) = sky.methods.items()
+        cleaned.separation(case, pca)
+        ((*_, transfers),) = measured_recoveries(replace(sky, corrected=("gnilc",)))
+        assert cleaned.separation.is_cached(case, pca) and pipeline.observation.is_cached(case)
+        assert transfers is None
+
+    @pytest.mark.parametrize("known", [False, True])
+    def test_each_method_separates_a_sky_once(self, sky, monkeypatch, known):
+        """Also where only the mocks are new."""
+        ((case, (pca,)),) = sky.methods.items()
+        if known:
+            own_recovery(case, pca)
+        calls, separate = [], PCA.separate
+        monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
+        measured_recoveries(sky)
+        assert len(calls) == 3 - known  # the sky, unless it was kept, and the sky with each mock
+
+    def test_an_error_leaves_no_cubes(self, sky, monkeypatch):
+        monkeypatch.setattr(mocks, "mock_power", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            measured_recoveries(sky)
+        assert not pipeline.observation.is_cached(next(iter(sky.methods)))
+
+
+class TestTransfer:
+    @staticmethod
+    def made_up(share):
+        """Of 500 channels of 1 MHz, l up to 25, of which a share of the power comes back."""
+        powers = [
+            HarmonicPower(power=np.full((26, 251), float(value)), n_channels=500, channel_width=1.0)
+            for value in (1, share, np.sqrt(share))
+        ]
+        return MockPower(*powers)
+
+    def test_in_every_band(self):
+        mocks = TransferFunction(mocks=(self.made_up(0.81), self.made_up(0.81)))
+        found = transfer.corrected_bands(self.made_up(0.9), mocks)
+        assert [row["band"] for row in found] == BANDS
+        for row in found:
+            ratios = [row[name] for name in ("uncorrected", "corrected", "corrected_auto")]
+            assert ratios == pytest.approx([0.9, 1.0, 0.9 / 0.81])
+            assert row["error_bar"] == pytest.approx(0, abs=1e-12)
+
+    def test_error_bars_are_the_scatter_of_mocks(self):
+        mocks = TransferFunction(mocks=(self.made_up(1.0), self.made_up(0.64)))
+        row, *_ = transfer.corrected_bands(self.made_up(0.9), mocks)
+        assert row["error_bar"] == pytest.approx(np.sqrt((0.25**2 + 0.2**2) / 2))
+
+    def test_table_of_a_small_sky(self):
+        methods = [["pca", 3], ["gnilc", None]]
+        grid = transfer.skies(**TINY, methods=methods, n_realisations=2, n_mocks=2)
+        table = transfer.EXPERIMENT.table(grid)
+        keys = table.drop_duplicates(["seed", "method"])[["seed", "method", "n_sources"]]
+        expected = [[seed, *pair] for seed in (2025, 2026) for pair in (["pca", 3], ["gnilc", 0])]
+        assert keys.to_numpy().tolist() == expected and table["band"].tolist() == 4 * BANDS
+        assert table.select_dtypes("float").notna().all(axis=None)
+
+    @pytest.fixture
+    def table(self):
+        names = ("seed", "band", "uncorrected", "corrected")
+        more = {"method": "pca", "n_sources": 5, "corrected_auto": 1.02, "error_bar": 0.02}
+        rows = (1, BANDS[0], 0.9, 1.01), (2, BANDS[0], 0.9, 1.05), (1, BANDS[3], 0.3, 1.5)
+        return transfer.EXPERIMENT.frame([dict(zip(names, row, strict=True)) | more for row in rows])
+
+    def test_summary(self, table):
+        first, second = transfer.EXPERIMENT.summary(table).to_numpy().tolist()
+        assert first == ["PCA 5", BANDS[0], "0.9000", "1.0300", "1.0200", "0.0283", "0.0200", "1 of 2"]
+        assert second[2:] == ["0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1"]
+
+    def test_figure_has_a_panel_for_each_kind(self, table):
+        figure = transfer_figure({"one Galaxy": table, "another": table[:1]})
+        titles = [axes.get_title() for axes in figure.axes if axes.get_visible()]
+        assert titles == ["one Galaxy", "one Galaxy", "another"]
+        uncorrected, corrected = figure.axes[0].get_lines()[-2:]
+        assert uncorrected.get_ydata().tolist() == [0.9] and uncorrected.get_fillstyle() == "none"
+        assert corrected.get_ydata() == pytest.approx([1.03]) and corrected.get_label() == "PCA 5"
+
+    def test_a_method_without_a_number_of_sources_goes_by_its_name(self, table):
+        own = table.assign(method="gnilc", n_sources=0)
+        assert set(transfer.EXPERIMENT.summary(own)["method"]) == {"GNILC"}
+        assert transfer_figure({"": own}).axes[0].get_legend_handles_labels()[1] == ["GNILC"]
+
+
+class TestNumberOfSources:
+    GRID = TINY | USUAL["n_sources"]
+
+    def test_rows(self):
+        given = {"noises": [1, 10], "methods": ["pca", "beam_subspace"]}
+        grid = n_sources.skies(**self.GRID | given, n_realisations=2)
+        table = n_sources.EXPERIMENT.table(grid)
+        assert len(table) == 2 * 2 * (6 + 5)
+        assert not table.duplicated(["seed", "noise", "method", "criterion"]).any()
+        assert table["noise"].round(6).unique().tolist() == [1, 10]
+        assert set(table.loc[table["method"] == "pca", "criterion"]) == set(n_sources.CRITERIA)
+        assert table["best"].between(1, 3).all()
+        assert (table["bias"].notna() == table["recommended"].between(1, 3)).all()
+        assert (table["bias"].dropna() >= table["least_bias"][table["bias"].notna()]).all()
+        right = table[table["recommended"] == table["best"]]
+        assert right["bias"].tolist() == right["least_bias"].tolist() and len(right)
+        assert minka(next(iter(grid[0].methods))) in range(1, 17)
+
+    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+        found, separate = [], PCA.separate
+        monkeypatch.setattr(
+            PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
+        )
+        (sky,) = n_sources.skies(**self.GRID | {"n_sources_max": 2}, n_realisations=1)
+        n_sources.EXPERIMENT.table([sky])
+        numbers = [remover.n_sources for remover in found]
+        assert sorted(numbers) == [1, 1, 2, 2]  # the sky, and the sky with the mock
+        ((case, _),) = sky.methods.items()
+        assert not cleaned.separation.is_cached(case, PCA(n_sources=1))
+
+    def test_cases(self):
+        given = {"beams": ["degraded", "evolving"], "noises": [1, 3]}
+        found = n_sources.skies(**self.GRID | given, n_realisations=2)
+        assert [[case.survey.seed for case in sky.methods] for sky in found] == [[2025] * 4, [2026] * 4]
+        first, second, *others = found[0].methods
+        assert [case.beam.name for case in (first, second, *others)] == ["degraded"] * 2 + ["evolving"] * 2
+        assert noise_sigma(second.survey) == pytest.approx(3 * noise_sigma(first.survey))
+        assert found[0].survey == first.survey
+
+    def test_summary(self):
+        first = {"seed": 7, "beam": "degraded", "noise": 1.0, "method": "pca", "criterion": "bic"}
+        first |= {"best": 3, "least_bias": 0.1}
+        pairs = [(4, 0.2), (3, 0.1), (9, None), (0, None), (2, 0.4), (1, 0.5)]
+        rows = [first | {"recommended": number, "bias": bias} for number, bias in pairs]
+        table = n_sources.EXPERIMENT.frame(rows)
+        (row,) = n_sources.EXPERIMENT.summary(table).to_numpy().tolist()
+        assert row == ["PCA", "information criterion (BIC)", "1", "1", "1", "1", "1", "1", "0.300", "0.100"]
+        (row,) = n_sources.EXPERIMENT.summary(table[2:4]).to_numpy().tolist()
+        assert row[-2:] == ["", ""]
