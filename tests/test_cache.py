@@ -1,4 +1,4 @@
-"""The folder of results: each whole or not at all, listed and cleared."""
+"""The folder of results: each complete or not there, computed by one process, listed and cleared."""
 
 import json
 import os
@@ -20,57 +20,19 @@ from himap.core.survey import PRESETS
 from himap.store import cache
 
 SURVEY = PRESETS["ci"]
+_FILES = ["0.npy", "note.json", "value.json"]
 
 
-def _value_file():
+@pytest.fixture
+def kept(lab):
+    """The folder of a result of `lab.base`."""
+    lab.base(SURVEY)
     (file,) = cache.cache_folder().rglob("0.npy")
-    return file
+    return file.parent
 
 
-def _cut(file):
-    file.write_bytes(file.read_bytes()[:-8])
-
-
-def _alter(file):
-    content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 1
-    file.write_bytes(content)
-
-
-@pytest.mark.parametrize(
-    ("harm", "why"),
-    [(_cut, "it has .* of .* bytes"), (_alter, "its checksum is another"), (Path.unlink, "No such file")],
-)
-def test_a_damaged_result_is_computed_again_with_a_warning(lab, harm, why):
-    lab.base(SURVEY)
-    harm(_value_file())
-    with pytest.warns(UserWarning, match=f"cached .*base is damaged and is computed again .*{why}"):
-        again = lab.base(SURVEY)
-    np.testing.assert_array_equal(again, 2 * np.arange(100))
-    assert lab.computed() == ["base", "base"]
-    lab.base(SURVEY)
-    assert len(lab.computed()) == 2
-
-
-def test_a_damaged_note_is_noticed(lab):
-    lab.base(SURVEY)
-    _value_file().with_name("note.json").write_text("{")
-    with pytest.warns(UserWarning, match="is damaged and is computed again"):
-        lab.base(SURVEY)
-    assert lab.computed() == ["base", "base"]
-
-
-def test_what_the_machine_refuses_is_no_damage(lab, monkeypatch):
-    lab.base(SURVEY)
-
-    def refuse(*args, **options):
-        raise OSError(24, "too many open files")
-
-    with monkeypatch.context() as patched, pytest.raises(OSError, match="too many open files"):
-        patched.setattr("numpy.load", refuse)
-        lab.base(SURVEY)
-    lab.base(SURVEY)
-    assert lab.computed() == ["base"]
+def _unfinished():
+    return [path for path in cache.cache_folder().glob("*/*") if path.name.startswith("unfinished")]
 
 
 def _wait_for(condition):
@@ -80,8 +42,66 @@ def _wait_for(condition):
         time.sleep(0.01)
 
 
-def _unfinished():
-    return [path for path in cache.cache_folder().glob("*/*") if path.name.startswith("unfinished")]
+def _refuse(*error):
+    def refuse(*args, **options):
+        raise OSError(*error)
+
+    return refuse
+
+
+def _alter(folder):
+    content = bytearray((folder / "0.npy").read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / "0.npy").write_bytes(content)
+
+
+def _tree(tree):
+    """Another tree of the value, with its checksum."""
+
+    def write(folder):
+        (folder / "value.json").write_text(tree)
+        note = json.loads((folder / "note.json").read_text())
+        note["files"]["value.json"] = [len(tree), zlib.crc32(tree.encode())]
+        (folder / "note.json").write_text(json.dumps(note))
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("harm", "why"),
+    [
+        (lambda folder: os.truncate(folder / "0.npy", 100), "it has .* of .* bytes"),
+        (_alter, "its checksum is another"),
+        (lambda folder: (folder / "0.npy").unlink(), "No such file"),
+        (lambda folder: (folder / "note.json").write_text("{"), ""),
+        (_tree('{"array": "/etc/passwd"}'), "no array of this folder"),
+        (_tree('{"class": ["antigravity", "fly"], "fields": {}}'), "there is no class"),
+        (_tree('{"class": ["os", "system"], "fields": {}}'), "there is no class"),
+        (_tree('{"class": ["himap.core.errors", "InputError"], "fields": {}}'), "there is no class"),
+    ],
+)
+def test_a_damaged_result_is_computed_again_with_a_warning(lab, kept, harm, why):
+    """Reading runs and imports nothing."""
+    harm(kept)
+    with pytest.warns(UserWarning, match=f"cached base is damaged and is computed again .*{why}"):
+        np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
+    lab.base(SURVEY)
+    assert lab.computed() == ["base", "base"] and "antigravity" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "message"),
+    [
+        ((24, "too many open files"), OSError, "too many open files"),
+        ((13, "Permission denied"), InputError, "base cannot be read .*Permission denied"),
+    ],
+)
+def test_what_the_machine_refuses_is_no_damage(lab, kept, monkeypatch, error, kind, message):
+    with monkeypatch.context() as patched, pytest.raises(kind, match=message):
+        patched.setattr("numpy.load", _refuse(*error))
+        lab.base(SURVEY)
+    lab.base(SURVEY)
+    assert lab.computed() == ["base"]
 
 
 def test_a_writer_that_is_killed_leaves_no_result(lab):
@@ -91,33 +111,19 @@ def test_a_writer_that_is_killed_leaves_no_result(lab):
     process.send_signal(signal.SIGKILL)
     process.wait()
     assert not lab.slow.is_cached(size)
-    (left,) = cache.cache_info()
-    assert left.product == "unfinished" and left.n_bytes < size * 8
+    (rest,) = cache.cache_info()
+    assert rest.product == "unfinished" and rest.n_bytes < size * 8
     assert lab.slow(1000).sum() == 1000  # the next writer tidies up
     assert not _unfinished()
 
 
-def test_what_an_earlier_himap_kept_is_listed_and_cleared(lab):
-    folder = cache.cache_folder() / "pipeline.cleaned" / ("0" * 32)
-    folder.mkdir(parents=True)
-    (folder / "value.pkl").write_bytes(b"0" * 1000)
-    (folder / "note.json").write_text('{"product": "pipeline.cleaned"}')
-    (entry,) = cache.cache_info()
-    assert entry.product == "pipeline.cleaned" and entry.n_bytes > 1000
-    cache.clear_cache()
-    assert not folder.exists()
-
-
-def test_writers_at_work_are_left_alone(lab):
-    lab.base(SURVEY)
-    folder = _value_file().parents[1]
-    names = {
-        host: f"unfinished-{host}-{os.getpid()}-0123abcd" for host in (socket.gethostname(), "elsewhere")
-    }
-    for name in names.values():
-        (folder / name).mkdir()
+def test_writers_at_work_are_left_alone(lab, kept):
+    hosts = (socket.gethostname(), "elsewhere")
+    names = {f"unfinished-{host}-{os.getpid()}-0123abcd" for host in hosts}
+    for name in names:
+        (kept.parent / name).mkdir()
     lab.base(SURVEY, scale=2.0)
-    assert {path.name for path in _unfinished()} == set(names.values())
+    assert {path.name for path in _unfinished()} == names
     assert cache.clear_cache(["unfinished"]) == 0 and not _unfinished()
 
 
@@ -141,13 +147,23 @@ def test_two_processes_compute_a_result_once(lab, tmp_path, is_killed):
     assert lab.computed().count("slow") == 1 + is_killed and not list(cache.cache_folder().rglob("*.lock"))
 
 
-def test_a_folder_that_can_only_be_read_is_read(lab, monkeypatch):
-    lab.base(SURVEY)
+def test_without_locks_two_at_once_keep_one_result(lab, monkeypatch):
+    """As on a file system that has none."""
+    monkeypatch.setattr("filelock.FileLock.acquire", _refuse(95, "not supported"))
+    note = lab.note
 
-    def refuse(*args, **options):
-        raise OSError(30, "Read-only file system")
+    def other_computes_first(name):
+        monkeypatch.setattr(lab, "note", note)
+        lab.base(SURVEY)
+        note(name)
 
-    monkeypatch.setattr(Path, "touch", refuse)
+    monkeypatch.setattr(lab, "note", other_computes_first)
+    np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
+    assert lab.computed() == ["base", "base"] and len(cache.cache_info()) == 1 and not _unfinished()
+
+
+def test_a_folder_that_can_only_be_read_is_read(lab, kept, monkeypatch):
+    monkeypatch.setattr(Path, "touch", _refuse(30, "Read-only file system"))
     assert lab.base(SURVEY).size == 100
     with pytest.raises(InputError, match="base cannot be kept .*Read-only"):
         lab.base(SURVEY, scale=2.0)
@@ -164,21 +180,6 @@ def test_a_disk_that_is_full_is_one_clear_error(lab):
     assert not _unfinished() and not cache.cache_info()
 
 
-def test_info_and_clear(lab):
-    lab.base(SURVEY, scale=4.0)
-    lab.pair(SURVEY)
-    newest, *_, oldest = cache.cache_info()
-    assert newest.product.endswith("pair") and oldest.product.endswith("base")
-    assert "scale=4.0" in oldest.arguments.replace(": ", "=") and "n_channels=100" in oldest.arguments
-    assert oldest.n_bytes > 400 and time.time() - oldest.created.timestamp() < 60
-    assert cache.clear_cache([newest.product]) == newest.n_bytes
-    assert {entry.product for entry in cache.cache_info()} == {oldest.product}
-    with pytest.raises(InputError, match=f"no spectra; it holds {oldest.product}"):
-        cache.clear_cache(["spectra"])
-    lab.pair(SURVEY)
-    assert lab.computed() == ["base", "pair", "base", "pair"]
-
-
 def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
     (tmp_path / "file").touch()
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "file" / "cache"))
@@ -186,78 +187,102 @@ def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
         lab.base(SURVEY)
 
 
-def test_what_himap_did_not_make_is_not_cleared(lab):
-    """HIMAP_CACHE may name a folder that holds other things too."""
-    lab.base(SURVEY)
-    others = [
-        cache.cache_folder() / "project" / name
-        for name in ("data/thesis.txt", "unfinished-draft/note.json", "models/value.pkl")
-    ]
+def test_info_and_clear(lab):
+    lab.base(SURVEY, scale=4.0)
+    lab.pair(SURVEY)
+    newest, *_, oldest = cache.cache_info()
+    assert newest.product == "pair" and oldest.product == "base"
+    assert "scale: 4.0" in oldest.arguments and "n_channels=100" in oldest.arguments
+    assert oldest.n_bytes > 400 and time.time() - oldest.created.timestamp() < 60
+    assert cache.clear_cache(["pair"]) == newest.n_bytes
+    assert {entry.product for entry in cache.cache_info()} == {"base"}
+    with pytest.raises(InputError, match="no spectra; it holds base"):
+        cache.clear_cache(["spectra"])
+    lab.pair(SURVEY)
+    assert lab.computed() == ["base", "pair", "base", "pair"]
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{", '{"seconds": "x", "product": null}', "\0"])
+def test_a_note_of_any_text_is_listed(kept, text):
+    (kept / "note.json").write_text(text)
+    assert len(cache.cache_info()) == 1
+    cache.clear_cache()
+    assert not kept.exists()
+
+
+def test_a_time_in_the_future_is_now(kept):
+    for file in kept.iterdir():
+        os.utime(file, (10**11, 10**11))
+    (entry,) = cache.cache_info()
+    assert abs(entry.created.timestamp() - time.time()) < 60
+
+
+def test_what_an_earlier_himap_kept_is_listed_and_cleared(lab):
+    folder = cache.cache_folder() / "pipeline.cleaned" / ("0" * 32)
+    folder.mkdir(parents=True)
+    (folder / "value.pkl").write_bytes(b"0" * 1000)
+    (folder / "note.json").write_text('{"product": "pipeline.cleaned"}')
+    (entry,) = cache.cache_info()
+    assert entry.product == "pipeline.cleaned" and entry.n_bytes > 1000
+    cache.clear_cache()
+    assert not folder.exists()
+
+
+def test_what_himap_did_not_make_is_neither_listed_nor_cleared(kept, tmp_path):
+    """HIMAP_CACHE may name a folder that holds other things too, and links: of a product or of a result."""
+    project, elsewhere = cache.cache_folder() / "project", tmp_path / "elsewhere"
+    names = ("data/thesis.txt", "unfinished-draft/note.json", "models/value.pkl")
+    others = [project / name for name in names]
     for path in others:
         path.parent.mkdir(parents=True)
         path.write_text("{}")
+    shutil.copytree(kept.parent, elsewhere)
+    (cache.cache_folder() / "link").symlink_to(elsewhere)
+    (kept.parent / ("0" * 32)).symlink_to(next(elsewhere.iterdir()))
     assert len(cache.cache_info()) == 1
     cache.clear_cache()
     assert all(path.exists() for path in others) and not cache.cache_info()
+    assert sorted(path.name for path in elsewhere.glob("*/*")) == _FILES
 
 
-def _entry_folder():
-    return _value_file().parent
+def test_what_cannot_be_deleted_is_an_error(kept, monkeypatch):
+    monkeypatch.setattr(Path, "rename", _refuse(13, "Permission denied"))
+    with pytest.raises(InputError, match="1 of 1 results could not be deleted"):
+        cache.clear_cache()
 
 
-def _without_note(folder):
-    (folder / "note.json").unlink()
-
-
-def _empty(folder):
-    shutil.rmtree(folder)
-    folder.mkdir()
-
-
-def _a_file(folder):
-    shutil.rmtree(folder)
-    folder.touch()
-
-
-@pytest.mark.parametrize("harm", [_without_note, _empty, _a_file])
-def test_what_is_left_of_a_result_is_replaced(lab, harm):
-    """A deletion that was killed, say; nothing to tell, for there is no result."""
-    lab.base(SURVEY)
-    folder = _entry_folder()
-    harm(folder)
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda folder: (folder / "note.json").unlink(),
+        lambda folder: [file.unlink() for file in folder.iterdir()],
+        lambda folder: (shutil.rmtree(folder), folder.touch()),
+    ],
+)
+def test_the_rest_of_a_result_is_replaced(lab, kept, harm):
+    """Of a deletion that was killed, say; no warning, for there is no result."""
+    harm(kept)
     np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
     lab.base(SURVEY)
-    assert lab.computed() == ["base", "base"] and sorted(os.listdir(folder)) == _FILES
+    assert lab.computed() == ["base", "base"] and sorted(os.listdir(kept)) == _FILES
     assert not _unfinished()
 
 
-_FILES = ["0.npy", "note.json", "value.json"]
-
-
-def test_a_result_that_is_deleted_at_once_is_returned(lab, monkeypatch):
-    real = cache.save
-
-    def save(product, key, value, **options):
-        real(product, key, value, **options)
-        cache.remove(product, key)
-
-    monkeypatch.setattr(cache, "save", save)
-    np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
-
-
-def test_a_result_that_is_deleted_while_it_is_read_is_no_damage(lab, monkeypatch):
-    """Two records at once delete the intermediate results that they share; warnings are errors here."""
+def test_a_result_that_is_deleted_meanwhile_is_no_damage(lab, monkeypatch):
+    """As soon as it is kept, or while it is read, by another process; warnings are errors here."""
+    save, read = cache.save, cache.read_value
+    expected = 2 * np.arange(100)
+    with monkeypatch.context() as patched:
+        patched.setattr(cache, "save", lambda *args, **given: save(*args, **given) or cache.remove(*args[:2]))
+        np.testing.assert_array_equal(lab.base(SURVEY), expected)
     lab.base(SURVEY)
-    read = cache.read_value
     with monkeypatch.context() as patched:
         patched.setattr(cache, "read_value", lambda folder: lab.base.forget(SURVEY) or read(folder))
-        patched.setattr(cache, "save", lambda *args, **options: None)  # what is computed now is gone as well
-        np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
-    assert lab.computed() == ["base", "base"]
+        np.testing.assert_array_equal(lab.base(SURVEY), expected)
+    assert lab.computed() == ["base"] * 3
 
 
-def test_a_deletion_that_is_killed_leaves_no_half_result(lab):
-    lab.base(SURVEY)
+def test_a_deletion_that_is_killed_leaves_no_half_result(lab, kept):
     kill = "import os, shutil, signal; shutil.rmtree = lambda *a, **b: os.kill(os.getpid(), signal.SIGKILL)"
     process = lab.start(f"{kill}\nfrom himap.store import cache\ncache.clear_cache()")
     assert process.wait() == -signal.SIGKILL
@@ -266,96 +291,29 @@ def test_a_deletion_that_is_killed_leaves_no_half_result(lab):
     assert not _unfinished()
 
 
-def test_the_folder_is_for_its_owner_alone(lab):
+def test_the_folder_is_for_its_owner_alone(lab, request):
     before = os.umask(0)
     try:
-        lab.base(SURVEY)
+        folder = request.getfixturevalue("kept")
     finally:
         os.umask(before)
-    folder = _entry_folder()
     assert {stat.S_IMODE(path.stat().st_mode) for path in (folder, *folder.parents[:2])} == {0o700}
 
 
-@pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
-@pytest.mark.parametrize(
-    "use", [lambda lab: lab.base(SURVEY), lambda lab: cache.cache_info(), lambda lab: cache.clear_cache()]
-)
-def test_a_folder_that_others_can_write_to_is_refused(lab, mode, use):
-    lab.base(SURVEY)
-    cache.cache_folder().chmod(mode)
-    with pytest.raises(InputError, match="other users can write .* `chmod go-w .*HIMAP_CACHE"):
-        use(lab)
+USES = [lambda lab: lab.base(SURVEY), lambda lab: cache.cache_info(), lambda lab: cache.clear_cache()]
+
+
+@pytest.mark.parametrize("use", USES)
+def test_a_folder_of_others_or_that_they_can_write_to_is_refused(lab, kept, monkeypatch, use):
+    for mode in (0o777, 0o770, 0o722):
+        cache.cache_folder().chmod(mode)
+        with pytest.raises(InputError, match="other users can write .* `chmod go-w .*HIMAP_CACHE"):
+            use(lab)
     cache.cache_folder().chmod(0o755)
+    with (
+        monkeypatch.context() as patched,
+        pytest.raises(InputError, match="another user .number .*HIMAP_CACHE"),
+    ):
+        patched.setattr("os.geteuid", lambda: 12345)
+        use(lab)
     use(lab)
-
-
-def test_the_folder_of_another_is_refused(lab, monkeypatch):
-    lab.base(SURVEY)
-    monkeypatch.setattr("os.geteuid", lambda: 12345)
-    for use in (lambda: lab.base(SURVEY), cache.cache_info, cache.clear_cache):
-        with pytest.raises(InputError, match="belongs to another user .number .*HIMAP_CACHE"):
-            use()
-    monkeypatch.undo()
-
-
-def test_arrays_come_from_the_folder_of_the_result(lab, tmp_path):
-    lab.base(SURVEY)
-    np.save(tmp_path / "secret.npy", np.ones(3))
-    tree = _entry_folder() / "value.json"
-    tree.write_text(json.dumps({"array": str(tmp_path / "secret.npy")}))
-    note = json.loads((tree.parent / "note.json").read_text())
-    note["files"]["value.json"] = [tree.stat().st_size, zlib.crc32(tree.read_bytes())]
-    (tree.parent / "note.json").write_text(json.dumps(note))
-    with pytest.warns(UserWarning, match="is damaged .*no array of this folder"):
-        assert lab.base(SURVEY).size == 100
-
-
-@pytest.mark.parametrize("text", ["[]", "3", "{", '{"seconds": "x", "product": null}', "\0"])
-def test_a_note_of_any_text_is_listed(lab, text):
-    lab.base(SURVEY)
-    (_entry_folder() / "note.json").write_text(text)
-    assert len(cache.cache_info()) == 1
-    cache.clear_cache()
-    assert not cache.cache_info()
-
-
-def test_links_are_not_followed(lab, tmp_path):
-    """Neither one in the place of a product nor one in that of a result."""
-    lab.base(SURVEY)
-    product = _entry_folder().parent
-    shutil.copytree(product, tmp_path / "elsewhere")
-    (cache.cache_folder() / "link").symlink_to(tmp_path / "elsewhere")
-    (product / ("0" * 32)).symlink_to(next((tmp_path / "elsewhere").iterdir()))
-    assert len(cache.cache_info()) == 1
-    cache.clear_cache()
-    assert sorted(path.name for path in (tmp_path / "elsewhere").glob("*/*")) == _FILES
-
-
-def test_a_time_in_the_future_is_now(lab):
-    lab.base(SURVEY)
-    for file in _entry_folder().iterdir():
-        os.utime(file, (10**11, 10**11))
-    (entry,) = cache.cache_info()
-    assert abs(entry.created.timestamp() - time.time()) < 60
-
-
-def test_what_cannot_be_deleted_is_told_and_not_counted(lab, monkeypatch):
-    lab.base(SURVEY)
-
-    def refuse(*arguments, **options):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "rename", refuse)
-    with pytest.raises(InputError, match="1 of 1 results could not be deleted"):
-        cache.clear_cache()
-
-
-def test_what_may_not_be_read_is_one_clear_error(lab, monkeypatch):
-    lab.base(SURVEY)
-
-    def refuse(*arguments, **options):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr("numpy.load", refuse)
-    with pytest.raises(InputError, match="base cannot be read .*Permission denied"):
-        lab.base(SURVEY)

@@ -1,10 +1,7 @@
 """Cached products: computed once, and kept under the right key."""
 
-import json
 import pickle
-import sys
 import time
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,23 +88,6 @@ def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
     with pytest.raises(InputError, match=f"an array of numbers.*got {got}"):
         lab.pickled(what)
     assert not cache.cache_info()
-
-
-@pytest.mark.parametrize(
-    "name", [["antigravity", "fly"], ["os", "system"], ["himap.core.errors", "InputError"]]
-)
-def test_reading_a_result_runs_and_imports_nothing(lab, name):
-    """A class that is no dataclass of a loaded module: damaged, and computed again."""
-    lab.pair(SURVEY)
-    (tree,) = (path for path in cache.cache_folder().glob("pair/*/value.json"))
-    content = json.loads(tree.read_text())
-    tree.write_text(json.dumps(content | {"class": name}))
-    note = json.loads(tree.with_name("note.json").read_text())
-    note["files"]["value.json"] = [tree.stat().st_size, zlib.crc32(tree.read_bytes())]
-    tree.with_name("note.json").write_text(json.dumps(note))
-    with pytest.warns(UserWarning, match="is damaged and is computed again .there is no class"):
-        assert lab.pair(SURVEY).label == "sum"
-    assert name[0] == "os" or name[0].startswith("himap") or name[0] not in sys.modules
 
 
 def test_an_error_of_the_function_is_its_own(lab):
