@@ -1,4 +1,4 @@
-"""The numbers behind a figure: a notebook keeps them beside the picture, the book offers them for download.
+"""The numbers behind a figure: a notebook keeps them with the picture, the book offers them for download.
 
 Curves are kept as CSV. Maps and other images are kept as NPZ (numpy's ``np.load`` opens it), in base64: at
 most `NSIDE` for maps, rounded to four digits, so that a notebook stays small enough to be committed.

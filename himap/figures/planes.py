@@ -6,13 +6,13 @@ Colours of images are those of cividis, which is monotonic in lightness.
 import matplotlib.pyplot as plt
 import numpy as np
 from astropy.coordinates import SkyCoord
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from himap.figures.axes import CURVES, PICTURES, by_title, decade_ticks, drawn, panels
 from himap.figures.data import with_curves, with_image, with_maps
-from himap.figures.plotting import colours_of
+from himap.figures.plotting import show_map
 from himap.maps import sphere
 
 _NAMES = {"RA": "RA", "DEC": "Dec", "GLON": "Galactic longitude", "GLAT": "Galactic latitude"}
@@ -50,17 +50,13 @@ def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
     figure, grid = panels(len(maps), min(columns, len(maps)), size, dpi=100)
     options = {"unit": unit, "span": span, "diverging": diverging}
     chosen = [by_title(options, title) for title in maps]
-    for axes, (title, pixels), own in zip(grid, maps.items(), chosen, strict=True):
+    for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
         values = pixels[sphere.pixel_at(sphere.nside_of(pixels), places.l.deg, places.b.deg)]
-        ends = np.nanpercentile(pixels, (1, 99)) if own["span"] is None else own["span"]
-        norm = colours_of(*ends, own["diverging"])
-        look = {"origin": "lower", "extent": (right, left, low, high), "aspect": aspect, "norm": norm}
-        shown = axes.imshow(values, cmap="RdBu_r" if own["diverging"] else "cividis", **look)
-        axes.set_title(f"{title} [{own['unit']}]" if own["unit"] else title, fontsize=10)
+        look["span"] = np.nanpercentile(pixels, (1, 99)) if look["span"] is None else look["span"]
+        show_map(axes, values, title, **look, extent=(right, left, low, high), aspect=aspect, pad=0.03)
         axes.set(xlabel="right ascension [deg]", ylabel="declination [deg]")
         axes.xaxis.set_major_formatter(lambda x, _: f"{x % 360:g}")
-        figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.03, extend="both")
-    return with_maps(figure, maps, [own["unit"] or "" for own in chosen])
+    return with_maps(figure, maps, [look["unit"] or "" for look in chosen])
 
 
 @drawn(PICTURES)
@@ -82,16 +78,13 @@ def sky_images(maps, celestial, *, span, unit="mK"):
     for n, (title, pixels) in enumerate(maps.items(), start=1):
         axes = figure.add_subplot(1, len(maps), n, projection=celestial)
         axes.set_facecolor(_BLANK)
-        look = {"origin": "lower", "cmap": "cividis", "interpolation": "nearest"}
-        shown = axes.imshow(pixels, norm=Normalize(*span[title]), **look)
+        bar = show_map(axes, pixels, title, unit, span[title], shrink=0.8, interpolation="nearest")
+        bar.locator = MaxNLocator(4)
         axes.coords.grid(color="white", alpha=0.35, linestyle=":")
         for coordinate, ctype in zip(axes.coords, celestial.wcs.ctype, strict=True):
             name = ctype.split("-")[0]
             coordinate.set_axislabel(_NAMES.get(name, name))
             coordinate.set_ticklabel(size=8.5, exclude_overlapping=True)
-        axes.set_title(f"{title} [{unit}]", fontsize=10)
-        bar = figure.colorbar(shown, ax=axes, location="bottom", shrink=0.8, extend="both")
-        bar.locator = MaxNLocator(4)
     values = np.stack(list(maps.values()))
     x, y = (np.arange(n) for n in values.shape[:0:-1])
     return with_image(figure, values, x=x, y=y, unit=[unit] * len(maps))

@@ -72,14 +72,12 @@ def _draw_sky(axes, pixels, title, *, unit, log, limits, span, diverging):
     image = np.full(lon.shape, np.nan)
     image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
     low, high = np.percentile(pixels, limits or (1, 99)) if span is None else span
-    norm = LogNorm(low, high) if log else colours_of(low, high, diverging)
-    colours = "RdBu_r" if diverging else "cividis"
-    shown = axes.imshow(image, origin="lower", extent=(-2, 2, -1, 1), norm=norm, cmap=colours)
+    bar = show_map(
+        axes, image, title, unit, (low, high), log=log, diverging=diverging, extent=(-2, 2, -1, 1), pad=0.02
+    )
     angle = np.linspace(0, 2 * np.pi, 400)
     axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
     axes.set_axis_off()
-    axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
-    bar = axes.figure.colorbar(shown, ax=axes, location="bottom", shrink=0.7, pad=0.02, extend="both")
     bar.locator = MaxNLocator(4)  # more would run into each other
     if log:
         if high >= 3 * low:  # two or more fall on the bar
@@ -89,10 +87,15 @@ def _draw_sky(axes, pixels, title, *, unit, log, limits, span, diverging):
     bar.minorticks_off()
 
 
-def colours_of(low, high, diverging):
-    """The `Normalize` from low to high; even about 0 where `diverging`."""
-    far = max(abs(low), abs(high))
-    return Normalize(-far, far) if diverging else Normalize(low, high)
+def show_map(axes, image, title, unit, span, *, log=False, diverging=False, pad=None, shrink=0.7, **options):
+    """Draw an image with colours over a `span`, its title and a colour bar below; returns the bar."""
+    far = max(map(abs, span))
+    norm = LogNorm(*span) if log else Normalize(-far, far) if diverging else Normalize(*span)
+    colours = "RdBu_r" if diverging else "cividis"
+    shown = axes.imshow(image, origin="lower", norm=norm, cmap=colours, **options)
+    axes.set_title(f"{title} [{unit}]" if unit else title, fontsize=10)
+    room = {"shrink": shrink} if pad is None else {"shrink": shrink, "pad": pad}
+    return axes.figure.colorbar(shown, ax=axes, location="bottom", extend="both", **room)
 
 
 @drawn(CURVES)

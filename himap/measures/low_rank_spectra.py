@@ -158,7 +158,7 @@ def angular_power_pair(truth_alms, error, *, mask=None):
 def _alms_of_error(error, weights, lmax, truth_alms):
     """Coefficients of the maps of a `LowRankCube`, times weights, (n_modes, n_alm) complex64.
 
-    Of terms that are minor beside the truth in every channel a rough analysis will do.
+    Of terms that are minor against the truth in every channel a rough analysis will do.
     """
     zonal = truth_alms[:, : lmax + 1].real.astype(np.float64)  # those of m = 0 have no twin of negative m
     squares = [np.vdot(alm, alm).real for alm in truth_alms]
@@ -233,7 +233,7 @@ class Moments:
     def correlation(self):
         """Pearson r of T and of T with its error in every channel, (n_channels,) (paper, Eq. A.1).
 
-        NaN where nothing of T is left.
+        NaN where either is 0 everywhere.
         """
         common = np.einsum("cm,cm->c", self.spectra, self.cross)
         recovered = (

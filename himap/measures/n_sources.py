@@ -1,7 +1,7 @@
-"""How many sources to remove, without knowing the truth: criteria, from what each number of sources leaves.
+"""The number of sources to remove, without knowing the truth: criteria, from the residual of each number.
 
-Numbers of sources are `counts`, ascending by one. `variances` (n, n_channels), mK^2, are those of what each
-of them leaves; `spectra` a list, one entry for each, of arrays such as C_l and P(k) of it.
+Numbers of sources are `counts`, ascending by one. `variances` (n, n_channels), mK^2, are those of the
+residuals; `spectra` a list, one entry for each, of arrays such as their C_l and P(k).
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ _BULK = (0.2, 0.8)  # of the components: HI and noise for sure
 
 
 def eigenvalue_line(values):
-    """A straight line through the logarithms of the eigenvalues of HI and noise, carried on to the others.
+    """A straight line through the logarithms of the eigenvalues of HI and noise, extrapolated to the others.
 
-    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number, none of
-    them taken as less than the rounding of the first.
+    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number, none
+    below the rounding of the first.
     """
     number = np.arange(len(values))
     first, last = (int(share * len(values)) for share in _BULK)
@@ -28,7 +28,7 @@ def eigenvalue_line(values):
 
 
 def n_significant(values):
-    """How many of the first eigenvalues stand above `eigenvalue_line` three times."""
+    """How many of the first eigenvalues are above three times the `eigenvalue_line`."""
     return int(np.argmin(values > _STANDS_OUT * eigenvalue_line(values)))
 
 
@@ -43,9 +43,9 @@ def information(variances, counts, n_pix, *, n_seen=None, kind="bic"):
     n_channels = variances.shape[1]
     n_samples = n_pix if n_seen is None else np.mean(n_seen)
     price = {"bic": np.log(n_samples), "aic": 2.0}[kind] / n_samples
-    found = np.average(np.log(variances), axis=1, weights=n_seen)
-    found += counts * price * (n_channels + n_pix) / n_channels
-    return found - found.min()
+    values = np.average(np.log(variances), axis=1, weights=n_seen)
+    values += counts * price * (n_channels + n_pix) / n_channels
+    return values - values.min()
 
 
 def changes(spectra):
