@@ -67,13 +67,6 @@ def test_noise_of_sources(small, rng):
     assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
 
 
-def test_what_is_left(small, rng):
-    channels, mixing = small
-    sources = rng.standard_normal((2, 16))
-    model = channels.beams[:, harmonic.degrees(3)] * (mixing @ sources)
-    assert channels.residual(mixing, sources) == pytest.approx(channels.modes - model)
-
-
 def test_residual_noise_is_the_variance_over_the_finer_half(small, rng):
     channels, mixing = small
     sources = rng.standard_normal((2, 16))

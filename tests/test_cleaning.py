@@ -107,10 +107,6 @@ class TestCleaning:
     def test_the_noise_is_that_of_data_and_mock(self, data, mock):
         assert Cleaning.of(data, PCA()).with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
 
-    def test_without_masking_of_peaks_a_mock_keeps_its_own(self, data, mock):
-        changed = Cleaning.of(data, PCA(), peaks=False).with_mock(mock)
-        assert changed.basis is changed.data and changed.flagged == 0
-
     def test_with_other_beams(self, data, maps):
         method = BeamSubspace(n_sources=2)
         changed = Cleaning.of(data, method, peaks=False).with_beams(BEAMS**1.1)

@@ -98,13 +98,6 @@ def test_fewer_directions_than_sources(mixing, sources):
     assert np.abs(cleaned.residual).max() < 3e-7 * np.abs(maps).max()
 
 
-def test_maps_without_any_structure():
-    maps = np.full((len(FREQS), N_PIX), 3, dtype=np.float32)
-    cleaned = clean(maps)
-    assert not cleaned.residual.any()
-    assert not cleaned.separation.sources.any()
-
-
 def test_not_converging_is_our_warning(sky):
     with pytest.warns(SeparationWarning, match="stopped after 2 iterations") as caught:
         cleaned = clean(sky, max_iterations=2)
@@ -121,3 +114,10 @@ def test_bad_input(sky):
         FastICA(tolerance=0)
     with pytest.raises(InputError, match="random rotation: pass rng="):
         FastICA().clean(sky, freqs=FREQS)
+
+
+def test_maps_without_any_structure():
+    maps = np.full((len(FREQS), N_PIX), 3, dtype=np.float32)
+    cleaned = clean(maps)
+    assert not cleaned.residual.any()
+    assert not cleaned.separation.sources.any()

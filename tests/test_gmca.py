@@ -113,10 +113,6 @@ def test_maps_without_any_structure():
     assert np.isfinite(cleaned.separation.mixing).all()
 
 
-def test_as_many_sources_as_channels(sky):
-    assert np.abs(clean(sky[:3], n_sources=3).residual).max() < 3e-7 * np.abs(sky).max()
-
-
 def test_details_against_starlets_and_their_transpose(rng):
     smooth = np.where(np.arange(3 * NSIDE) < NSIDE, 1.0, 0.0)
     maps = sphere.synthesise(sphere.gaussian_alm(smooth, rng), NSIDE)[None]
@@ -136,12 +132,6 @@ def test_thresholds(rng):
     assert np.count_nonzero(np.abs(coefficients) > limit) == pytest.approx(above / 4, rel=0.02)
 
 
-def test_in_blocks_is_at_once(sky, monkeypatch):
-    whole = clean(sky).residual
-    monkeypatch.setattr("himap.maps.low_rank._BLOCK", 1000)
-    assert clean(sky).residual == pytest.approx(whole, abs=2e-3)
-
-
 def test_not_converging_is_a_warning(sky):
     with pytest.warns(SeparationWarning, match="stopped after 5 iterations"):
         cleaned = clean(sky, max_iterations=5)
@@ -157,3 +147,7 @@ def test_bad_input(sky):
         GMCA(n_sigma=-1)
     with pytest.raises(InputError, match="nside a power of two"):
         clean(sky[:, :-12])
+
+
+def test_as_many_sources_as_channels(sky):
+    assert np.abs(clean(sky[:3], n_sources=3).residual).max() < 3e-7 * np.abs(sky).max()

@@ -104,8 +104,3 @@ def test_mocks_that_are_none(content, message, tmp_path):
         np.save(path, content)
     with pytest.raises(InputError, match=message):
         gnilc.read_mock(path, (3, 48))
-
-
-def test_channels_above_the_line():
-    with pytest.raises(InputError, match="below 1420.4 MHz, got channels up to 1500"):
-        gnilc.expected_covariance(np.eye(3), np.array([1300.0, 1400, 1500]), 20)

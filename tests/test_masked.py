@@ -1,6 +1,5 @@
 """A mask inside of the separation: exact well inside, blind outside, and clear where it cannot be."""
 
-import healpy as hp
 import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
@@ -88,12 +87,6 @@ class TestBlindness:
         one, two = left(maps), left(np.where(CUT, maps, np.nan))
         assert np.array_equal(one, two) and not one[:, ~CUT].any() and np.isfinite(one).all()
 
-    @pytest.mark.parametrize("name", ["pca", "polynomial"])
-    def test_lines_of_sight_are_cleaned_as_if_alone(self, name, problem):
-        maps, method = problem[0] + 100, create(name, **OPTIONS.get(name, {}))
-        alone = method.clean(maps[:, CUT], freqs=FREQS).residual
-        assert np.array_equal(method.clean(maps, freqs=FREQS, mask=CUT).residual[:, CUT], alone)
-
     def test_separating_on_other_maps(self, problem, rng):
         maps = noisy(problem[0], 30, rng).astype(np.float32)
         more = rng.standard_normal(maps.shape).astype(np.float32)
@@ -145,17 +138,3 @@ def test_bad_masks(problem, mask, message):
 def test_a_beam_that_ends_too_early(problem):
     with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
         METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
-
-
-def test_whole_numbers_are_a_mask(problem):
-    one, two = (
-        PCA().separate(Data.of(problem[0], freqs=FREQS, mask=m)).sources for m in (CUT, CUT.astype(int))
-    )
-    assert np.array_equal(one, two)
-
-
-def test_bad_pixels_that_are_kept(problem):
-    maps = problem[0].copy()
-    maps[2, np.flatnonzero(CUT)[3]] = hp.UNSEEN
-    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
-        METHOD.clean(maps, **GIVEN, mask=CUT)

@@ -43,17 +43,6 @@ def test_a_sky_of_two_power_laws_is_recovered(truth):
     assert not cleaned.separation.flagged.any()
 
 
-def test_amplitudes_and_index_to_rounding(truth):
-    """The same in float64, inside the class."""
-    laws = parametric._TwoPowerLaws(X, -4.0, -2.2)
-    flat, series = laws.project(model(*truth))
-    found = parametric._highest(series)
-    fit, parameters = laws.evaluate(flat, chebyshev.chebval(found.t, series, tensor=False), found.t)
-    assert parameters == pytest.approx(truth, rel=1e-7)
-    assert laws.spectra @ fit == pytest.approx(model(*truth), rel=1e-12)
-    assert laws.spectra.shape[1] < 10
-
-
 def twin(line, bounds, weights=1.0):
     """The best of scipy's bounded fits from several starting points: its parameters and sum of squares."""
     root = np.sqrt(weights) * np.ones(len(line))
@@ -152,13 +141,6 @@ def test_the_basis_is_exact_for_extreme_bands_and_indices():
         assert np.abs(rest).max() < 1e-10
 
 
-def test_the_higher_of_two_peaks_is_found():
-    series = chebyshev.chebinterpolate(
-        lambda t: 0.9 * np.exp(-16 * t**2) - np.exp(-16 * (t - 0.55) ** 2), parametric._DEGREE
-    )
-    assert parametric._highest(series[:, None]).t == pytest.approx(0.55, abs=0.01)
-
-
 def test_a_line_of_sight_at_the_bound_is_flagged(truth):
     """Steeper than any power law within the bounds: the best beta is the bound, which is no warning."""
     truth[2, 5] = -4.6
@@ -174,13 +156,6 @@ def test_steps_used_up_are_a_warning_and_flags(truth, rng, monkeypatch):
     with pytest.warns(SeparationWarning, match="parametric: stopped after 1 iterations"):
         separation = clean(maps).separation
     assert separation.flagged.mean() > 0.9
-
-
-def test_no_second_power_law(truth):
-    """Free-free emission alone says nothing about beta, and is removed all the same."""
-    maps = model(truth[0], 0, -3.0)
-    cleaned = clean(maps)
-    assert np.abs(cleaned.residual).max() < 1e-6 * maps.max()
 
 
 def test_the_reference_frequency_changes_amplitudes_alone(truth):
@@ -200,12 +175,6 @@ def test_mixing_is_the_derivative_at_the_median(truth):
         down[n] -= step
         slope = (model(*up[:, None]) - model(*down[:, None]))[:, 0] / (2 * step)
         assert separation.mixing[:, n] == pytest.approx(slope, rel=1e-6, abs=1e-6)
-
-
-def test_blocks_do_not_show(truth, monkeypatch):
-    whole = clean(model(*truth)).residual
-    monkeypatch.setattr(parametric, "_BLOCK", 7)
-    assert clean(model(*truth)).residual == pytest.approx(whole, abs=1e-6 * model(*truth).max())
 
 
 def test_maps_without_their_mean_are_refused(truth):
@@ -231,3 +200,10 @@ def test_bad_parameters(options, message):
 def test_too_few_channels(truth):
     with pytest.raises(InputError, match="fits 3 parameters"):
         Parametric().clean(model(*truth)[:2], freqs=FREQS[:2])
+
+
+def test_no_second_power_law(truth):
+    """Free-free emission alone says nothing about beta, and is removed all the same."""
+    maps = model(truth[0], 0, -3.0)
+    cleaned = clean(maps)
+    assert np.abs(cleaned.residual).max() < 1e-6 * maps.max()

@@ -74,22 +74,6 @@ def test_what_is_not_flagged_stays(peaked):
     assert np.array_equal(masked.maps == before, ~masked.flagged)
 
 
-def test_the_second_fit_forgets_the_peak(smooth):
-    """Without noise the fit to the other channels is that of the smooth sky; the first one is pulled."""
-    lines = smooth.copy()
-    lines[40] += 20
-    found = smooth_baselines(lines, FREQS)
-    assert found.basis @ found.second == pytest.approx(smooth, abs=1e-8)
-    pulled = found.basis @ found.first - smooth
-    assert (pulled[40] > 0.5).all()
-
-
-def test_dips_count_as_peaks(smooth, rng):
-    lines = smooth + 1e-4 * rng.standard_normal(smooth.shape)
-    lines[40, 7] -= 20
-    assert np.argwhere(mask_peaks(lines, FREQS).flagged).tolist() == [[40, 7]]
-
-
 def test_pure_noise_is_flagged_as_a_normal_distribution_says(rng):
     """At 3 sigma 0.270 % of normal values are outliers; the fit makes it a little less."""
     noise = rng.standard_normal((500, 2000))

@@ -135,10 +135,6 @@ class TestOptions:
         for one, two in itertools.combinations(results, 2):
             assert np.abs(one - two).max() > 1e-6 * np.abs(one).max()
 
-    def test_nonnegative_spectra(self, problem, rng):
-        seen = noisy(problem[0], 10, rng)
-        assert clean(SDecGMCA(**QUICK, sign="nonnegative"), seen).separation.mixing.min() >= 0
-
     def test_readings_are_sets_of_options(self):
         for name, options in READINGS.items():
             assert set(options) == {*OPTIONS, "last_tolerance"}
@@ -210,8 +206,3 @@ def test_thresholds_keep_a_share_and_a_least_number(rng):
 def test_bad_parameters(options, message):
     with pytest.raises(InputError, match=message):
         SDecGMCA(**options)
-
-
-def test_noise_for_another_number_of_channels(problem):
-    with pytest.raises(InputError, match="one value or 8, one for each channel, got 3"):
-        SDecGMCA(noise=(1, 2, 3)).clean(problem[0], freqs=FREQS, beams=BEAMS)

@@ -90,7 +90,7 @@ class SmoothSpectra(ForegroundRemover):
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
-                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {band.first}; use "
+                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {band.first}; take "
                     f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
                     "another method."
                 ) from None
