@@ -1,15 +1,27 @@
-"""Cubes of HEALPix maps in FITS: a file with a column for each channel, or a folder with a file for each."""
+"""Cubes in FITS: HEALPix maps with a column, or a file, for each channel; images with world coordinates.
+
+Images have two axes of the sky in any projection, and one of frequency. Axes may come in any order,
+frequencies may descend, and axes of length one (Stokes) are kept for the way back. Several images, in one
+file or in a folder, are the channels of one cube if they share the axes of the sky and no range of
+frequencies.
+"""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
+from astropy import units as u
+from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
-from himap.cubes.images import holds_image, read_image_fits
-from himap.cubes.layout import Layout, check_cube_room, one_unit
+from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, world_of
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
 from himap.maps.healpix_io import ENDINGS, agreed, freq_in_header, freqs_in, read_maps
 
+_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
+_COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 _DIGITS = re.compile(r"(\d+)")
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),
@@ -118,3 +130,181 @@ def _nearly(names):
                 "by itself, such as map_950.5MHz.fits."
             )
     return ""
+
+
+def holds_image(path, *, frequencies=False):
+    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read.
+
+    With `frequencies` whether the first image has an axis of these.
+    """
+    try:
+        with _quiet(), fits.open(path, memmap=False) as file:
+            if frequencies:
+                first = next(hdu for hdu in file if has_image(hdu))
+                return world_of(first, file).wcs.spec >= 0
+            return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
+    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
+        return False
+
+
+def _quiet():
+    """Without astropy's warnings: of what is mended, or an error a line below."""
+    return warnings.catch_warnings(action="ignore", category=AstropyWarning)
+
+
+def read_image_fits(paths, *, held=1):
+    """The channels of all image cubes in some files.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    held
+        Cubes in float32 that the caller will hold at once: they must fit into memory.
+
+    Returns
+    -------
+    (ndarray, Layout)
+        Maps (n_channels, n_pix) as they are in the files, NaN where blank.
+
+    Raises
+    ------
+    InputError
+        A file without such an image, axes of the sky that differ, frequencies that overlap, other units than
+        of temperature, or too large a cube.
+    """
+    remarks, parts = [], []
+    for path in paths:
+        parts += _read(path, lambda file, path=path: _parts(path, file, remarks))
+    _check_alike(parts)
+    where = paths[0].parent if len(paths) > 1 else paths[0]
+    unit = one_unit(where, [str(part.header.get("BUNIT") or "").strip() or None for part in parts])
+    pixels = ImagePixels(parts=tuple(parts))
+    ends = np.cumsum([len(part.freqs) for part in parts])
+    dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
+    n_pix = int(np.prod(pixels.shape))
+    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
+    maps = np.empty((ends[-1], n_pix), dtype=dtype)
+    for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
+        out[:] = _read(part.path, part.read)
+    layout = Layout(
+        pixels=pixels,
+        freqs=np.concatenate([part.freqs for part in parts]),
+        freqs_from="the axis FREQ" + (" of each image" if len(parts) > 1 else ""),
+        unit=unit,
+        remarks=tuple(remarks),
+    )
+    return maps, layout
+
+
+def _read(path, read):
+    """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
+    kind = "an image cube in FITS"
+    with as_input_error(path, kind), _quiet(), fits.open(path, memmap=False) as file:
+        return read(file)
+
+
+def _parts(path, file, remarks):
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
+    parts, others = [], []
+    for index, hdu in enumerate(file):
+        if has_image(hdu) and (len(hdu.shape) > 2 or (len(hdu.shape) == 2 and not parts)):
+            parts.append(_part(path, index, hdu, file))
+        elif not isinstance(hdu, IMAGES) or hdu.shape:
+            others.append(hdu.name or str(index))
+    if not parts:
+        raise InputError(f"{path} holds no image cube.")
+    if others:
+        remarks.append(f"{path} holds {', '.join(others)} beside the cube, which is left out.")
+    return parts
+
+
+def _part(path, index, hdu, file):
+    wcs, name = world_of(hdu, file), f"{path}, HDU {index}"
+    spectral = _spectral_axis(wcs, name)
+    shape = (1,) * (wcs.naxis - len(hdu.shape)) + tuple(hdu.shape)
+    _check_axes(wcs, shape, spectral, name)
+    unit = str(hdu.header.get("BUNIT") or "")
+    if "jy" in unit.lower():
+        raise InputError(
+            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel with the area of "
+            "its beam, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)) in "
+            "astropy, and write BUNIT = 'K'."
+        )
+    sky = sorted(wcs.wcs.naxis - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
+    first = wcs.naxis - 1 - spectral
+    rest = [axis for axis in range(wcs.naxis) if axis not in (first, *sky)]
+    line = wcs.sub([spectral + 1])
+    (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
+    freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
+    if not freqs.min() > _LOWEST:
+        raise InputError(
+            f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
+            f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
+        )
+    axes = {"shape": shape, "order": (first, *sky, *rest)}
+    where = {"path": path, "index": index, "header": hdu.header.copy()}
+    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
+
+
+def _spectral_axis(wcs, name):
+    """Which axis of the world is that of frequency."""
+    types = [text.strip() for text in wcs.wcs.ctype]
+    listing = ", ".join(text or "one without CTYPE" for text in types)
+    if not wcs.has_celestial:
+        raise InputError(
+            f"{name} must have two axes of the sky (CTYPE such as RA---SIN and DEC--SIN), got {listing}. For "
+            "HEALPix maps write a table, as healpy.write_map does."
+        )
+    axis = wcs.wcs.spec
+    if axis >= 0 and not types[axis].startswith("FREQ"):
+        raise InputError(
+            f"{name} has the spectral axis {types[axis]}, and FREQ is needed: convert it with the rest "
+            "frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package spectral-cube "
+            "does."
+        )
+    if axis < 0:
+        raise InputError(
+            f"{name} has no axis FREQ, which tells the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
+            "CDELT and CUNIT of the frequencies into its header."
+        )
+    return axis
+
+
+def _check_axes(wcs, shape, spectral, name):
+    """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
+    celestial = {wcs.wcs.lng, wcs.wcs.lat}
+    for axis in set(range(wcs.naxis)) - celestial - {spectral}:
+        length = shape[wcs.naxis - 1 - axis]
+        if length > 1:
+            text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
+            raise InputError(
+                f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
+                "the first, and write it to a file of its own."
+            )
+    matrix = np.abs(wcs.pixel_scale_matrix)
+    for world, pixel in np.argwhere(matrix > 0):
+        both_on_sky = {world, pixel} <= celestial
+        if world != pixel and not both_on_sky and matrix[world, pixel] > _COUPLED * matrix[world].max():
+            raise InputError(
+                f"{name}: {wcs.wcs.ctype[world]} changes along axis {pixel + 1} too (PC or CD in the "
+                "header): such a rotated or sheared cube must be regridded to one whose channels are images."
+            )
+
+
+def _check_alike(parts):
+    """Refuse images that do not share the axes of the sky, or do share a range of frequencies."""
+    first, *others = (ImagePixels(parts=(part,)) for part in parts)
+    for part, pixels in zip(parts[1:], others, strict=True):
+        if not first.same(pixels):
+            raise InputError(
+                f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
+                f"{pixels}, or other coordinates; reproject them to one header."
+            )
+    ordered = sorted(parts, key=lambda part: part.freqs.min())
+    for low, high in zip(ordered, ordered[1:], strict=False):
+        if high.freqs.min() <= low.freqs.max():
+            raise InputError(
+                f"the frequencies of {low} and {high} overlap, from {high.freqs.min():.10g} to "
+                f"{low.freqs.max():.10g} MHz; cut one of them, or write what is to be cleaned alone."
+            )

@@ -1,219 +1,221 @@
-"""Image cubes in FITS with world coordinates: two axes of the sky in any projection, and one of frequency.
+"""Images in the plane with world coordinates (WCS): their pixels, and how a FITS file has them."""
 
-Axes may come in any order, frequencies may descend, and axes of length one (Stokes) are kept for the way
-back. Several images, in one file or in a folder, are the channels of one cube if they share the axes of the
-sky and no range of frequencies.
-"""
-
-import warnings
-from dataclasses import replace
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
-from astropy import units as u
 from astropy.io import fits
-from astropy.utils.exceptions import AstropyWarning
+from astropy.wcs import WCS
 
 from himap.core.errors import InputError
-from himap.cubes.image_pixels import IMAGES, ImagePart, world_of
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
+from himap.core.reading import regular_file
 
-_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
-_COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
+IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
+"""What an image is in, as astropy opens it."""
 
-
-def holds_image(path):
-    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
-    return _ask(path, lambda file: _is_image(next(hdu for hdu in file if not _is_empty(hdu))))
+_STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
+_SAME = 1e-6  # of a pixel, or degrees: world coordinates that are written twice are the same
 
 
-def has_frequencies(path):
-    """Whether the first image in a FITS file has an axis of frequency; False for what cannot be read."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePart:
+    """One image cube as an HDU of a file has it.
 
-    def of_first_image(file):
-        first = next(hdu for hdu in file if _is_image(hdu) and not _is_empty(hdu))
-        return world_of(first, file).wcs.spec >= 0
-
-    return _ask(path, of_first_image)
-
-
-def _ask(path, question):
-    try:
-        with _quiet(), fits.open(path, memmap=False) as file:
-            return question(file)
-    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
-        return False
-
-
-def _quiet():
-    """Without astropy's warnings: of what is mended, or an error a line below."""
-    return warnings.catch_warnings(action="ignore", category=AstropyWarning)
-
-
-def _is_image(hdu):
-    return isinstance(hdu, IMAGES)
-
-
-def _is_empty(hdu):
-    return _is_image(hdu) and not hdu.shape
-
-
-def read_image_fits(paths, *, held=1):
-    """The channels of all image cubes in some files.
-
-    Parameters
+    Attributes
     ----------
-    paths
-        The files.
-    held
-        Cubes in float32 that the caller will hold at once: they must fit into memory.
-
-    Returns
-    -------
-    (ndarray, Layout)
-        Maps (n_channels, n_pix) as they are in the files, NaN where blank.
-
-    Raises
-    ------
-    InputError
-        A file without such an image, axes of the sky that differ, frequencies that overlap, other units than
-        of temperature, or too large a cube.
+    path, index
+        The file and the HDU.
+    header
+        Of the HDU.
+    shape
+        Of its array, in the order of numpy, with the axes of length one that only its world coordinates have.
+    order
+        Axes of `shape`: frequency, the two of the sky as they come, and those of length one.
+    freqs
+        MHz, (n_channels,).
+    celestial
+        World coordinates of the two axes of the sky.
     """
-    remarks, parts = [], []
-    for path in paths:
-        parts += _read(path, lambda file, path=path: _parts(path, file, remarks))
-    _check_alike(parts)
-    where = paths[0].parent if len(paths) > 1 else paths[0]
-    unit = one_unit(where, [str(part.header.get("BUNIT") or "").strip() or None for part in parts])
-    pixels = replace(parts[0].pixels, parts=tuple(parts))
-    ends = np.cumsum([len(part.freqs) for part in parts])
-    dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
-    n_pix = int(np.prod(pixels.shape))
-    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
-    maps = np.empty((ends[-1], n_pix), dtype=dtype)
-    for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
-        out[:] = _read(part.path, part.read)
-    layout = Layout(
-        pixels=pixels,
-        freqs=np.concatenate([part.freqs for part in parts]),
-        freqs_from="the axis FREQ" + (" of each image" if len(parts) > 1 else ""),
-        unit=unit,
-        remarks=tuple(remarks),
-    )
-    return maps, layout
+
+    path: Path
+    index: int
+    header: fits.Header
+    shape: tuple[int, ...]
+    order: tuple[int, ...]
+    freqs: np.ndarray
+    celestial: WCS
+
+    def __str__(self):
+        return f"{self.path}, HDU {self.index}"
+
+    def read(self, file):
+        """Its array in an open file as (n_channels, n_pix)."""
+        data = file[self.index].data.reshape(self.shape)
+        return data.transpose(self.order).reshape(len(self.freqs), -1)
+
+    def hdu(self, maps, kind, *, unit, cards, history):
+        """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header."""
+        data = maps.reshape([self.shape[axis] for axis in self.order]).transpose(np.argsort(self.order))
+        header = self.header.copy(strip=True)
+        for key in _STALE:
+            header.remove(key, ignore_missing=True)
+        if not str(header.get("BUNIT") or "").strip():
+            header["BUNIT"] = unit
+        header.update(cards)
+        header.add_history(history)
+        return kind(data=data.reshape(self.shape[len(self.shape) - self.header["NAXIS"] :]), header=header)
 
 
-def _read(path, read):
-    """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
-    kind = "an image cube in FITS"
-    with as_input_error(path, kind), _quiet(), fits.open(path, memmap=False) as file:
-        return read(file)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImagePixels:
+    """The pixels of an image, row by row as they are in the file; methods as of `SpherePixels`.
 
+    Attributes
+    ----------
+    parts
+        The `ImagePart` of each image cube that the channels came from; all share the axes of the sky.
+    """
 
-def _parts(path, file, remarks):
-    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
-    parts, others = [], []
-    for index, hdu in enumerate(file):
-        if _is_image(hdu) and (len(hdu.shape) > 2 or (len(hdu.shape) == 2 and not parts)):
-            parts.append(_part(path, index, hdu, file))
-        elif not _is_empty(hdu):
-            others.append(hdu.name or str(index))
-    if not parts:
-        raise InputError(f"{path} holds no image cube.")
-    if others:
-        remarks.append(f"{path} holds {', '.join(others)} beside the cube, which is left out.")
-    return parts
+    area: ClassVar[str] = "the image"
+    grid: ClassVar[str] = "axes of the sky"
+    whole_sky: ClassVar[bool] = False
+    nested: ClassVar[None] = None
+    parts: tuple[ImagePart, ...]
 
+    @property
+    def celestial(self):
+        """World coordinates of the two axes of the sky."""
+        return self.parts[0].celestial
 
-def _part(path, index, hdu, file):
-    wcs, name = world_of(hdu, file), f"{path}, HDU {index}"
-    spectral = _spectral_axis(wcs, name)
-    shape = (1,) * (wcs.naxis - len(hdu.shape)) + tuple(hdu.shape)
-    _check_axes(wcs, shape, spectral, name)
-    _check_unit(hdu.header, name)
-    sky = sorted(wcs.wcs.naxis - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
-    first = wcs.naxis - 1 - spectral
-    rest = [axis for axis in range(wcs.naxis) if axis not in (first, *sky)]
-    line = wcs.sub([spectral + 1])
-    (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
-    freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
-    if not freqs.min() > _LOWEST:
+    @property
+    def shape(self):
+        """(n_y, n_x)."""
+        return tuple(self.parts[0].shape[axis] for axis in self.parts[0].order[1:3])
+
+    def __str__(self):
+        (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
+        return f"{x} and {y}, {n_x} x {n_y} pixels"
+
+    @property
+    def nside(self):
+        """An InputError: multipoles, beams and mocks ask for it."""
         raise InputError(
-            f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
-            f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
+            "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
+            "--beam, --mocks and the like out, or put the cube on HEALPix, as reproject_to_healpix of the "
+            "package reproject does."
         )
-    axes = {"shape": shape, "n_axes": len(hdu.shape), "order": (first, *sky, *rest)}
-    where = {"path": path, "index": index, "header": hdu.header.copy()}
-    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
 
+    def sorted(self, pixels):
+        return pixels
 
-def _spectral_axis(wcs, name):
-    """Which axis of the world is that of frequency."""
-    types = [text.strip() for text in wcs.wcs.ctype]
-    listing = ", ".join(text or "one without CTYPE" for text in types)
-    if not wcs.has_celestial:
-        raise InputError(
-            f"{name} must have two axes of the sky (CTYPE such as RA---SIN and DEC--SIN), got {listing}. For "
-            "HEALPix maps write a table, as healpy.write_map does."
-        )
-    axis = wcs.wcs.spec
-    if axis >= 0 and not types[axis].startswith("FREQ"):
-        raise InputError(
-            f"{name} has the spectral axis {types[axis]}, and FREQ is needed: convert it with the rest "
-            "frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package spectral-cube "
-            "does."
-        )
-    if axis < 0:
-        raise InputError(
-            f"{name} has no axis FREQ, which tells the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
-            "CDELT and CUNIT of the frequencies into its header."
-        )
-    return axis
+    def as_given(self, pixels):
+        return pixels
 
-
-def _check_axes(wcs, shape, spectral, name):
-    """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
-    celestial = {wcs.wcs.lng, wcs.wcs.lat}
-    for axis in set(range(wcs.naxis)) - celestial - {spectral}:
-        length = shape[wcs.naxis - 1 - axis]
-        if length > 1:
-            text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
+    def by_channel(self, label, values):
+        """Numbers of an image (n_y, n_x), or of one for each channel, as (n_channels or 1, n_pix)."""
+        if values.ndim not in (2, 3) or values.shape[-2:] != self.shape:
             raise InputError(
-                f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
-                "the first, and write it to a file of its own."
+                f"{label} must have the shape of an image of the cube, {self.shape}, or of one for each "
+                f"channel, got {values.shape}."
             )
-    matrix = np.abs(wcs.pixel_scale_matrix)
-    for world, pixel in np.argwhere(matrix > 0):
-        both_on_sky = {world, pixel} <= celestial
-        if world != pixel and not both_on_sky and matrix[world, pixel] > _COUPLED * matrix[world].max():
-            raise InputError(
-                f"{name}: {wcs.wcs.ctype[world]} changes along axis {pixel + 1} too (PC or CD in the "
-                "header): such a rotated or sheared cube must be regridded to one whose channels are images."
-            )
+        return values.reshape(-1, values.shape[-2] * values.shape[-1])
 
+    def described(self, unit):
+        rows, columns = np.rad2deg(self.pixel_angles())
+        return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
 
-def _check_unit(header, name):
-    unit = str(header.get("BUNIT") or "")
-    if "jy" in unit.lower():
-        raise InputError(
-            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel with the area of "
-            "its beam, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)) in "
-            "astropy, and write BUNIT = 'K'."
+    def same(self, other):
+        return (
+            isinstance(other, ImagePixels) and self.shape == other.shape and self._same_sky(other.celestial)
         )
 
+    def _same_sky(self, celestial):
+        """Whether two axes of the sky are these."""
+        both = self.celestial, celestial
+        names, others = ([*map(str, one.wcs.ctype), one.wcs.radesys, one.wcs.equinox] for one in both)
+        if str(names) != str(others) or self.celestial.wcs.get_pv() != celestial.wcs.get_pv():
+            return False
+        scale = np.abs(self.celestial.pixel_scale_matrix).max()
+        mine, theirs = (
+            np.concatenate(
+                [
+                    one.pixel_scale_matrix.ravel() / scale,
+                    one.wcs.crpix,
+                    one.wcs.crval / scale,
+                    [one.wcs.lonpole, one.wcs.latpole],
+                ]
+            )
+            for one in both
+        )
+        return np.allclose(mine, theirs, rtol=0, atol=_SAME)
 
-def _check_alike(parts):
-    """Refuse images that do not share the axes of the sky, or do share a range of frequencies."""
-    first = parts[0]
-    for part in parts[1:]:
-        if not first.pixels.same(part.pixels):
+    def read_mask(self, path):
+        values = np.nan_to_num(self.one_image(path, "mask"))
+        if not np.isin(values, (0, 1)).all():
+            raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
+        return values > 0
+
+    def one_image(self, path, kind):
+        """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.
+
+        Raises
+        ------
+        InputError
+            It cannot be read, or is of other axes of the sky, or of more than one channel.
+        """
+        path = regular_file(path, kind)
+        try:
+            with fits.open(path, memmap=False) as file:
+                hdu = next((hdu for hdu in file if has_image(hdu)), None)
+                if hdu is None:
+                    raise ValueError(f"it holds no image, and one of {self} is needed")
+                celestial, shape = world_of(hdu, file).celestial, hdu.shape
+                fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
+                values = hdu.data.reshape(-1) if fits_here else None
+        except Exception as error:  # astropy raises nearly anything for a file that is something else
             raise InputError(
-                f"all images must have the same axes of the sky: {first} has {first.pixels}, and {part} has "
-                f"{part.pixels}, or other coordinates; reproject them to one header."
-            )
-    ordered = sorted(parts, key=lambda part: part.freqs.min())
-    for low, high in zip(ordered, ordered[1:], strict=False):
-        if high.freqs.min() <= low.freqs.max():
+                f"the {kind} {path} cannot be read as an image in FITS ({type(error).__name__}: {error})."
+            ) from None
+        if not (fits_here and self._same_sky(celestial)):
             raise InputError(
-                f"the frequencies of {low} and {high} overlap, from {high.freqs.min():.10g} to "
-                f"{low.freqs.max():.10g} MHz; cut one of them, or write what is to be cleaned alone."
+                f"the {kind} {path} must be one image with the axes of the cube, {self}, got "
+                f"{', '.join(celestial.wcs.ctype) or 'no axes of the sky'}, {shape[::-1]} pixels; reproject "
+                "it to the header of the cube."
             )
+        return values
+
+    def attributes(self):
+        axes = "frequency, then those of the sky as in numpy"
+        return {"axes": axes, "wcs": self.celestial.to_header_string()}
+
+    def write(self, path, maps, layout, *, name, cards):
+        many = len(self.parts) > 1
+        history = f"{name} of foreground removal, " + ", ".join(f"{key} = {value}" for key, value in cards)
+        kind = fits.ImageHDU if many else fits.PrimaryHDU
+        hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([len(part.freqs) for part in self.parts])
+        for part, images in zip(self.parts, np.split(maps, ends[:-1]), strict=True):
+            hdus.append(part.hdu(images, kind, unit=layout.unit, cards=cards, history=history))
+        fits.HDUList(hdus).writeto(path)
+
+    def pixel_angles(self):
+        """Height and width of the pixel in the middle of the image, rad."""
+        middle = (np.array(self.shape[::-1]) - 1) / 2
+        steps = np.array([[0, -0.5], [0, 0.5], [-0.5, 0], [0.5, 0]])
+        world = self.celestial.all_pix2world(middle + steps, 0)
+        lon, lat = np.deg2rad(world[:, [self.celestial.wcs.lng, self.celestial.wcs.lat]].T)
+        unit = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
+        chords = np.linalg.norm(unit[1::2] - unit[::2], axis=1)
+        return 2 * np.arcsin(chords / 2)
+
+
+def world_of(hdu, file):
+    """The `WCS` of an HDU of an open file, which may have more axes than the array."""
+    world = WCS(hdu.header, fobj=file)
+    world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
+    return world
+
+
+def has_image(hdu):
+    """Whether an HDU is an image that is not empty."""
+    return isinstance(hdu, IMAGES) and bool(hdu.shape)

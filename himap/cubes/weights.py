@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import mapped_array, read_array, regular_file
-from himap.cubes import fits, hdf5, images
+from himap.cubes import fits, hdf5
 from himap.cubes.layout import LARGEST, check_cube_room, check_order, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import ENDINGS, to_ring
@@ -121,10 +121,10 @@ def _read(path, word, pixels):
         maps, layout = fits.read_fits(file, held=_HELD)
         freqs, nested = layout.freqs, layout.pixels.nested
         check_order(label, nested)
-    elif not images.has_frequencies(file):  # one image for all channels
+    elif not fits.holds_image(file, frequencies=True):  # one image for all channels
         maps = pixels.one_image(file, f"file of {word}")[None]
     else:
-        maps, layout = images.read_image_fits([file], held=_HELD)
+        maps, layout = fits.read_image_fits([file], held=_HELD)
         freqs = layout.freqs
         if not pixels.same(layout.pixels):
             raise InputError(
