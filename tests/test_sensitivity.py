@@ -126,9 +126,6 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (("--method", "pca"), "pca does not use the beam"),
-            (("--method", "beam_subspace"), "give --beam"),
-            ((*COMMAND, "--width", "0"), "none that is 0"),
             ((*COMMAND, "-o", "beam.png"), ".html file"),
         ],
     )

@@ -72,31 +72,31 @@ def write_crime_table(path, columns=5):
     np.savetxt(path, table[:, :columns], fmt=["%d", *["%f"] * (columns - 1)])
 
 
-def write_colore(maps, unit="uK"):
+def write_colore(maps):
     os.mkdir("colore")
     for number, row in enumerate(maps):
-        columns_of([1e3 * row], ["map 1"], unit).writeto(f"colore/out_imap_s1_nu{number:03d}.fits")
+        columns_of([1e3 * row], ["map 1"], "uK").writeto(f"colore/out_imap_s1_nu{number:03d}.fits")
     np.savetxt("nus.txt", np.array([EDGES[:-1], EDGES[1:]]).T)
 
 
-def write_pysm(maps, **options):
+def write_pysm(maps, names):
     os.mkdir("pysm")
     for freq, row in zip(CENTRES, maps, strict=True):
         stokes = np.stack([1e3 * row, np.full(N_PIX, 7e4), np.full(N_PIX, -7e4)])
-        written = {"column_units": "uK_RJ", "dtype": np.float32} | options
+        written = {"column_units": "uK_RJ", "dtype": np.float32, "column_names": names}
         hp.write_map(f"pysm/sky_{freq:.1f}MHz.fits", stokes, **written)
 
 
-def write_cora(maps, path="map.h5", pols=STOKES, axis=("freq", "pol", "pixel"), freqs=CENTRES, told="S"):
+def write_cora(maps, pols=STOKES, told="S"):
     words = h5py.string_dtype() if told == "O" else "S5"
     cube = np.full((len(maps), len(pols), maps.shape[1]), 1e6)
-    cube[:, list(pols).index("I") if "I" in pols else 0] = maps / 1e3
+    cube[:, list(pols).index("I")] = maps / 1e3
     table = np.zeros(len(maps), dtype=[("centre", np.float64), ("width", np.float64)])
-    table["centre"], table["width"] = freqs[::-1], 5.0
-    with h5py.File(path, "w") as file:
+    table["centre"], table["width"] = CENTRES[::-1], 5.0
+    with h5py.File("map.h5", "w") as file:
         file.attrs["__memh5_distributed_file"] = True
         dataset = file.create_dataset("map", data=cube[::-1])
-        dataset.attrs["axis"] = np.array(axis).astype(words)
+        dataset.attrs["axis"] = np.array(("freq", "pol", "pixel")).astype(words)
         dataset.attrs["__memh5_distributed_dset"] = True
         file["index_map/freq"] = table
         file["index_map/pol"] = np.array(pols).astype(words)
@@ -139,7 +139,7 @@ class TestCoLoRe:
 class TestPySM:
     @pytest.mark.parametrize("names", [None, ["I_STOKES", "Q_STOKES", "U_STOKES"]])
     def test_maps_of_three_stokes_parameters(self, names, maps, expected):
-        write_pysm(maps, column_names=names)
+        write_pysm(maps, names)
         found = cleaned(["pysm"], "told by the names of its files", "Stokes Q and U")
         assert found / 1e3 == near(expected, maps)
 
