@@ -73,7 +73,7 @@ from himap.paper.study import Study
 from himap.removal import peaks
 from himap.removal.base import SeparationWarning
 from himap.removal.pca import PCA
-from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Dimming
 
 common = {
     "preset": preset,

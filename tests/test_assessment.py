@@ -16,7 +16,7 @@ from himap.paper import cleaned, pipeline
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 from himap.removal.base import Separation
 from himap.removal.spectral_filter import on_sky
-from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Dimming
 
 SURVEY = Survey.preset("ci", nside=16, n_channels=24, box_cells=16)
 SHORT = {"n_sources": 3, "n_warmup": 10, "n_refinement": 3, "regularisation": 1e-2, "share": 0.7}

@@ -8,7 +8,7 @@ from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
-from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Dimming
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
 

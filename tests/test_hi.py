@@ -10,7 +10,7 @@ from scipy.special import spherical_jn
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
-from himap.sky import box, hi, light_cone
+from himap.sky import hi, light_cone
 from himap.sky.cosmology import Cosmology, HIModel, redshift
 
 NARROW = Survey(nside=32, n_channels=4, freq_min=940, freq_max=960, box_cells=128, seed=7)
@@ -63,7 +63,7 @@ def band_power(maps, degrees):
 def test_modes_have_the_requested_spectrum(rng):
     cosmology = Cosmology()
     n, size = 64, 3000.0
-    field = box.real_field(box.gaussian_modes(cosmology.linear_power, n, size, rng))
+    field = hi.real_field(hi.gaussian_modes(cosmology.linear_power, n, size, rng))
     power = np.abs(fft.fftn(field.astype(float))) ** 2 * size**3 / n**6
     k = 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
     k = np.sqrt(k[:, None, None] ** 2 + k[:, None] ** 2 + k**2)
@@ -75,11 +75,11 @@ def test_modes_have_the_requested_spectrum(rng):
 def test_displacement_of_a_plane_wave():
     """delta = cos(q z) moves matter by -sin(q z) / q along z, here projected on the line of sight."""
     n, size = 32, 600.0
-    x = box.cell_centres(n, size)
+    x = hi.cell_centres(n, size)
     q = 2 * np.pi * 3 / size
     # The grid starts at the first cell centre, so the field itself is what is transformed.
     field = np.broadcast_to(np.cos(q * x), (n, n, n)).astype(np.float32)
-    psi = box.radial_displacement(fft.rfftn(field), size)
+    psi = hi.radial_displacement(fft.rfftn(field), size)
     r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
     assert psi == pytest.approx(-np.sin(q * x) / q * x / r, abs=1e-4)
 
@@ -87,10 +87,10 @@ def test_displacement_of_a_plane_wave():
 def test_displacement_diverges_where_density_is_low(rng):
     """Matter moves towards overdensities: a central overdensity pulls inwards."""
     n, size = 32, 600.0
-    x = box.cell_centres(n, size)
+    x = hi.cell_centres(n, size)
     r2 = x[:, None, None] ** 2 + x[:, None] ** 2 + x**2
     blob = np.exp(-r2 / (2 * 60.0**2)).astype(np.float32)
-    psi = box.radial_displacement(fft.rfftn(blob - blob.mean()), size)
+    psi = hi.radial_displacement(fft.rfftn(blob - blob.mean()), size)
     assert psi[(r2 > 40**2) & (r2 < 150**2)].max() < 0
 
 
@@ -106,9 +106,9 @@ def test_growth_and_bias_along_the_light_cone():
     n, size = 64, 3000.0
     model = HIModel()
     density, _ = hi.lognormal_box(n, size, np.random.default_rng(5), rsd=False)
-    modes = box.gaussian_modes(model.cosmology.linear_power, n, size, np.random.default_rng(5))
-    gaussian = box.real_field(modes)
-    x = box.cell_centres(n, size)
+    modes = hi.gaussian_modes(model.cosmology.linear_power, n, size, np.random.default_rng(5))
+    gaussian = hi.real_field(modes)
+    x = hi.cell_centres(n, size)
     r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
     for near, far in ((300, 400), (1300, 1400)):
         shell = (r > near) & (r < far)
@@ -128,7 +128,7 @@ def test_channels_are_in_the_order_of_frequency():
 def test_rays_see_the_cells_they_pass():
     """A density that rises along x, seen along x: the observer is at the centre, not half a cell off."""
     n, size = 32, 3200.0
-    x = box.cell_centres(n, size).astype(np.float32)
+    x = hi.cell_centres(n, size).astype(np.float32)
     ramp = np.broadcast_to((x[:, None, None] + 2000) / 1000, (n, n, n)).astype(np.float32).copy()
     edges = np.array([500.0, 510, 1000, 1010])
     maps = light_cone.trace(ramp, None, edges, 8, size, light_cone.plan_rays(8, 100.0, 500, 1010))
@@ -162,7 +162,7 @@ def test_trace_conserves_a_uniform_medium():
 def test_trace_shifts_matter_by_the_displacement():
     """Matter displaced by exactly one channel shows up one channel further out, with all its mass."""
     n, size = 128, 1280.0
-    x = box.cell_centres(n, size)
+    x = hi.cell_centres(n, size)
     r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
     shell = np.exp(-((r - 425) ** 2) / (2 * 15.0**2)).astype(np.float32)
     edges = np.arange(300, 600, 25.0)

@@ -16,8 +16,7 @@ from himap.measures import diagnostics
 from himap.measures.spectra import frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal import PCA, SDecGMCA
-from himap.sky.foregrounds import foreground_maps
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Galaxy, foreground_maps
 from himap.sky.point_sources import point_sources
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)

@@ -13,11 +13,10 @@ from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_io import read_maps
-from himap.sky import pysm
+from himap.sky import templates as pysm
 from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Galaxy
-from himap.sky.pysm import write_templates
-from himap.sky.templates import nsides_of
+from himap.sky.templates import nsides_of, write_templates
 
 NSIDE = 16
 SYNCHROTRON = 20 * lognormal(NSIDE)  # K at 408 MHz

@@ -13,7 +13,7 @@ from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA
-from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Dimming
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,8 +37,7 @@ from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
 from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.smooth_spectra import SmoothSpectra
-from himap.sky.dimming import Dimming
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy
 
 SURVEY = Survey(nside=16, n_channels=24, box_cells=16)
 FINE = Survey(nside=64, n_channels=12, box_cells=16)

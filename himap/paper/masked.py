@@ -17,7 +17,7 @@ from himap.measures.low_rank_spectra import Moments, angular_power_pair, differe
 from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal.data import scattered
-from himap.sky.dimming import Dimming
+from himap.sky.galaxy import Dimming
 from himap.store.store import product
 
 WAYS = ("no mask", "post-masked", "dimmed", "inside")

@@ -22,10 +22,8 @@ from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import analysed
 from himap.removal.spectral_filter import on_sky, seen_through
-from himap.sky.dimming import Dimming
 from himap.sky.emission import emission_maps, emission_modes
-from himap.sky.foregrounds import foreground_components
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy, foreground_components
 from himap.sky.hi import hi_maps
 from himap.store.store import product
 

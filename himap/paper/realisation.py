@@ -15,8 +15,7 @@ from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, evidence, pipeline
 from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
-from himap.sky.dimming import Dimming
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,7 @@ from himap.figures import styles
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
 from himap.paper.study_figures import StudyFigures
-from himap.sky.dimming import Dimming
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy
 from himap.store.store import temporary
 
 

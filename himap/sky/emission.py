@@ -73,13 +73,9 @@ def emission_modes(components, freqs):
             term, pixels = term * x / order, pixels * (component.index - centre)
             if (np.abs(x).max() * 0.5 * (high - low)) ** order <= _TOLERANCE * factorial(order):
                 break
-    return _condensed(np.stack(spectra, axis=1), np.stack(maps))
-
-
-def _condensed(spectra, maps):
-    """The same sum in as few terms as it needs: components that resemble each other share theirs."""
-    axes, triangle = np.linalg.qr(maps.T)
-    left, size, right = np.linalg.svd(spectra @ triangle.T, full_matrices=False)
+    # In as few terms as the sum needs: components that resemble each other share theirs.
+    axes, triangle = np.linalg.qr(np.stack(maps).T)
+    left, size, right = np.linalg.svd(np.stack(spectra, axis=1) @ triangle.T, full_matrices=False)
     kept = size > 0.1 * _TOLERANCE * size[0]  # faint pixels too keep their digits
     return left[:, kept] * size[kept], right[kept] @ axes.T
 

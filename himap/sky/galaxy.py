@@ -1,17 +1,30 @@
-"""The Galaxy: synchrotron and free-free emission from one of three sources (paper, Sects. 2.1.2-2.1.3)."""
+"""The Galaxy from one of three sources (paper, Sects. 2.1.2-2.1.3), its dimming, and all foregrounds."""
 
 import os
 from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
-from himap.sky.pysm import pysm_templates, pysm_version
+from himap.maps import sphere
+from himap.sky.emission import emission_maps
+from himap.sky.point_sources import point_sources
 from himap.sky.synthetic import synthetic_galaxy
-from himap.sky.templates import EXPECTED_FILES, digest_of, find_templates, nsides_of, read_templates
+from himap.sky.templates import (
+    EXPECTED_FILES,
+    digest_of,
+    find_templates,
+    nsides_of,
+    pysm_templates,
+    pysm_version,
+    read_templates,
+)
 
 SOURCES = ("synthetic", "templates", "pysm3")
-"""Made on the spot; FITS files of a folder; PySM 3's models s1 and f1, the paper's own."""
+"""Synthetic; FITS files of a folder; PySM 3's models s1 and f1, those of the paper."""
+
+_WIDTHS = 3  # standard deviations of the dimming from the plane to its edge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,3 +113,55 @@ class Galaxy:
         if self.source == "pysm3":
             return pysm_version()
         return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimming:
+    """A weight by Galactic latitude that mimics a mask before cleaning.
+
+    w(b) = 1 - (1 - w_0) (g(b) - g(edge)) / (1 - g(edge)) with the Gaussian g(b) = exp(-b^2 / (2 sigma^2)),
+    sigma = edge / 3, and w = 1 beyond the edge. The paper gives the weight in the plane, 0.1, and the
+    latitude from which the sky is as it was, 15 deg; the width of its Gaussian it does not say.
+
+    Raises
+    ------
+    InputError
+        A weight outside 0 to 1, or an edge outside 0 to 90 deg.
+    """
+
+    weight: float = parameter(0.1, "what is left of the foregrounds at b = 0", minimum=0, maximum=1)
+    edge: float = parameter(
+        15.0, "latitude beyond which nothing changes, deg", minimum=0, maximum=90, above=True
+    )
+
+    def __post_init__(self):
+        checked_fields(self)
+
+    def weights(self, nside):
+        """The weight of every pixel, (n_pix,) float64, RING, Galactic."""
+        x = np.minimum(np.abs(sphere.pixel_latitude(nside)) / self.edge, 1)
+        end = np.exp(-0.5 * _WIDTHS**2)
+        return 1 - (1 - self.weight) * (np.exp(-0.5 * (_WIDTHS * x) ** 2) - end) / (1 - end)
+
+
+def foreground_components(survey, galaxy):
+    """Every foreground as a `PowerLaw`: synchrotron, free-free, point sources.
+
+    The Galaxy and the sources have a random stream each, so a change of one leaves the other.
+
+    Parameters
+    ----------
+    survey
+        A `Survey`.
+    galaxy
+        A `Galaxy`.
+    """
+    return [
+        *galaxy.components(survey.nside, survey.rng("galaxy")),
+        point_sources(survey.nside, survey.rng("point sources")),
+    ]
+
+
+def foreground_maps(survey, galaxy):
+    """All foregrounds of every channel, mK, (n_channels, n_pix) float32."""
+    return emission_maps(foreground_components(survey, galaxy), survey.freqs)

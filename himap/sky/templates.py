@@ -1,14 +1,19 @@
-"""Templates of the Galaxy from FITS files: found by name, checked, and brought to any resolution."""
+"""Templates of the Galaxy: from FITS files of a folder, and from PySM 3, the source of the paper."""
 
 import hashlib
+import logging
+import os
 import re
 import warnings
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 
+from himap.core.checks import whole_number
 from himap.core.errors import InputError
+from himap.core.files import complete_left, whole_files
 from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_io import (
@@ -19,6 +24,7 @@ from himap.maps.healpix_io import (
     read_maps,
     temperature_unit,
     to_ring,
+    write_maps,
 )
 from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
@@ -31,6 +37,11 @@ _KINDS = {
 }
 _INDEX_LIMITS = (-5.0, 0.0)
 _NOT_POSITIVE = 0.01  # share of the pixels that may be zero or negative
+
+PYSM_NSIDE = 512
+"""Resolution of PySM's maps of s1 and f1."""
+
+_MODELS = {"s1": "synchrotron", "f1": "free-free"}
 
 EXPECTED_FILES = (
     "one synchrotron intensity (such as synchrotron_408MHz.fits), one synchrotron index map (such as "
@@ -80,12 +91,8 @@ def read_templates(folder):
         index outside -5..0; a header contradicts the frequency in the name of its file.
     """
     files = find_templates(folder)
-    intensity = {name: _read_intensity(files[name], name) for name in _KINDS}
     index = {"synchrotron": _read_index(files["index"]), "free-free": FREE_FREE_INDEX}
-    return [
-        Template(name=name, amplitude=amplitude, freq_ref=freq, index=index[name])
-        for name, (amplitude, freq) in intensity.items()
-    ]
+    return [_read_intensity(files[name], name, index[name]) for name in _KINDS]
 
 
 def digest_of(folder):
@@ -107,13 +114,14 @@ def find_templates(folder):
     """Paths of the three files by kind: "synchrotron", "index", "free-free"."""
     folder = Path(folder)
     try:
-        names = sorted(path.name for path in folder.iterdir())
+        paths = sorted(
+            path for path in folder.iterdir() if re.search(r"\.fits(\.gz)?$", path.name, re.IGNORECASE)
+        )
     except (OSError, ValueError) as error:
         raise InputError(
             f"template_dir must be a folder with {EXPECTED_FILES}; {folder} cannot be read "
             f"({getattr(error, 'strerror', None) or error})."
         ) from None
-    paths = [folder / name for name in names if re.search(r"\.fits(\.gz)?$", name, re.IGNORECASE)]
     candidates = {"index": [path for path in paths if _INDEX.search(path.name)]}
     for kind, pattern in _KINDS.items():
         candidates[kind] = [
@@ -130,17 +138,6 @@ def find_templates(folder):
                 f"{label}: {names}. Leave exactly one of each there."
             )
     return {kind: matches[0] for kind, matches in candidates.items()}
-
-
-def _freq_of(path, header):
-    """Reference frequency that a file name states, and its header does not contradict, MHz."""
-    stated = freqs_in(path.name)
-    if len(stated) != 1 or stated[0].freq <= 0:
-        raise InputError(
-            f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
-            f"{path.name} states {', '.join(f'{one.freq:g} MHz' for one in stated)}. Rename the file."
-        )
-    return agreed(stated[0], freq_in_header(header, path), path)
 
 
 def _read_map(path):
@@ -172,15 +169,22 @@ def _read_map(path):
     return to_ring(pixels) if file.nested else pixels, file
 
 
-def _read_intensity(path, name):
-    """Intensity map in mK, RING, positive, and the frequency that it is at, MHz."""
+def _read_intensity(path, name, index):
+    """The `Template` of an intensity map."""
     pixels, file = _read_map(path)
     unit = temperature_unit(file.units[0], f"TUNIT1 in {path.name}")
-    amplitude = positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
-    return amplitude, _freq_of(path, file.header)
+    stated = freqs_in(path.name)
+    if len(stated) != 1 or stated[0].freq <= 0:
+        raise InputError(
+            f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
+            f"{path.name} states {', '.join(f'{item.freq:g} MHz' for item in stated)}. Rename the file."
+        )
+    freq = agreed(stated[0], freq_in_header(file.header, path), path)
+    amplitude = _positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
+    return Template(name=name, amplitude=amplitude, freq_ref=freq, index=index)
 
 
-def positive(pixels, label):
+def _positive(pixels, label):
     """An intensity map without zero or negative pixels: a few are raised, with a warning.
 
     Raises
@@ -217,3 +221,129 @@ def _read_index(path):
             f"{pixels.max():.3g}. Is it another map?"
         )
     return pixels
+
+
+def pysm_version():
+    """Version of pysm3, a text.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    try:
+        return version("pysm3")
+    except PackageNotFoundError as error:
+        raise InputError(_no_pysm("is not installed")) from error
+
+
+def pysm_templates(nside):
+    """Synchrotron and free-free emission as PySM has them, a list of two `Template`.
+
+    At `nside`, averaged over pixels by PySM (healpy's ud_grade), or at PySM's own where that is coarser.
+
+    Raises
+    ------
+    InputError
+        pysm3 is not installed, or cannot download its maps, which it does on first use.
+    """
+    try:
+        import pysm3  # slow to import, and only this source needs it
+    except ImportError as error:
+        raise InputError(_no_pysm("cannot be imported")) from error
+    log = logging.getLogger("pysm3")
+    was_disabled, log.disabled = log.disabled, True  # it blames its version for a missing network
+    try:
+        sky = pysm3.Sky(nside=min(nside, PYSM_NSIDE), preset_strings=list(_MODELS))
+    except OSError as error:  # urllib's errors and timeouts are OSErrors
+        raise InputError(_no_pysm(f"could not download its templates ({error})")) from error
+    finally:
+        log.disabled = was_disabled
+    templates = []
+    for name, model in zip(_MODELS.values(), sky.components, strict=True):
+        amplitude = np.asarray(model.I_ref.to_value(pysm3.units.mK_RJ), dtype=np.float64).reshape(-1)
+        sphere.nside_of(amplitude)
+        index = np.asarray(model.pl_index.value, dtype=np.float64).reshape(-1)
+        template = Template(
+            name=name,
+            amplitude=_positive(amplitude, f"{name} of PySM"),
+            freq_ref=float(model.freq_ref_I.to_value(pysm3.units.MHz)),
+            index=index if index.size > 1 else float(index[0]),
+        )
+        templates.append(template)
+    return templates
+
+
+def _no_pysm(reason):
+    return (
+        f"this Galaxy needs the package pysm3 and its templates, but it {reason}. Install it (pip install "
+        "pysm3) and go online once (PySM keeps what it downloads), or take source='synthetic', which needs "
+        "nothing, or source='templates' with FITS files of your own."
+    )
+
+
+def write_templates(folder, nside):
+    """Write PySM's Galaxy as the three files that `read_templates` reads.
+
+    Synchrotron and free-free emission in K (Rayleigh-Jeans) at their reference frequencies, which the names
+    state, and the index of synchrotron emission: RING, Galactic, float32. All of them or none.
+
+    Parameters
+    ----------
+    folder
+        A new folder, or an empty one.
+    nside
+        A power of two from 4 to 512, which is PySM's own.
+
+    Returns
+    -------
+    list
+        The paths that were written.
+
+    Raises
+    ------
+    InputError
+        An nside that cannot be, a folder that holds something or cannot be written, or as `pysm_templates`.
+    """
+    nside = whole_number("nside", nside, 4, PYSM_NSIDE)
+    if nside & (nside - 1):
+        below = 2 ** (nside.bit_length() - 1)
+        raise InputError(f"nside must be a power of two, got {nside}; try {below} or {2 * below}.")
+    folder = _free_folder(folder)
+    synchrotron, free_free = pysm_templates(nside)
+    if np.any(np.not_equal(free_free.index, FREE_FREE_INDEX)):
+        raise InputError(
+            f"templates in files have a free-free index of {FREE_FREE_INDEX}, and this PySM has another; "
+            "take the Galaxy as source='pysm3'."
+        )
+    index = np.array(np.broadcast_to(synchrotron.index, synchrotron.amplitude.shape))
+    files = {f"synchrotron_beta_nside{nside}.fits": (index, "BETA", None)}
+    for name, template in (("synchrotron", synchrotron), ("freefree", free_free)):
+        freq = template.freq_ref
+        stated = f"{freq:.10g}MHz" if freq < 1e3 else f"{freq / 1e3:.10g}GHz"
+        files[f"{name}_{stated}_K_nside{nside}.fits"] = (template.amplitude / MILLIKELVIN["K"], "T", "K_RJ")
+    cards = [("COORDSYS", "G"), ("PYSM3", pysm_version(), "version that the maps are from")]
+    with whole_files(*(folder / name for name in files)) as temporary:
+        for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
+            maps = pixels[None].astype(np.float32)
+            write_maps(target, maps, names=[column], unit=unit, nested=False, cards=cards)
+    return [folder / name for name in files]
+
+
+def _free_folder(folder):
+    """`folder` as a path with nothing in it."""
+    folder = Path(os.path.expanduser(folder))
+    completed = complete_left(folder)
+    try:
+        held = sorted(path.name for path in folder.iterdir() if path not in completed)
+    except FileNotFoundError:
+        return folder
+    except OSError as error:
+        raise InputError(f"{folder} cannot be a folder of templates ({error.strerror}).") from None
+    if held:
+        more = f" and {len(held) - 3} more" if len(held) > 3 else ""
+        raise InputError(
+            f"templates are written to a new or an empty folder, but {folder} holds "
+            f"{', '.join(held[:3])}{more}; give another one, or empty it."
+        )
+    return folder

@@ -136,7 +136,7 @@ def templates(folder, nside):
     himap templates maps --nside 64
     himap run 04_pca -p galaxy=templates -p template_dir=maps
     """
-    from himap.sky.pysm import write_templates
+    from himap.sky.templates import write_templates
 
     started = time.monotonic()
     for path in write_templates(folder, nside):

@@ -12,8 +12,7 @@ from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
-from himap.sky.dimming import Dimming
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy
 
 NUDGES = (0.999, 1.001)
 """Noise levels a thousandth away from that of the survey, which should change nothing of account."""
