@@ -1,4 +1,4 @@
-"""What was measured once, takes hours, and is stored with the book: reading it, and what follows from it.
+"""Results that take hours and are stored with the book: readers, and numbers derived from them.
 
 There are ledgers, the times of the steps at two sizes and how they grow, and folders of figures.
 """
@@ -90,8 +90,8 @@ def stored_figure(folder, name, results=None):
 def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
     """What every step would cost at another size, for the paper's Figs. 1 and 2.
 
-    The exponent with channels is that of the scaling, the one with nside what it leaves of the growth between
-    the two sizes: small maps, of which the scaling is made, grow more slowly than large ones.
+    The exponent with channels is that of the scaling, the one with nside follows from the rest of the growth
+    between the two sizes: small maps, of which the scaling is made, grow more slowly than large ones.
 
     Parameters
     ----------

@@ -177,14 +177,14 @@ def signed(value):
 
 def methods_table(tables, *, of=JUDGED):
     """(header, rows) of texts: the `distances` of each method through each beam, as it is and corrected."""
-    labels, found = labels_of(tables[0]), distances(tables, of)
+    labels, by_key = labels_of(tables[0]), distances(tables, of)
     beams = list(dict.fromkeys(beam for beam, *_ in labels))
     rows = []
     for method, text in dict.fromkeys(labels.values()):
         numbers = [int(number or 0) for number in text.split("/")]
         pairs = list(zip(beams, numbers * len(beams) if len(numbers) == 1 else numbers, strict=True))
         cells = [
-            signed(found.get((beam, method, n, corrected), np.nan))
+            signed(by_key.get((beam, method, n, corrected), np.nan))
             for corrected in (False, True)
             for beam, n in pairs
         ]

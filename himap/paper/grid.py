@@ -1,4 +1,4 @@
-"""Grids of skies and methods: what an experiment runs over, and how all that it measures on a sky is made."""
+"""Grids of skies and methods that experiments run over, and the products that they measure on a sky."""
 
 from dataclasses import dataclass, replace
 

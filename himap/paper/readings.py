@@ -1,4 +1,4 @@
-"""The readings of what the paper leaves open about SDecGMCA, and what a record says of each."""
+"""The readings of the choices that the paper leaves open about SDecGMCA, and the outcome of each."""
 
 import math
 from contextlib import suppress
@@ -101,7 +101,7 @@ def readings():
     """{label: `Reading`}: those with a name, and the default with one option changed at a time.
 
     A change that makes of the default a reading with a name is that reading; options that exclude each other
-    are left out.
+    are not among them.
     """
     default = READINGS["default"]
     known = {
@@ -197,8 +197,8 @@ def _outcome(rows):
     judged = rows["quantity"].isin(list(CLAIMS))
     claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
     runs = []
-    for (seed, level), own in rows[~judged].groupby(["seed", "noise_level"], sort=False):
-        by_name = {name: group for name, group in own.groupby("quantity", sort=False)}
+    for (seed, level), measured in rows[~judged].groupby(["seed", "noise_level"], sort=False):
+        by_name = {name: group for name, group in measured.groupby("quantity", sort=False)}
         curves = {name: (one["x"].to_numpy(), one["value"].to_numpy()) for name, one in by_name.items()}
         numbers = {name: value[0] for name, (_, value) in curves.items() if name not in CURVES}
         curves = {name: curves[name] for name in CURVES if name in curves}

@@ -80,11 +80,11 @@ def _points(outcomes, places, band, *, shown):
     for label, one in outcomes.items():
         for run in one.runs:
             value = run.numbers.get(band, np.nan)
-            found = [(np.clip(value, *_FAR), places[label])] if np.isfinite(value) else []
-            pairs.setdefault((run.seed, run.noise_level), []).extend(found)
+            shown_at = [(np.clip(value, *_FAR), places[label])] if np.isfinite(value) else []
+            pairs.setdefault((run.seed, run.noise_level), []).extend(shown_at)
     seeds = list(dict.fromkeys(seed for seed, _ in pairs))
-    for (seed, level), found in pairs.items():
-        x, y = np.array(found).reshape(-1, 2).T
+    for (seed, level), several in pairs.items():
+        x, y = np.array(several).reshape(-1, 2).T
         label = f"seed {seed}" + (f", noise × {level:g}" if level != 1 else "")
         look = {
             "label": label if shown else f"_{label}",
@@ -133,7 +133,7 @@ def _of_level(label, level):
 
 
 def code_figure(compared, iterations):
-    """How far A is from that of the authors' code, and what rounding does: two panels.
+    """How far A is from that of the authors' code, and the effect of rounding: two panels.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class Realisation:
     survey, galaxy
         As in `pipeline.Case`.
     oscillating
-        The oscillating beam, or what is put in its place.
+        The oscillating beam, or another in its place.
     dimming
         Of the dimmed case.
     n_sources

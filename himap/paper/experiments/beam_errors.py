@@ -1,4 +1,4 @@
-"""What it costs a method to assume a wrong beam: against the truth, over several skies."""
+"""Sensitivity of methods to errors of the beam that they assume: against the truth, over several skies."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ KINDS = {
     "period": "relative error of the ripple's period",
     "beam": "another beam",
 }
-"""What can be wrong of the beam that a method assumes."""
+"""Kinds of errors of the beam that a method assumes."""
 
 COLUMNS = {
     "method": str,
@@ -44,7 +44,7 @@ COLUMNS = {
     "recovered": float,
     "excess": float,
 }
-"""What is wrong (`KINDS`) and by how much, of "beam" the name of the assumed one; "none" and 0 of a method
+"""Kind of the error (`KINDS`) and its size, of "beam" the name of the assumed one; "none" and 0 of a method
 that does not use the beam. Then means over a band: of C/C0 or P/P0, of its part that is correlated with the
 truth, and of the rest, which is mostly foreground residual."""
 
@@ -133,11 +133,11 @@ def measure(sky):
     make_products(work.values())
     rows = []
     for (remover, kind, error), (measured, call) in work.items():
-        found = measured(*call)
-        ratio, recovered = found.ratios(), found.ratios("cross")
+        power = measured(*call)
+        ratio, recovered = power.ratios(), power.ratios("cross")
         excess = {axis: ratio[axis] - recovered[axis] for axis in ratio}
         first = method_columns(remover) | {"kind": kind, "error": error}
-        rows += [first | row for row in band_rows(found, ratio=ratio, recovered=recovered, excess=excess)]
+        rows += [first | row for row in band_rows(power, ratio=ratio, recovered=recovered, excess=excess)]
     return rows
 
 

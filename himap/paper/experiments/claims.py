@@ -71,7 +71,7 @@ def realisations(
     n_realisations
         How many; fewer than 5 say little about verdicts that depend on the sky.
     reading
-        Of what the paper leaves open about SDecGMCA, or "default".
+        Of the open choices of SDecGMCA, or "default".
     method
         What is put in the place of SDecGMCA, as in `Realisation`.
 
@@ -136,9 +136,9 @@ def _prepare(several):
 
 def _summary(rows):
     """A row for each claim, and how many have which verdict."""
-    found = entries(rows)
-    table = ledger_table.plain_table(found)
-    count = [f"{n} {verdict}" for verdict, n in ledger_table.summary(found).items() if n]
+    several = entries(rows)
+    table = ledger_table.plain_table(several)
+    count = [f"{n} {verdict}" for verdict, n in ledger_table.summary(several).items() if n]
     table.loc[len(table)] = ["all", "", ", ".join(count), *[""] * (table.shape[1] - 3)]
     return table
 

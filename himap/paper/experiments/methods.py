@@ -90,22 +90,22 @@ def _of_beam(pair, place, n_beams):
 def measure(sky):
     """Ratios to the truth in bins of l and k, of each beam and method of a `Sky`."""
     rows = []
-    for case, remover, own, transfer in measured_recoveries(sky):
+    for case, remover, power, transfer in measured_recoveries(sky):
         first = {"beam": str(case.beam)} | method_columns(remover)
         for divisor in (None, transfer) if transfer else (None,):
             corrected = {"corrected": divisor is not None}
-            rows += [first | corrected | row for row in curves(own, divisor)]
+            rows += [first | corrected | row for row in curves(power, divisor)]
     return rows
 
 
-def curves(own, transfer=None):
+def curves(power, transfer=None):
     """The last columns of each bin, from the `MockPower` of the truth, over a `TransferFunction` if given.
 
     Bins have even logarithmic widths in each of the `bands`, and do not cross their ends.
     """
     rows = []
-    ratios = own.ratios()
-    known_at = {"angular": own.degrees, "frequency": own.k}
+    ratios = power.ratios()
+    known_at = {"angular": power.degrees, "frequency": power.k}
     for kind, x in known_at.items():
         edges = set()
         for its, inside in bands(**known_at).values():
@@ -146,12 +146,12 @@ def in_bands(table):
         for end in known_at[kind][inside]
     }
     weight = widths(table)
-    found = table.assign(
+    weighted = table.assign(
         band=[names[pair] for pair in zip(table["kind"], ends, strict=True)],
         weight=weight,
         weighted=weight * table["ratio"],
     )
-    sums = found.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
+    sums = weighted.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
     return (sums["weighted"] / sums["weight"]).rename("ratio")
 
 

@@ -1,4 +1,4 @@
-"""Every claim, and both spectra, under each reading of what the paper leaves open about SDecGMCA.
+"""Every claim, and both spectra, under each reading of the open choices of SDecGMCA.
 
 Each reading is judged on the same skies, and through the oscillating beam at noise levels a thousandth apart,
 which should change nothing of account.
@@ -109,6 +109,6 @@ EXPERIMENT = Experiment(
     summary=lambda rows: summary_table(outcomes(rows)),
     prepare=_prepare,
     defaults={"preset": "quick", "n_realisations": 2, "n_sources_max": 12},
-    without=("reading", "method", "nudged"),  # they are what is varied, or always so
+    without=("reading", "method", "nudged"),  # varied, or always so
     stated=("n_realisations", "n_sources_max"),
 )

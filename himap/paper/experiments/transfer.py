@@ -40,18 +40,18 @@ def measure(sky):
     """Ratios to the truth with and without correction, in each band and of each method of a `Sky`."""
     return [
         method_columns(remover) | row
-        for _, remover, own, transfer in measured_recoveries(sky)
-        for row in corrected_bands(own, transfer)
+        for _, remover, power, transfer in measured_recoveries(sky)
+        for row in corrected_bands(power, transfer)
     ]
 
 
-def corrected_bands(own, transfer):
+def corrected_bands(power, transfer):
     """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more."""
     cross, auto = (replace(transfer, definition=name) for name in DEFINITIONS)
-    ratios = own.ratios()
+    ratios = power.ratios()
     over = [{kind: ratio / getattr(one, kind) for kind, ratio in ratios.items()} for one in (cross, auto)]
-    rows = band_rows(own, uncorrected=ratios, corrected=over[0], corrected_auto=over[1])
-    errors = own.band_means({kind: cross.errors(kind) for kind in ratios})
+    rows = band_rows(power, uncorrected=ratios, corrected=over[0], corrected_auto=over[1])
+    errors = power.band_means({kind: cross.errors(kind) for kind in ratios})
     return [row | {"error_bar": float(np.sqrt(np.mean(errors[row["band"]] ** 2)))} for row in rows]
 
 
