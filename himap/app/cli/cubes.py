@@ -1,175 +1,264 @@
-"""The commands of `himap` for cubes of one's own.
+"""The commands of `himap` for cubes of one's own: options, the cube and its beams, outputs and remarks.
 
 What does the work is imported when it is needed: `himap --help` need not wait seconds for it.
 """
 
+import functools
 import time
 import warnings
+from importlib import import_module
+from types import SimpleNamespace
 
 import click
 
-from himap.app.cli.cube_options import (
-    Methods,
-    cube_and_beams,
-    cube_options,
-    inputs_of,
-    method_parameters,
-    mock_options,
-    tell,
-    weight_options,
-)
-from himap.app.cli.shared import debug
+from himap.app.cli.shared import debug, named_values, overwrite_option, with_options
+from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
-from himap.core.files import whole_file, whole_files
-from himap.core.reading import there_is
+from himap.core.files import whole_files
+from himap.core.reading import is_file, regular_file, there_is
 
 
-@click.command(short_help="Remove the foregrounds of the cube of maps in CUBE.")
-@click.argument("path", metavar="CUBE")
-@click.option("--method", cls=Methods, required=True, metavar="NAME")
-@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page.")
-@click.option(
-    "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
+class _Registered(click.Option):
+    """An option whose help lists the names that there are, found when it is asked for."""
+
+    package, more, less = "himap.removal", "", ()
+
+    def get_help_record(self, context):
+        names = [name for name in import_module(self.package).available() if name not in self.less]
+        self.help = f"{', '.join(names)}{self.more}."
+        option, text = super().get_help_record(context)
+        return option, text.replace("  [required]", "")  # whoever forgets it is told, and a line is one
+
+
+class _Beams(_Registered):
+    package, more, less = "himap.instrument.beams", "; NAME:PARAMETER=VALUE; a FILE", ("file",)
+
+
+_METHOD = click.option("--method", cls=_Registered, required=True, metavar="NAME")
+_WEIGHTS = (
+    click.option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
+    click.option("--flags", metavar="FILE", help="1 where a voxel is bad."),
 )
-@click.option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page.")
-@mock_options
-@weight_options
-@cube_options
-@debug
-def clean(output, overwrite, **options):
+_MOCKS = (
+    click.option(
+        "--mocks", metavar="N|FILE", multiple=True, help="Mocks that correct spectra: how many, or a file."
+    ),
+    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
+    *_WEIGHTS,
+)
+_COMMON = (
+    click.option("--beam", cls=_Beams, metavar="NAME"),
+    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
+    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    click.option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
+    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
+    overwrite_option,
+    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
+    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
+    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
+    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
+    debug,
+)
+_READING = ("freqs", "unit", "order", "maps_name", "freqs_name")
+_FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
+
+
+def _command(*options, short_help=None):
+    """Decorator: a command for CUBE with these options and those that all have.
+
+    It gets them in one namespace, with `reading` those of `read_cube`, `weighed` the weights and flags,
+    `parameters` of the method, `peaks` to mask, `inputs` all files that it reads, or what may be such, and
+    when it `started`.
+    """
+
+    def decorate(function):
+        @functools.wraps(function)
+        def command(**given):
+            from himap.removal.base import SeparationWarning
+
+            asked = SimpleNamespace(**given, started=time.monotonic(), peaks=not given["keep_peaks"])
+            asked.reading = {name: given[name] for name in _READING}
+            names = ("weights", "flags")
+            asked.weighed = {name: given[name] for name in names if given.get(name) is not None}
+            asked.parameters = parse_texts([], named_values(given["pairs"]))
+            if "name" in asked.parameters:
+                raise InputError("no method has a parameter called name; --method says which method.")
+            values = [value for value in asked.parameters.values() if isinstance(value, str)]
+            files = [*map(given.get, _FILES), *given.get("mocks", ())]
+            files += [regular_file(value) for value in values if is_file(value)]
+            asked.inputs = [file for file in files if file is not None]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and remarks do
+                function(asked)
+
+        path = click.argument("path", metavar="CUBE")
+        return click.command(short_help=short_help)(with_options(path, *options, *_COMMON)(command))
+
+    return decorate
+
+
+def _tell(sentence):
+    """Say a sentence beside the output, whatever the names in it."""
+    click.echo(plain_text(sentence), err=True)
+
+
+def _output(asked, endings=(), page=True):
+    """The checked path of the output, None where there is none."""
+    from himap.cubes.writing import check_output
+
+    more = {"overwrite": asked.overwrite, "inputs": asked.inputs, "endings": endings, "page": page}
+    return None if asked.output is None else check_output(asked.output, **more)
+
+
+def _write(asked, files, write, *, remarks=(), timed=True):
+    """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
+    with whole_files(*files) as temporary:
+        write(temporary)
+    for remark in remarks:
+        _tell(remark)
+    took = f"  ({time.monotonic() - asked.started:.0f} s)" if timed else ""
+    click.echo(plain_text("  ".join(map(str, files))) + took)
+
+
+def _cube_and_beams(asked, remover):
+    """The cube, with its remarks told, and its beams, None where none are named.
+
+    With weights or flags, pixels are left out of which too many channels are missing for the method, and
+    for the masking of peaks.
+    """
+    import numpy as np
+
+    from himap.cubes.cleaning import beams_of, check_pixels, with_enough_channels
+    from himap.cubes.files import read_cube
+    from himap.instrument.beams.base import gaussian_widths
+
+    if asked.dish is not None and asked.beam is None:
+        raise InputError("--dish belongs to a beam; give --beam too.")
+    if asked.beam is None and "beams" in remover.uses:
+        raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
+    if asked.weighed:
+        remover.check_weights()
+    cube = read_cube(asked.path, **asked.reading, **asked.weighed)
+    check_pixels(cube, remover)
+    if asked.mask is not None:
+        cube = cube.within(cube.layout.pixels.read_mask(asked.mask))
+    if asked.weighed:
+        cube = with_enough_channels(cube, remover, peaks=asked.peaks)
+    for sentence in (cube.summary, *cube.remarks):
+        _tell(sentence)
+    if asked.beam is None:
+        return cube, None
+    beams = beams_of(cube, asked.beam, dish=asked.dish)
+    widths = np.rad2deg(gaussian_widths(beams))
+    _tell(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
+    return cube, beams
+
+
+@_command(
+    _METHOD,
+    click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
+    click.option(
+        "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
+    ),
+    click.option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
+    *_MOCKS,
+    short_help="Remove the foregrounds of the cube of maps in CUBE.",
+)
+def clean(asked):
     """Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
 
     \b
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
-    from himap.cubes.writing import check_output, files_of, write_cleaned
+    from himap.cubes.writing import files_of, write_cleaned
 
-    started = time.monotonic()
-    endings = (".html", ".csv") if options["mocks"] else (".html",)
-    output = check_output(output, overwrite=overwrite, inputs=_inputs(options), endings=endings)
-    cleaned, writers = _cleaned(**options)
+    endings = (".html", ".csv") if asked.mocks else (".html",)
+    output = _output(asked, endings, page=False)
+    cleaned, write_pages = _cleaned(asked)
     outputs = files_of(output)
-    files = [*outputs, *map(output.with_suffix, endings)]
-    with whole_files(*files) as temporary:  # all of them or none
+
+    def write(temporary):
         write_cleaned(cleaned, temporary[: len(outputs)])
-        _write(writers, temporary[len(outputs) :])
-    _tell(cleaned, files, started)
+        write_pages(temporary[len(outputs) :])
+
+    _write(asked, [*outputs, *map(output.with_suffix, endings)], write, remarks=cleaned.remarks)
 
 
-@click.command(short_help="Measure what cleaning takes of CUBE, and correct its spectra.")
-@click.argument("path", metavar="CUBE")
-@click.option("--method", cls=Methods, required=True, metavar="NAME")
-@click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave.")
-@click.option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv.")
-@mock_options
-@weight_options
-@cube_options
-@debug
-def transfer(output, overwrite, **options):
+@_command(
+    _METHOD,
+    click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
+    click.option(
+        "-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv."
+    ),
+    *_MOCKS,
+    short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
+)
+def transfer(asked):
     """Measure with mocks of HI, put into CUBE and cleaned with it, what cleaning takes, and correct the
     spectra. Ten are made, unless --mocks says otherwise.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
     """
-    from himap.cubes.writing import check_output
-
-    started = time.monotonic()
-    options["mocks"] = options["mocks"] or ("10",)
-    inputs, endings = _inputs(options), (".csv",)
-    page = check_output(output, overwrite=overwrite, inputs=inputs, endings=endings, page=True)
-    cleaned, writers = _cleaned(**options)
-    files = [page, page.with_suffix(".csv")]
-    with whole_files(*files) as temporary:
-        _write(writers, temporary)
-    _tell(cleaned, files, started)
+    asked.mocks, asked.patches = asked.mocks or ("10",), False
+    page = _output(asked, (".csv",))
+    cleaned, write_pages = _cleaned(asked)
+    _write(asked, [page, page.with_suffix(".csv")], write_pages, remarks=cleaned.remarks)
 
 
-def _inputs(options):
-    """The names of files, or what may be such, in the options of a command."""
-    names = [options[name] for name in ("path", "truth", "beam", "freqs", "mask", "weights", "flags")]
-    return inputs_of([*names, *options["mocks"]], options["pairs"])
-
-
-def _cleaned(
-    path,
-    method,
-    beam,
-    dish,
-    pairs,
-    truth,
-    mask,
-    keep_peaks,
-    mocks,
-    mock_noise,
-    weights,
-    flags,
-    patches=False,
-    **reading,
-):
-    """A `CleanedCube`, and {ending: function that writes} its page, and its spectra where there are mocks."""
+def _cleaned(asked):
+    """A `CleanedCube`, and the function that writes its page, and spectra, to paths."""
     from himap.cubes import transfer as measured
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
     from himap.cubes.report import patches_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
     from himap.removal import create
-    from himap.removal.base import SeparationWarning
 
-    remover = create(method, **method_parameters(pairs))
-    weighed = {"weights": weights, "flags": flags}
-    cube, beams = cube_and_beams(
-        path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
-    )
+    remover = create(asked.method, **asked.parameters)
+    cube, beams = _cube_and_beams(asked, remover)
     method_for(cube, remover, beams=beams)  # before the truth is read
-    if hasattr(remover, "n_sources") and "n_sources" not in method_parameters(pairs):
-        tell(
+    if hasattr(remover, "n_sources") and "n_sources" not in asked.parameters:
+        _tell(
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
             "`himap suggest` says how many this cube asks for."
         )
-    true = None if truth is None else read_truth(truth, beside=cube, **reading)
+    true = None if asked.truth is None else read_truth(asked.truth, beside=cube, **asked.reading)
     if true is not None:
         for remark in true.remarks:
-            tell(f"The truth: {remark}")
+            _tell(f"The truth: {remark}")
         check_truth(cube, true)  # before the work
-    put_in = _mocks(cube, beams, mocks, mock_noise, reading)
-    peaks, more, corrected = not keep_peaks, [], None
-    patches = patches and cube.layout.pixels.whole_sky  # the page of an image has it anyway
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and the line below
-        cleaned = clean_cube(cube, remover, beams=beams, peaks=peaks)
-        comparison = None if true is None else compared(cleaned, true)
-        spectra = None if true is not None and put_in is None else spectra_of(cleaned)
-        if put_in is not None:
-            found = measured.measure_transfer(cleaned, put_in)
-            corrected = measured.correct(spectra, found)
-            more = measured.corrected_parts(corrected, len(found.mocks), comparison)
-            click.echo(measured.corrected_table(corrected, comparison))
-    if patches:
+    mocks = _mocks(cube, beams, asked)
+    cleaned, more, corrected = clean_cube(cube, remover, beams=beams, peaks=asked.peaks), [], None
+    comparison = None if true is None else compared(cleaned, true)
+    spectra = None if true is not None and mocks is None else spectra_of(cleaned)
+    if mocks is not None:
+        found = measured.measure_transfer(cleaned, mocks)
+        corrected = measured.correct(spectra, found)
+        more = measured.corrected_parts(corrected, len(found.mocks), comparison)
+        click.echo(measured.corrected_table(corrected, comparison))
+    if asked.patches and cube.layout.pixels.whole_sky:  # the page of an image has it anyway
         more = [*more, patches_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
-    writers = {".html": lambda page: write_report(cleaned, page, spectra=shown, more=more)}
-    if corrected is not None:
-        writers[".csv"] = lambda table: measured.write_spectra(corrected, table, comparison)
-    return cleaned, writers
+
+    def write_pages(paths):
+        write_report(cleaned, paths[0], spectra=shown, more=more)
+        if corrected is not None:
+            measured.write_spectra(corrected, paths[1], comparison)
+
+    return cleaned, write_pages
 
 
-def _write(writers, paths):
-    """Each of `paths` by the function of its ending."""
-    for path in paths:
-        writers[path.suffix](path)
-
-
-def _mocks(cube, beams, words, noise, reading):
+def _mocks(cube, beams, asked):
     """The maps of mocks, one after the other, as the option says: a number, or files; None if it is empty."""
     from himap.cubes.mocks import made_mocks, read_mocks
 
+    words, noise = asked.mocks, asked.mock_noise
     numbers = [word for word in words if word.lstrip("-").isdecimal()]
-    if not words or (numbers and len(words) > 1):
-        if words or noise is not None:
-            raise InputError(
-                "--mocks is one number, or a file for each mock; --mock-noise belongs to a number."
-            )
+    if (not words and noise is not None) or (numbers and len(words) > 1):
+        raise InputError("--mocks is one number, or a file for each mock; --mock-noise belongs to a number.")
+    if not words:
         return None
     cube.check_sphere()
     if numbers:
@@ -179,40 +268,17 @@ def _mocks(cube, beams, words, noise, reading):
     for word in words:
         if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    return read_mocks(cube, words, told=tell, **reading)
+    return read_mocks(cube, words, told=_tell, **asked.reading)
 
 
-def _tell(cleaned, files, started):
-    for remark in cleaned.remarks:
-        tell(remark)
-    click.echo(plain_text("  ".join(map(str, files))) + f"  ({time.monotonic() - started:.0f} s)")
-
-
-@click.command()
-@click.argument("path", metavar="CUBE")
-@click.option("--method", cls=Methods, default="pca", show_default=True, metavar="NAME")
-@click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources.")
-@click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most.")
-@click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html.")
-@weight_options
-@cube_options
-@debug
-def suggest(
-    path,
-    method,
-    beam,
-    dish,
-    pairs,
-    mask,
-    keep_peaks,
-    weights,
-    flags,
-    least,
-    most,
-    output,
-    overwrite,
-    **reading,
-):
+@_command(
+    click.option("--method", cls=_Registered, default="pca", show_default=True, metavar="NAME"),
+    click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
+    click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
+    click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),
+    *_WEIGHTS,
+)
+def suggest(asked):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
 
     \b
@@ -220,24 +286,17 @@ def suggest(
     himap suggest cube.h5 --method beam_subspace --beam oscillating
     """
     from himap.cubes import suggestion
-    from himap.cubes.writing import check_output
     from himap.removal import create
-    from himap.removal.base import SeparationWarning
 
-    inputs = inputs_of([path, beam, reading["freqs"], mask, weights, flags], pairs)
-    checked = {"overwrite": overwrite, "inputs": inputs, "page": True}
-    page = None if output is None else check_output(output, **checked)
-    parameters = method_parameters(pairs)
-    if "n_sources" in parameters:
+    page = _output(asked)
+    if "n_sources" in asked.parameters:
         raise InputError(
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
         )
     # Lines of sight must have channels enough for the largest number.
+    least, most = asked.least, asked.most
     largest = suggestion.MOST_SOURCES if most is None or most < 1 else most
-    remover, weighed = create(method, n_sources=largest, **parameters), {"weights": weights, "flags": flags}
-    cube, beams = cube_and_beams(
-        path, remover, beam, dish, mask, reading, weighed=weighed, peaks=not keep_peaks
-    )
+    cube, beams = _cube_and_beams(asked, create(asked.method, n_sources=largest, **asked.parameters))
     most = min(suggestion.MOST_SOURCES, len(cube.freqs) - 1) if most is None else most
     if most <= least:
         raise InputError(f"--to must be more than --from, got {most} and {least} sources.")
@@ -246,15 +305,46 @@ def suggest(
             f"--from must be at least 1, --to at most the number of channels, {len(cube.freqs)}; got {least} "
             f"and {most} sources."
         )
-    counts = range(least, most + 1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SeparationWarning)
-        result = suggestion.suggest(
-            cube, method, n_sources=counts, beams=beams, peaks=not keep_peaks, **parameters
-        )
+    options = {"n_sources": range(least, most + 1), "beams": beams, "peaks": asked.peaks}
+    result = suggestion.suggest(cube, asked.method, **options, **asked.parameters)
     click.echo(suggestion.suggestion_table(result))
     click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
-        with whole_file(page) as temporary:
-            suggestion.write_suggestion(result, temporary)
-        click.echo(plain_text(str(page)))
+        _write(asked, [page], lambda paths: suggestion.write_suggestion(result, *paths), timed=False)
+
+
+@_command(
+    _METHOD,
+    click.option(
+        "--width", "widths", type=float, multiple=True, help="Relative error of the FWHM; ±0.1 and 1 %."
+    ),
+    click.option(
+        "--ripple", "ripples", type=float, multiple=True, help="Of an error that oscillates; 1e-5 to 1e-3."
+    ),
+    click.option("--period", type=float, default=20.0, show_default=True, help="Of that, MHz."),
+    click.option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
+    short_help="Tell how far what is left of CUBE hangs on its beam.",
+)
+def sensitivity(asked):
+    """Clean CUBE with beams that differ a little from --beam, and tell how far the power that is left moves.
+
+    \b
+    himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
+    """
+    from himap.cubes import sensitivity as measured
+    from himap.cubes.cleaning import clean_cube
+    from himap.removal import create
+
+    page = _output(asked)
+    remover = create(asked.method, **asked.parameters)
+    if "beams" not in remover.uses:
+        raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
+    errors = {"widths": asked.widths, "ripples": asked.ripples} if asked.widths or asked.ripples else {}
+    if asked.beam is not None:
+        measured.perturbed_beams(asked.beam, **errors, period=asked.period)  # before the work
+    cube, beams = _cube_and_beams(asked, remover)
+    cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks)
+    found = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
+    click.echo(measured.sensitivity_table(found))
+    if page is not None:
+        _write(asked, [page], lambda paths: measured.write_sensitivity(found, *paths))

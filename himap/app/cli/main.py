@@ -12,9 +12,8 @@ import click
 
 from himap import __version__
 from himap.app import reproduce
-from himap.app.cli.cubes import clean, suggest, transfer
+from himap.app.cli.cubes import clean, sensitivity, suggest, transfer
 from himap.app.cli.measure import claims, measure, readings, record
-from himap.app.cli.sensitivity import sensitivity
 from himap.app.cli.shared import Commands, debug, named_values, overwrite_option, workers
 from himap.app.notebooks import find, notebooks
 from himap.app.parameters import accepts, check_parameters, describe_parameters, parse_texts
