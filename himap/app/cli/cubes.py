@@ -10,6 +10,7 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import click
+from click import option
 
 from himap.app.cli.shared import debug, named_values, overwrite_option, with_options
 from himap.app.parameters import parse_texts
@@ -34,30 +35,30 @@ class _Beams(_Registered):
     package, more, less = "himap.instrument.beams", "; NAME:PARAMETER=VALUE; a FILE", ("file",)
 
 
-_METHOD = click.option("--method", cls=_Registered, required=True, metavar="NAME")
+_METHOD = option("--method", cls=_Registered, required=True, metavar="NAME")
 _WEIGHTS = (
-    click.option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
-    click.option("--flags", metavar="FILE", help="1 where a voxel is bad."),
+    option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
+    option("--flags", metavar="FILE", help="1 where a voxel is bad."),
 )
 _MOCKS = (
-    click.option(
+    option(
         "--mocks", metavar="N|FILE", multiple=True, help="Mocks that correct spectra: how many, or a file."
     ),
-    click.option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
+    option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
     *_WEIGHTS,
 )
 _COMMON = (
-    click.option("--beam", cls=_Beams, metavar="NAME"),
-    click.option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
-    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
-    click.option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
-    click.option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
+    option("--beam", cls=_Beams, metavar="NAME"),
+    option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
+    option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
+    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
+    option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     overwrite_option,
-    click.option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
-    click.option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
-    click.option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
-    click.option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
-    click.option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
+    option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
+    option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
+    option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
+    option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
     debug,
 )
 _READING = ("freqs", "unit", "order", "maps_name", "freqs_name")
@@ -157,11 +158,11 @@ def _cube_and_beams(asked, remover):
 
 @_command(
     _METHOD,
-    click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
-    click.option(
+    option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
+    option(
         "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
     ),
-    click.option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
+    option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
     *_MOCKS,
     short_help="Remove the foregrounds of the cube of maps in CUBE.",
 )
@@ -187,10 +188,8 @@ def clean(asked):
 
 @_command(
     _METHOD,
-    click.option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
-    click.option(
-        "-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv."
-    ),
+    option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
+    option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv."),
     *_MOCKS,
     short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
 )
@@ -272,10 +271,10 @@ def _mocks(cube, beams, asked):
 
 
 @_command(
-    click.option("--method", cls=_Registered, default="pca", show_default=True, metavar="NAME"),
-    click.option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
-    click.option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
-    click.option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),
+    option("--method", cls=_Registered, default="pca", show_default=True, metavar="NAME"),
+    option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
+    option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
+    option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),
     *_WEIGHTS,
 )
 def suggest(asked):
@@ -315,14 +314,12 @@ def suggest(asked):
 
 @_command(
     _METHOD,
-    click.option(
-        "--width", "widths", type=float, multiple=True, help="Relative error of the FWHM; ±0.1 and 1 %."
-    ),
-    click.option(
+    option("--width", "widths", type=float, multiple=True, help="Relative error of the FWHM; ±0.1 and 1 %."),
+    option(
         "--ripple", "ripples", type=float, multiple=True, help="Of an error that oscillates; 1e-5 to 1e-3."
     ),
-    click.option("--period", type=float, default=20.0, show_default=True, help="Of that, MHz."),
-    click.option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
+    option("--period", type=float, default=20.0, show_default=True, help="Of that, MHz."),
+    option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
     short_help="Tell how far what is left of CUBE hangs on its beam.",
 )
 def sensitivity(asked):
