@@ -3,17 +3,31 @@
 import healpy as hp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import cosine_needlets
+from himap.removal import gnilc, harmonic
 from himap.removal.data import Data
-from himap.removal.gnilc import GNILC, foreground_filter, n_foreground, stationary
+from himap.removal.gnilc import (
+    GNILC,
+    _cell_products,
+    foreground_filter,
+    local_difference,
+    n_foreground,
+    stationary,
+)
+from himap.sky.cosmology import FREQ_21CM
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1
 FREQS = np.linspace(910, 1390, 25)
 SPECTRA = (FREQS[:, None] / 1000) ** np.array([-2.13, -2.8])
+CHANNELS = np.linspace(905, 1395, 50)
+FEW = np.linspace(910, 1390, 12)
+FIRST, SECOND = np.moveaxis((FEW[:, None] / 1000) ** np.array([-2.13, -2.8]), 1, 0)
+PRIOR = np.eye(12)
 CORRELATION = np.exp(-np.abs(FREQS[:, None] - FREQS) / 30)
 
 
@@ -146,7 +160,151 @@ def test_what_it_refuses(sky, mock):
         GNILC(first_peak=1)
     with pytest.raises(InputError, match="must have the shape of the maps"):
         GNILC(prior=mock).clean(foreground[:-1], freqs=FREQS[:-1])
-    with pytest.raises(InputError, match="prior must be a .npy file .*gone.npy"):
-        GNILC(prior="gone.npy").clean(foreground, freqs=FREQS)
     with pytest.raises(InputError, match="HI is expected below"):
         GNILC().clean(foreground, freqs=FREQS + 100)
+
+
+def test_the_line_is_where_the_simulations_have_it():
+    assert gnilc.LINE == FREQ_21CM
+
+
+def test_shape_is_that_of_matter_with_power_like_one_over_k_squared():
+    """The integral over waves along the line of sight, between the distances of two channels."""
+    degree, freqs = 60, np.linspace(1090, 1110, 11)
+    covariance = gnilc.expected_covariance(np.eye(11), freqs, degree)
+    near, far = FREQ_21CM / freqs[[6, 4]] - 1
+    across = degree / np.sqrt(near * far)
+
+    def power(wave):
+        return 1 / (wave**2 + across**2)
+
+    along, _ = quad(power, 0, np.inf, weight="cos", wvar=far - near)
+    found = covariance[4, 6] / np.sqrt(covariance[4, 4] * covariance[6, 6])
+    assert 0.2 < found < 0.8
+    assert found == pytest.approx(along / quad(power, 0, np.inf)[0], rel=1e-3)
+
+
+def test_level_is_that_of_the_data_without_their_foreground(rng):
+    """HI whose level rises by a factor of five over the band, below a foreground of two spectra."""
+    shape = gnilc.expected_covariance(np.eye(50), CHANNELS, 60)
+    shape /= np.sqrt(np.outer(np.diag(shape), np.diag(shape)))
+    level = np.geomspace(1, 5, 50)
+    hi = np.outer(level, level) * shape
+    spectra = (CHANNELS[:, None] / 1000) ** np.array([-2.1, -2.8])
+    found = gnilc.expected_covariance(hi + 1e8 * spectra @ spectra.T, CHANNELS, 60)
+    assert np.sqrt(np.diag(found)) == pytest.approx(level, rel=0.1)
+
+
+def test_what_the_axes_of_the_foreground_take_of_the_level_is_given_back():
+    """A level that is the same in all channels is found to the digits of a foreground 1e4 times brighter."""
+    freqs = CHANNELS[::5]
+    shape = gnilc.expected_covariance(np.eye(10), freqs, 60)
+    shape /= np.sqrt(np.outer(np.diag(shape), np.diag(shape)))
+    spectra = (freqs[:, None] / 1000) ** np.array([-2.1, -2.8])
+    found = gnilc.expected_covariance(4 * shape + 1e8 * spectra @ spectra.T, freqs, 60)
+    assert np.diag(found) == pytest.approx(4, rel=1e-3)
+
+
+def test_stationary_keeps_variances_and_has_no_negative_power(rng):
+    few = rng.standard_normal((50, 3)) * np.geomspace(1, 4, 50)[:, None]
+    found = gnilc.stationary(few @ few.T / 3)
+    assert np.linalg.eigvalsh(found).min() > 0
+    lines = rng.standard_normal((51, 200_000))
+    lines = (lines[1:] + 0.5 * lines[:-1]) * np.geomspace(1, 4, 50)[:, None]
+    many = gnilc.stationary(lines @ lines.T / 200_000)
+    truth = np.cov(lines, bias=True)
+    assert np.diag(many) == pytest.approx(np.diag(truth), rel=0.06)
+    assert np.diag(many, 1)[5:-5] == pytest.approx(np.diag(truth, 1)[5:-5], rel=0.06)
+
+
+def test_covariance_in_a_window_is_that_of_its_maps(rng):
+    """Of Gaussian maps that healpy has filtered, without the monopole, which no map of fluctuations has."""
+    window = cosine_needlets([6, 12, 24], 40)[1]
+    alms = np.array([sphere.gaussian_alm(np.r_[0, np.ones(40)], rng) for _ in range(3)])
+    maps = [hp.alm2map(hp.almxfl(alm, window), 64) for alm in alms]
+    found = gnilc.band_covariance(harmonic.to_modes(alms), window)
+    assert found == pytest.approx(np.cov(maps, bias=True), rel=1e-3, abs=1e-3 * found.max())
+
+
+def test_mock_by_its_maps(rng):
+    """The variance of white noise in each window, from its modes."""
+    maps = rng.standard_normal((30, 12 * NSIDE**2)).astype(np.float32) + np.float32(7)
+    windows = cosine_needlets([10, 20], 32)
+    for window, found in zip(windows, gnilc.mock_covariances(maps, windows), strict=True):
+        n_modes = np.sum((2 * np.arange(1, 33) + 1) * window[1:] ** 2)
+        assert np.diag(found).mean() == pytest.approx(n_modes / maps.shape[1], rel=0.05)
+        assert np.abs(found[0, 1:]).max() < 0.1 * found[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "prior must be a .npy file"),
+        (b"words", "prior must be a .npy file"),
+        (np.zeros((3, 12)), r"the shape of the maps, \(3, 48\), got \(3, 12\)"),
+        (np.full((3, 48), np.nan), "the mock of prior must be finite everywhere"),
+    ],
+)
+def test_mocks_that_are_none(content, message, tmp_path):
+    path = tmp_path / "mock.npy"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        np.save(path, content)
+    with pytest.raises(InputError, match=message):
+        gnilc.read_mock(path, (3, 48))
+
+
+@pytest.fixture
+def hemispheres(rng):
+    """(foreground, HI): one spectrum in the north, another in the south, above white noise."""
+    bright = 1e4 * rng.standard_normal(12 * NSIDE**2)
+    north = sphere.pixel_latitude(NSIDE) > 0
+    hi = rng.standard_normal((12, 12 * NSIDE**2))
+    return np.where(north, FIRST[:, None], SECOND[:, None]) * bright, hi
+
+
+def whole_filter(maps):
+    return foreground_filter(maps @ maps.T / maps.shape[1], PRIOR)
+
+
+def test_sums_over_cells_are_those_of_all_pixels(rng):
+    maps = rng.standard_normal((3, 12 * NSIDE**2))
+    products = _cell_products(maps, 4)
+    assert products.shape == (192, 3, 3)
+    assert products.sum(axis=0) == pytest.approx(maps @ maps.T)
+    cell = sphere.nest_to_ring(NSIDE)[16 * 5 : 16 * 6]
+    assert products[5] == pytest.approx(maps[:, cell] @ maps[:, cell].T)
+
+
+def test_regions_wider_than_the_sky_are_the_sky(hemispheres):
+    maps = sum(hemispheres)
+    assert np.abs(local_difference(maps, PRIOR, whole_filter(maps), 1e3)).max() < 1e-3
+
+
+def test_where_each_region_has_one_spectrum_one_is_taken(hemispheres):
+    """Away from the border; the filter of the whole sky takes two everywhere, and twice as much HI."""
+    foreground, hi = hemispheres
+    whole = whole_filter(foreground + hi)
+    spectra, rows = whole
+    assert spectra.shape == (12, 2)
+    taken = spectra @ (rows @ (foreground + hi))
+    error = taken - foreground
+    local = error + local_difference(foreground + hi, PRIOR, whole, 0.15)
+    away = np.abs(sphere.pixel_latitude(NSIDE)) > 45
+    assert np.mean(error[:, away] ** 2) == pytest.approx(2 / 12, rel=0.1)
+    assert np.mean(local[:, away] ** 2) == pytest.approx(1 / 12, rel=0.1)
+
+
+def test_regions_take_the_foreground_as_well(rng):
+    """Of a sky that is the same all over, in the needlets that have regions, up to what chance takes."""
+    cl = 1e8 / (1.0 + np.arange(3 * NSIDE)) ** 2.5
+    cl[2 * NSIDE + 1 :] = 0
+    maps = sphere.synthesise(np.array([sphere.gaussian_alm(cl, rng) for _ in range(2)]), NSIDE)
+    hi = rng.standard_normal((12, maps.shape[1]))
+    sky = np.stack([FIRST, SECOND], axis=1) @ maps + hi
+    whole, local = (GNILC(first_peak=8, bias=bias).clean(sky, freqs=FEW) for bias in (0, 0.03))
+    assert whole.separation.mixing.shape[1] == 6 and local.separation.mixing.shape[1] == 18
+    hi -= hi.mean(axis=1, keepdims=True)
+    assert np.std(local.residual - whole.residual) > 0.01
+    assert np.std(local.residual - hi) < 1.2 * np.std(whole.residual - hi)

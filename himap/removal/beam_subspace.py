@@ -64,12 +64,11 @@ class BeamSubspace(ForegroundRemover):
     n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
 
     def check_data(self, data):
+        """Refuse a mask that keeps too little farther inside than the beam reaches."""
         super().check_data(data)
-        if data.grid is not None:
-            self._check_inside(data.grid, data.beams)
-
-    def _check_inside(self, kept, beams):
-        """Refuse a mask (n_pix,) bool that keeps too little farther inside than the beam reaches."""
+        if data.grid is None:
+            return
+        kept, beams = data.grid, data.beams
         lmax, last = min(self.lmax, 2 * sphere.nside_of(kept)), beams.shape[1] - 1
         if last < lmax:
             raise InputError(
@@ -94,7 +93,12 @@ class BeamSubspace(ForegroundRemover):
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        mixture = replace(mixture, noise=self._noise_power(mixture, mixing, maps.shape[1], kept))
+        if self.noise is None:  # the residual of the start
+            noise = mixture.residual_noise(mixing, mixture.sources(mixture.least_squares(mixing)))
+            noise = noise if kept is None else noise / np.mean(kept)
+        else:
+            noise = noise_per_mode(self.noise, *maps.shape)
+        mixture = replace(mixture, noise=noise)
         weights = None
         if kept is not None:
             weights = inner_weights(sphere.synthesise_grid(inner_alm(kept, beams.min(axis=0), lmax)))
@@ -107,13 +111,6 @@ class BeamSubspace(ForegroundRemover):
             converged=converged,
             n_iterations=n_iterations,
         )
-
-    def _noise_power(self, mixture, mixing, n_pix, kept):
-        """Variance of the noise per mode and channel, (n_channels,): as given, or what the start leaves."""
-        if self.noise is None:
-            left = mixture.residual_noise(mixing, mixture.sources(mixture.least_squares(mixing)))
-            return left if kept is None else left / np.mean(kept)
-        return noise_per_mode(self.noise, len(mixture.modes), n_pix)
 
     def _settled(self, mixture, mixing, weights):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
@@ -133,15 +130,11 @@ class BeamSubspace(ForegroundRemover):
             previous, misfit = misfit, np.vdot(residual, residual)
             settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
-                return _uncorrelated(mixing, sources), True, count
+                # Turned so that the sources are uncorrelated.
+                return mixing @ np.linalg.eigh(sources @ sources.T)[1], True, count
             kept = sparse(sources, mixture.source_noise(inverses), self.share)
             mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_ITERATIONS
-
-
-def _uncorrelated(mixing, sources):
-    """The columns of A, orthonormal, turned so that their sources are uncorrelated."""
-    return mixing @ np.linalg.eigh(sources @ sources.T)[1]
 
 
 def inner_alm(kept, beam, lmax):

@@ -52,24 +52,17 @@ class SparseSources:
         levels = noise_of_scales(self.filters[:-1], noise)
         kept = np.empty_like(sources)
         for alm, level_of_scale, out in zip(from_modes(sources), levels.T, kept, strict=True):
-            scales = self._scales(alm)
+            scales = [sphere.synthesise_grid(alm[keep] * band, self.lmax) for keep, band in self._bands]
             for scale, level in zip(scales, level_of_scale, strict=True):
-                limit = self._limit(scale, level, share)
+                if self.weights is not None:
+                    scale *= self.weights
+                sizes = np.abs(scale)
+                if not self.analytic:
+                    level = NORMAL * np.median(sizes if self.weights is None else sizes[self.weights > 0])
+                limit = share_threshold(sizes, self.n_sigma * level, share)
                 scale -= np.clip(scale, -limit, limit)
             out[:] = to_modes(sphere.analyse_grid(sum(scales), self.lmax))
         return kept
-
-    def _scales(self, alm):
-        """The detail scales of one source on the grid, [(n_grid,), ...]."""
-        scales = [sphere.synthesise_grid(alm[keep] * band, self.lmax) for keep, band in self._bands]
-        return scales if self.weights is None else [self.weights * scale for scale in scales]
-
-    def _limit(self, scale, level, share):
-        """Threshold of one scale (n_grid,)."""
-        sizes = np.abs(scale)
-        if not self.analytic:
-            level = NORMAL * np.median(sizes if self.weights is None else sizes[self.weights > 0])
-        return share_threshold(sizes, self.n_sigma * level, share)
 
 
 def share_threshold(sizes, floor, share):
