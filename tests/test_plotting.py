@@ -170,10 +170,10 @@ class TestLines:
         heights = {"low": 0.0, "middle": 9.9, "near": 9.95, "high": 10.0}
         panel = {"curves": [([1, 2], [1, y], {"label": f"_{name}"}) for name, y in heights.items()]}
         axes = plotting.lines([panel | {"ylim": (0, 10)}]).axes[0]
-        scale.label_ends(axes, gap=0.1)
+        scale.label_ends(axes)
         places = {text.get_text(): text.get_position()[1] for text in axes.texts}
         assert list(places) == list(heights)
-        assert list(places.values()) == pytest.approx([0, 0.8, 0.9, 1])
+        assert list(places.values()) == pytest.approx([0, 0.85, 0.925, 1])
 
     def test_it_is_left_to_the_caller_with_a_stamp(self):
         before = len(matplotlib.pyplot.get_fignums())

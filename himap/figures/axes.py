@@ -27,6 +27,7 @@ CURVES = PICTURES | {
 }
 """Settings for curves."""
 
+_GAP = 0.075  # of labels at the ends of curves, of the height of the axes
 _LEAST = 1e-4  # smaller ratios are drawn there
 _RATIOS = (1, 10, 0.1, 1.1, 0.9, 1.2, 0.8, 2, 0.5, 100, 0.01, 1e4, 1e6, 1.5, 1e3, 0.3, 5, 1e8, 0.95, 1.05)
 _DECADE = (1, 2, 5, 3, 7, 1.5, 1.2, 8, 1.1, 9, 4, 6)  # the best first
@@ -137,22 +138,22 @@ def legend_above_all(figure):
         figure.legend(handles=list(handles.values()), loc="outside upper center", ncols=columns)
 
 
-def label_ends(axes, *, gap=0.075):
+def label_ends(axes):
     """Write the label of every line of `axes` at its right end, instead of a legend.
 
-    Labels that would lie on each other move apart, by `gap` of the height of the axes or more, and a thin
-    line leads from each to its curve. A "_" before a label is not written.
+    Labels that would lie on each other move apart, and a thin line leads from each to its curve. A "_" before
+    a label is not written.
     """
     lines = sorted(axes.get_lines(), key=lambda line: line.get_ydata()[-1])
     to_axes = axes.transData + axes.transAxes.inverted()
     ends = [to_axes.transform((line.get_xdata()[-1], line.get_ydata()[-1])) for line in lines]
     places = [y for _, y in ends]
     for n in range(1, len(places)):  # up, and then down again
-        places[n] = max(places[n], places[n - 1] + gap)
+        places[n] = max(places[n], places[n - 1] + _GAP)
     top = 1.0
     for n in reversed(range(len(places))):
         places[n] = min(places[n], top)
-        top = places[n] - gap
+        top = places[n] - _GAP
     for line, (x, y), place in zip(lines, ends, places, strict=True):
         axes.annotate(
             line.get_label().removeprefix("_"),

@@ -24,7 +24,7 @@ _SIDES = (3.1, 2.1)  # of the names of rows and columns
 
 
 @drawn(CURVES | {"axes.grid": False})
-def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
+def patch_maps(maps, box, *, unit="mK", span=None, diverging=False):
     """A figure of a small part of several maps, each with its own colours; right ascension grows to the left.
 
     Parameters
@@ -34,8 +34,6 @@ def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
     box
         (lowest, highest) right ascension and (lowest, highest) declination, deg; the former may be negative,
         or more than 360.
-    columns
-        Of maps.
     unit, span, diverging
         As in `himap.figures.plotting.sky_maps`.
     """
@@ -47,7 +45,7 @@ def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
     ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + height * y / _N_ROWS)
     places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
     size = (4.6, 1.2 + 4.6 * height / width)
-    figure, grid = panels(len(maps), min(columns, len(maps)), size, dpi=100)
+    figure, grid = panels(len(maps), min(2, len(maps)), size, dpi=100)
     options = {"unit": unit, "span": span, "diverging": diverging}
     chosen = [by_title(options, title) for title in maps]
     for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
@@ -60,25 +58,23 @@ def patch_maps(maps, box, *, columns=2, unit="mK", span=None, diverging=False):
 
 
 @drawn(PICTURES)
-def sky_images(maps, celestial, *, span, unit="mK"):
+def sky_images(maps, celestial, *, span):
     """A figure of images in their projection, with the lines of their coordinates.
 
     Parameters
     ----------
     maps
-        {title: (n_y, n_x)}, NaN where there is no value.
+        {title: (n_y, n_x)}, mK, NaN where there is no value.
     celestial
         `astropy.wcs.WCS` of the two axes.
     span
         {title: (low, high)} of the colours.
-    unit
-        Of the maps.
     """
     figure = plt.figure(figsize=(4.6 * len(maps), 4.4))
     for n, (title, pixels) in enumerate(maps.items(), start=1):
         axes = figure.add_subplot(1, len(maps), n, projection=celestial)
         axes.set_facecolor(_BLANK)
-        bar = show_map(axes, pixels, title, unit, span[title], shrink=0.8, interpolation="nearest")
+        bar = show_map(axes, pixels, title, "mK", span[title], shrink=0.8, interpolation="nearest")
         bar.locator = MaxNLocator(4)
         axes.coords.grid(color="white", alpha=0.35, linestyle=":")
         for coordinate, ctype in zip(axes.coords, celestial.wcs.ctype, strict=True):
@@ -87,7 +83,7 @@ def sky_images(maps, celestial, *, span, unit="mK"):
             coordinate.set_ticklabel(size=8.5, exclude_overlapping=True)
     values = np.stack(list(maps.values()))
     x, y = (np.arange(n) for n in values.shape[:0:-1])
-    return with_image(figure, values, x=x, y=y, unit=[unit] * len(maps))
+    return with_image(figure, values, x=x, y=y, unit=["mK"] * len(maps))
 
 
 @drawn(PICTURES)

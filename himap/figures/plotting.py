@@ -29,6 +29,7 @@ from himap.maps import sphere
 
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
 _WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as large as text
+_BAND = 0.1  # half width of the grey band of ratios around 1
 _PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
 
 
@@ -99,7 +100,7 @@ def show_map(axes, image, title, unit, span, *, log=False, diverging=False, pad=
 
 
 @drawn(CURVES)
-def spectrum(panels, *, band=0.1):
+def spectrum(panels):
     """Spectra on logarithmic axes with their ratios below each, as in the paper's Figs. 1 and 2.
 
     Ratios are on the axis of `himap.figures.axes`, the same in all panels, and none is cut off.
@@ -111,17 +112,15 @@ def spectrum(panels, *, band=0.1):
         list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,); optional
         "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
         above.
-    band
-        Half width of the grey band around 1.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many_curves = max(len(panel["curves"]) for panel in panels) > 2
-    limits = ratio_limits([ratio for panel in panels for *_, ratio in _ratios(panel)], least=2 * band)
+    limits = ratio_limits([ratio for panel in panels for *_, ratio in _ratios(panel)], least=2 * _BAND)
     share = {"sharex": "col", "sharey": "row" if one_scale else "none"}
     figure, grid = plt.subplots(2, len(panels), figsize=(_WIDTH, 6.2), squeeze=False, **share)
     points = []
     for (top, bottom), panel in zip(grid.T, panels, strict=True):
-        _draw_spectrum(top, bottom, panel, limits, band)
+        _draw_spectrum(top, bottom, panel, limits)
         if not many_curves:
             top.legend()
         if panel is panels[0] or not one_scale:
@@ -151,14 +150,14 @@ def _shown(panel, x):
     return (x > 0) & (x >= low) & (x <= high)
 
 
-def _draw_spectrum(top, bottom, panel, limits, band):
+def _draw_spectrum(top, bottom, panel, limits):
     x, y = (values[_shown(panel, panel["true"][0])] for values in panel["true"])
     top.loglog(x, y, **_TRUTH)
     for style, at, recovered, _ in panel["curves"]:
         inside = _shown(panel, at)
         top.plot(at[inside], recovered[inside], **style)
     top.set_title(panel["title"])
-    bottom.axhspan(1 - band, 1 + band, color="0.9", zorder=0)
+    bottom.axhspan(1 - _BAND, 1 + _BAND, color="0.9", zorder=0)
     bottom.axhline(1, color="black", linewidth=0.8)
     for style, at, ratio in _ratios(panel):
         bottom.plot(at, ratio, **style)
@@ -270,7 +269,7 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     figure, grid = panels_of(len(panels), columns, size, room=0.5, sharey=True)
     points = []
     for axes, panel in zip(grid, panels, strict=True):
-        axes.axhspan(0.9, 1.1, color="0.93", zorder=0)
+        axes.axhspan(1 - _BAND, 1 + _BAND, color="0.93", zorder=0)
         axes.axhline(1, color="black", linewidth=0.8)
         for x, mean, low, high, style in panel["curves"]:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
