@@ -33,7 +33,7 @@ def write_value(value, folder):
         Something else is in it.
     """
     arrays = []
-    tree = _taken_apart(value, arrays)
+    tree = _tree_of(value, arrays)
     names = [f"{n}.npy" for n in range(len(arrays))]
     for name, array in zip(names, arrays, strict=True):
         np.save(folder / name, array, allow_pickle=False)
@@ -49,10 +49,10 @@ def read_value(folder):
     ValueError
         A class that is not loaded, or another tree than what `write_value` writes.
     """
-    return _put_together(json.loads((folder / TREE).read_text()), folder)
+    return _value_of(json.loads((folder / TREE).read_text()), folder)
 
 
-def _taken_apart(value, arrays):
+def _tree_of(value, arrays):
     """The tree of a value; its arrays are appended to `arrays`."""
     if type(value) in (np.ndarray, np.memmap) and value.dtype.kind in _KINDS:
         arrays.append(value)
@@ -63,14 +63,14 @@ def _taken_apart(value, arrays):
     if value is None or kind in (bool, int, float, str):
         return value
     if kind is list:
-        return [_taken_apart(item, arrays) for item in value]
+        return [_tree_of(item, arrays) for item in value]
     if kind is tuple:
-        return {_TUPLE: [_taken_apart(item, arrays) for item in value]}
+        return {_TUPLE: [_tree_of(item, arrays) for item in value]}
     if kind is dict:
         # Pairs, for the keys of JSON are text.
-        return {_DICT: [[_taken_apart(part, arrays) for part in pair] for pair in value.items()]}
-    if _is_kept(kind):
-        own = {item.name: _taken_apart(getattr(value, item.name), arrays) for item in fields(value)}
+        return {_DICT: [[_tree_of(part, arrays) for part in pair] for pair in value.items()]}
+    if _class_of(kind.__module__, kind.__qualname__) is kind:
+        own = {item.name: _tree_of(getattr(value, item.name), arrays) for item in fields(value)}
         return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
     name = f"{kind.__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
     raise InputError(
@@ -79,9 +79,9 @@ def _taken_apart(value, arrays):
     )
 
 
-def _put_together(tree, folder):
+def _value_of(tree, folder):
     if isinstance(tree, list):
-        return [_put_together(item, folder) for item in tree]
+        return [_value_of(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
     if _ARRAY in tree:
@@ -89,26 +89,17 @@ def _put_together(tree, folder):
             raise ValueError(f"{tree[_ARRAY]} is no array of this folder")
         return np.load(folder / tree[_ARRAY], mmap_mode="r", allow_pickle=False)
     if _TUPLE in tree:
-        return tuple(_put_together(tree[_TUPLE], folder))
+        return tuple(_value_of(tree[_TUPLE], folder))
     if _DICT in tree:
-        return dict(_put_together(pair, folder) for pair in tree[_DICT])
-    own = {name: _put_together(item, folder) for name, item in tree["fields"].items()}
-    return _class_of(*tree[_CLASS])(**own)
+        return dict(_value_of(pair, folder) for pair in tree[_DICT])
+    kind = _class_of(*tree[_CLASS])
+    if kind is None:
+        raise ValueError(f"there is no class {'.'.join(tree[_CLASS])} any more")
+    return kind(**{name: _value_of(item, folder) for name, item in tree["fields"].items()})
 
 
 def _class_of(module, name):
-    """The dataclass of that name, if its module is loaded."""
-    kind = _found(module, name)
-    if not (isinstance(kind, type) and is_dataclass(kind)):
-        raise ValueError(f"there is no class {name} in {module} any more")
-    return kind
-
-
-def _found(module, name):
-    return getattr(sys.modules.get(module), name, None)
-
-
-def _is_kept(kind):
-    """Whether a class is a dataclass that can be found and made again from its fields."""
-    there = is_dataclass(kind) and _found(kind.__module__, kind.__qualname__) is kind
-    return there and all(item.init for item in fields(kind))
+    """The dataclass of that name, if its module is loaded and it can be made from its fields; else None."""
+    kind = getattr(sys.modules.get(module), name, None)
+    is_known = isinstance(kind, type) and is_dataclass(kind) and all(item.init for item in fields(kind))
+    return kind if is_known else None

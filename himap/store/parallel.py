@@ -58,7 +58,7 @@ def check_scheduler():
         There is none.
     """
     if dask_address():
-        with _told_here("distributed.client"):
+        with _silent_client():
             _client(_CHECK).close()
 
 
@@ -166,7 +166,7 @@ def _on_cluster(product, missing):
 
     settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
-    with client, _told_here("distributed.client"):
+    with client, _silent_client():
         futures = [
             client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
         ]
@@ -192,9 +192,9 @@ def _on_cluster(product, missing):
 
 
 @contextlib.contextmanager
-def _told_here(logger):
-    """Without what a package logs of errors that become ours."""
-    log = logging.getLogger(logger)
+def _silent_client():
+    """Without what the client logs of errors that become ours."""
+    log = logging.getLogger("distributed.client")
     before, log.disabled = log.disabled, True
     try:
         yield
