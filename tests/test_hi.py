@@ -1,6 +1,7 @@
 """The HI light cone against theory: closed forms in the box, projected spectra on the sky."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ NARROW = Survey(nside=32, n_channels=4, freq_min=940, freq_max=960, box_cells=12
 LINEAR = HIModel(cosmology=Cosmology(sigma_8=0.1))
 
 
+@cache
 def band_maps(rsd=True, seed=7, **options):
     survey = replace(NARROW, seed=seed)
     return hi.hi_maps(survey, survey.rng("hi"), rsd=rsd, **options)
@@ -84,16 +86,6 @@ def test_displacement_of_a_plane_wave():
     assert psi == pytest.approx(-np.sin(q * x) / q * x / r, abs=1e-4)
 
 
-def test_displacement_diverges_where_density_is_low(rng):
-    """Matter moves towards overdensities: a central overdensity pulls inwards."""
-    n, size = 32, 600.0
-    x = hi.cell_centres(n, size)
-    r2 = x[:, None, None] ** 2 + x[:, None] ** 2 + x**2
-    blob = np.exp(-r2 / (2 * 60.0**2)).astype(np.float32)
-    psi = hi.radial_displacement(fft.rfftn(blob - blob.mean()), size)
-    assert psi[(r2 > 40**2) & (r2 < 150**2)].max() < 0
-
-
 def test_lognormal_box_is_positive_with_mean_one(rng):
     density, displacement = hi.lognormal_box(64, 3000.0, rng)
     assert density.min() > 0
@@ -120,8 +112,9 @@ def test_growth_and_bias_along_the_light_cone():
 def test_channels_are_in_the_order_of_frequency():
     """The lower half of a band is the same whether observed alone or with the rest."""
     half = replace(NARROW, n_channels=2, freq_max=950)
-    assert hi.hi_maps(half, half.rng("hi")) == pytest.approx(band_maps()[:2], rel=0.1, abs=0.01)
-    correlation = np.corrcoef(hi.hi_maps(half, half.rng("hi"))[0], band_maps()[0])[0, 1]
+    maps = hi.hi_maps(half, half.rng("hi"))
+    assert maps == pytest.approx(band_maps()[:2], rel=0.1, abs=0.01)
+    correlation = np.corrcoef(maps[0], band_maps()[0])[0, 1]
     assert correlation > 0.999
 
 
@@ -227,7 +220,7 @@ def test_same_seed_same_maps_whatever_the_threads():
     first = band_maps()
     numba.set_num_threads(1)
     try:
-        assert np.array_equal(first, band_maps())
+        assert np.array_equal(first, band_maps.__wrapped__())
     finally:
         numba.set_num_threads(threads)
     assert not np.array_equal(first, band_maps(seed=8))

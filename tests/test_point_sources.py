@@ -7,29 +7,19 @@ from himap.maps import sphere
 from himap.sky import point_sources as ps
 
 
-@pytest.mark.parametrize(("flux_max", "expected"), [(1.0, 127.50), (0.01, 84.47)])
-def test_mean_temperature(flux_max, expected):
-    assert ps.mean_temperature(flux_max) == pytest.approx(expected, abs=0.005)
-
-
-def test_poisson_spectrum():
-    assert ps.poisson_spectrum(0.01) == pytest.approx(8.192e-4, rel=1e-3)
-
-
-def test_number_of_injected_sources():
-    per_sr = ps.number_density(0.01, 1.0)
-    assert per_sr == pytest.approx(50_233, abs=1)
-    assert 4 * np.pi * per_sr == pytest.approx(631_241, abs=5)
-
-
-def test_clustering_spectrum():
-    cl = ps.clustering_spectrum(100, 127.5)
-    assert cl[0] == 0
-    assert cl[[10, 100]] == pytest.approx([0.1846, 0.01165], rel=1e-3)
-
-
-def test_one_jansky_in_a_pixel():
-    assert ps.flux_to_temperature() / (4 * np.pi / (12 * 256**2)) == pytest.approx(1039, abs=1)
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (ps.mean_temperature(1.0), 127.50),
+        (ps.mean_temperature(0.01), 84.47),
+        (ps.poisson_spectrum(0.01), 8.192e-4),
+        (ps.number_density(0.01, 1.0), 50_233),
+        (ps.clustering_spectrum(100, 127.5)[[0, 10, 100]], [0, 0.1846, 0.01165]),
+        (ps.flux_to_temperature() / (4 * np.pi / (12 * 256**2)), 1039),
+    ],
+)
+def test_numbers_of_the_paper(found, expected):
+    assert found == pytest.approx(expected, rel=1e-3)
 
 
 def test_injected_sources_cover_the_whole_sphere_once(rng):
@@ -76,10 +66,3 @@ def test_faint_and_bright_sources_have_streams_of_their_own():
     faint, bright, _ = np.random.default_rng(1).spawn(3)
     expected = ps._faint_field(8, faint) + ps._injected(768, bright)
     assert np.array_equal(ps.point_sources(8, np.random.default_rng(1)).amplitude, expected)
-
-
-def test_same_seed_same_sources():
-    first = ps.point_sources(8, np.random.default_rng(1))
-    again = ps.point_sources(8, np.random.default_rng(1))
-    assert np.array_equal(first.amplitude, again.amplitude)
-    assert not np.array_equal(first.amplitude, ps.point_sources(8, np.random.default_rng(2)).amplitude)

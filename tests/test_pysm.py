@@ -13,7 +13,7 @@ from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_io import read_maps
-from himap.sky import templates as pysm
+from himap.sky import templates
 from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Galaxy
 from himap.sky.templates import nsides_of, write_templates
@@ -48,7 +48,7 @@ def pysm3(monkeypatch):
 
     module.Sky = sky
     monkeypatch.setitem(sys.modules, "pysm3", module)
-    monkeypatch.setattr(pysm, "pysm_version", lambda: "3.4.6")
+    monkeypatch.setattr(templates, "pysm_version", lambda: "3.4.6")
     return module
 
 
@@ -113,7 +113,7 @@ def test_a_folder_that_holds_something_is_left_as_it_is(pysm3, tmp_path):
 
 
 def test_three_files_or_none(pysm3, tmp_path, monkeypatch):
-    write_maps, written = pysm.write_maps, []
+    write_maps, written = templates.write_maps, []
 
     def fail_at_the_third(path, *args, **options):
         if len(written) == 2:
@@ -121,7 +121,7 @@ def test_three_files_or_none(pysm3, tmp_path, monkeypatch):
         written.append(path)
         write_maps(path, *args, **options)
 
-    monkeypatch.setattr(pysm, "write_maps", fail_at_the_third)
+    monkeypatch.setattr(templates, "write_maps", fail_at_the_third)
     with pytest.raises(InputError, match="cannot be written .No space left"):
         write_templates(tmp_path / "maps", NSIDE)
     assert len(written) == 2 and names(tmp_path / "maps") == []

@@ -77,10 +77,6 @@ def test_gaussian_alm_has_its_spectrum(rng):
     assert (np.abs(mean / cl - 1) < 4.5 * scatter).all()
 
 
-def test_gaussian_alm_makes_real_maps(rng):
-    assert sphere.gaussian_alm(np.ones(9), rng)[:9].imag == pytest.approx(0)
-
-
 def test_a_beam_smooths_like_healpy(pixels):
     fwhm = np.deg2rad(10)
     blurred = sphere.multiply_beam(sphere.analyse(pixels, LMAX), hp.gauss_beam(fwhm, LMAX))
@@ -113,11 +109,6 @@ def test_coupling_matrix_predicts_pseudo_spectra(rng):
     expected = sphere.coupling_matrix(hp.anafast(mask), LMAX) @ cl
     assert pseudo[2:24] == pytest.approx(expected[2:24], rel=0.15)
     assert (pseudo[2:24] / expected[2:24]).mean() == pytest.approx(1, abs=0.02)
-
-
-def test_resolution_change_keeps_the_mean(pixels):
-    assert sphere.change_resolution(pixels, 4).mean() == pytest.approx(pixels.mean())
-    assert sphere.change_resolution(pixels, 32).shape == (12 * 32**2,)
 
 
 def test_sizes():
@@ -176,8 +167,8 @@ class TestSameBits:
         for block in held:
             library.free(block)
 
-    @pytest.mark.parametrize("lmax", [63, 83, 115])  # of those that show it within 400 times
-    def test_on_the_grid_and_on_healpix(self, lmax, rng, shuffle):
+    def test_on_the_grid_and_on_healpix(self, rng, shuffle):
+        lmax = 63  # shows it within 400 times
         alm = sphere.gaussian_alm(np.ones(lmax + 1), rng)
         expected = None
         for _ in range(400):

@@ -1,13 +1,18 @@
-"""Starlets: the formula of their filters, and what any decomposition must do."""
+"""Starlets and needlets: their formulas, a slow twin in the plane, and what any decomposition must do."""
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
+from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.starlets import starlet_filters, starlets
+from himap.maps.starlets import PlaneStarlets, cosine_needlets, starlet_filters, starlets
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1
+SHAPE = 19, 26
+KERNEL = np.outer(*[np.array([1, 4, 6, 4, 1]) / 16] * 2)
+PEAKS = [4, 8, 20]
 
 
 def test_filters_are_the_formula():
@@ -40,3 +45,104 @@ def test_a_multipole_lands_in_its_scale(rng):
     power = scales.var(axis=1)
     assert power[0] < 1e-2 * power.sum()
     assert power[-2:].sum() > 0.9 * power.sum()
+
+
+@pytest.fixture
+def seen(rng):
+    """Three quarters of the pixels, a corner and a column of none among the others."""
+    seen = rng.random(SHAPE) < 0.75
+    seen[:6, :7] = seen[:, 11] = False
+    return seen
+
+
+def plain_smooth(image, seen, step):
+    """The mean of an image (n_y, n_x) over the seen pixels under the dilated kernel, a pixel at a time."""
+    out = np.zeros(image.shape)
+    for y, x in np.argwhere(seen):
+        total = weights = 0.0
+        for (row, column), weight in np.ndenumerate(KERNEL):
+            there = y + (row - 2) * step, x + (column - 2) * step
+            inside = all(0 <= place < length for place, length in zip(there, image.shape, strict=True))
+            if inside and seen[there]:
+                total, weights = total + weight * image[there], weights + weight
+        out[y, x] = total / weights
+    return out
+
+
+def plain_scales(line, seen, n_scales):
+    """`PlaneStarlets.scales` of one map (n_pix,)."""
+    smooth, scales = np.full(seen.shape, np.nan), []
+    smooth[seen] = line
+    for scale in range(n_scales):
+        finer, smooth = smooth, plain_smooth(smooth, seen, 2**scale)
+        scales.append((finer - smooth)[seen])
+    return np.array([*scales, smooth[seen]])
+
+
+def test_equals_its_plain_twin(seen, rng):
+    maps = rng.standard_normal((2, np.count_nonzero(seen)))
+    ours = PlaneStarlets(seen, 4).scales(maps)
+    assert ours.shape == (5, *maps.shape)
+    for n, line in enumerate(maps):
+        assert ours[:, n] == pytest.approx(plain_scales(line, seen, 4), abs=1e-12)
+
+
+def test_away_from_edges_is_the_textbook_convolution(rng):
+    image, dilated = rng.standard_normal((40, 44)), np.zeros((9, 9))
+    dilated[::2, ::2] = KERNEL
+    once = ndimage.convolve(image, KERNEL)
+    twice = ndimage.convolve(once, dilated)
+    ours = PlaneStarlets(np.ones(image.shape, dtype=bool), 2).scales(image.reshape(1, -1))
+    inner = (slice(6, -6),) * 2
+    for scale, expected in zip(ours, (image - once, once - twice, twice), strict=True):
+        assert scale.reshape(image.shape)[inner] == pytest.approx(expected[inner], abs=1e-12)
+
+
+def test_scales_add_up_to_the_image(seen, rng):
+    maps = 1e5 * rng.standard_normal((3, np.count_nonzero(seen)))
+    transform = PlaneStarlets(seen, 5)
+    assert transform.scales(maps).sum(axis=0) == pytest.approx(maps, rel=1e-12, abs=1e-9)
+    assert np.array_equal(transform.details(maps), transform.scales(maps)[:-1])
+
+
+def test_a_constant_has_no_details_wherever_the_edge(seen):
+    maps = np.full((1, np.count_nonzero(seen)), 7.0)
+    assert np.abs(PlaneStarlets(seen, 5).details(maps)).max() < 1e-13
+
+
+def test_details_adjoint_is_the_transpose(seen, rng):
+    n_pix = np.count_nonzero(seen)
+    transform = PlaneStarlets(seen, 4)
+    matrix = transform.details(np.eye(n_pix))  # (n_scales, column, row)
+    scales = rng.standard_normal((4, 2, n_pix))
+    expected = np.einsum("jcr,jmr->mc", matrix, scales)
+    assert transform.details_adjoint(scales) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("shape", "most"), [((16, 3), 4), ((17, 3), 5), ((2, 2), 1)])
+def test_scales_that_would_be_empty_are_refused(shape, most, rng):
+    image = np.ones(shape, dtype=bool)
+    coarsest = PlaneStarlets(image, most).details(rng.standard_normal((1, image.size)))[-1]
+    assert np.abs(coarsest).max() > 0.01
+    with pytest.raises(InputError, match=f"n_scales must be at most {most} for an image of .*{shape[0]}"):
+        PlaneStarlets(image, most + 1)
+
+
+def test_windows_are_quarters_of_a_cosine():
+    windows = cosine_needlets(PEAKS, 30)
+    assert windows.shape == (3, 31)
+    assert windows[1, 6] == pytest.approx(np.cos(np.pi / 4))
+    assert windows[1, 11] == pytest.approx(np.cos(0.5 * np.pi * 3 / 12))
+    assert windows[:, 8] == pytest.approx([0, 1, 0], abs=1e-15)
+    assert windows[0, :5] == pytest.approx(1) and windows[2, 20:] == pytest.approx(1)
+
+
+def test_twice_through_all_windows_is_the_map_itself(rng):
+    alm = sphere.gaussian_alm(np.ones(31), rng)
+    degree = sphere.alm_degree(30)
+    back = sum(alm * window[degree] ** 2 for window in cosine_needlets(PEAKS, 30))
+    assert back == pytest.approx(alm)
+
+
+def test_one_window_is_all():
+    assert cosine_needlets([20], 23) == pytest.approx(np.ones((1, 24)))
