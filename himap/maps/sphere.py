@@ -84,7 +84,7 @@ def alm_degree(lmax):
 
 
 def alm_index(lmax, degree, order):
-    """Where the coefficients of these l and m stand among those up to `lmax`, arrays of whole numbers."""
+    """Index of the coefficients of these l and m among those up to `lmax`, arrays of integers."""
     return hp.Alm.getidx(lmax, degree, order)
 
 
@@ -95,9 +95,9 @@ def alms_upto(alms, lmax):
 
 def alms_padded(alms, lmax):
     """The same coefficients among those up to a larger `lmax`, the others zero, in a new array."""
-    whole = np.zeros((*alms.shape[:-1], alm_size(lmax)), dtype=alms.dtype)
-    whole[..., alm_degree(lmax) <= lmax_of_size(alms.shape[-1])] = alms
-    return whole
+    padded = np.zeros((*alms.shape[:-1], alm_size(lmax)), dtype=alms.dtype)
+    padded[..., alm_degree(lmax) <= lmax_of_size(alms.shape[-1])] = alms
+    return padded
 
 
 @lru_cache(maxsize=8)
@@ -120,8 +120,8 @@ def synthesise(alm, nside):
 def analyse(maps, lmax=None, *, n_iter=N_ITER):
     """Harmonic coefficients of maps: (..., n_pix) to (..., n_alm).
 
-    HEALPix has no exact quadrature; each of `n_iter` refinements adds the coefficients of what the
-    last ones leave behind, as those of healpy's map2alm do. `lmax` is 3 nside - 1 unless given.
+    HEALPix has no exact quadrature; each of `n_iter` refinements adds the coefficients of the residual, as
+    those of healpy's map2alm do. `lmax` is 3 nside - 1 unless given.
     """
     maps = np.asarray(maps)
     nside = nside_of(maps)
@@ -149,8 +149,8 @@ def _synthesise(alm, out, lmax, rings):
     """One field of coefficients, into `out`, on any rings."""
     if lmax < _ROOMY:
         size, places = _places(lmax)
-        alm, own = np.zeros(size, dtype=alm.dtype), alm
-        alm[places] = own
+        given, alm = alm, np.zeros(size, dtype=alm.dtype)
+        alm[places] = given
     ducc0.sht.synthesis(alm=alm[None], map=out[None], lmax=max(lmax, _ROOMY), mmax=lmax, **_PLAIN, **rings)
 
 

@@ -1,7 +1,7 @@
 """Templates at a finer resolution: harmonic upgrade and statistical small scales (paper, Sects. 2.1.2-2.1.3).
 
 Everything happens on the logarithm of the temperature, so the result is positive by construction. A
-map keeps its own pixels: averaged back to its resolution it is what it was.
+map keeps its pixels: averaged back to its resolution it is unchanged.
 """
 
 import numpy as np
