@@ -22,3 +22,10 @@ def entry(*verdicts, values=None, id="D1", nudged=None, first=0):
         for seed, (verdict, value) in enumerate(zip(verdicts, values, strict=True), first)
     }
     return Entry(claim=CLAIMS[id], findings=findings, nudged=nudged or {})
+
+
+def luminance(colour):
+    """Relative luminance of a colour such as #00664b (WCAG)."""
+    shares = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+    linear = [share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
+    return sum(weight * share for weight, share in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

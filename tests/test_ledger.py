@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from ledgers import entry, finding
+from ledgers import entry, finding, luminance
 from pages import cells
 
 from himap.app.notebook_files import read_notebook
@@ -139,12 +139,6 @@ def test_every_claim_has_its_row():
 
 def test_badges_can_be_read():
     """White letters stand out from every colour by 4.5 to 1 (WCAG), and no two signs are alike."""
-
-    def luminance(colour):
-        shares = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-        linear = [share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
-        return sum(weight * share for weight, share in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
-
     assert all(1.05 / (luminance(colour) + 0.05) >= 4.5 for _, colour in BADGES.values())
     assert len({sign for sign, _ in BADGES.values()}) == len({*BADGES.values()}) == 4
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from ledgers import luminance
 from outcomes import outcome, run
 
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
@@ -99,15 +100,10 @@ class TestTables:
 
     def test_marks_go_from_dark_to_light(self):
         """Grey tells them apart; signs stand out by 4.5 to 1 (WCAG)."""
-
-        def luminance(colour):
-            colour = {"white": "#ffffff", "black": "#000000"}.get(colour, colour)
-            shares = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-            linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in shares]
-            return sum(weight * x for weight, x in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
-
         shades = [luminance(colour) for _, colour, _ in MARKS.values()]
         assert all(light - dark > 0.2 for dark, light in zip(shades, shades[1:], strict=False))
         for _, colour, ink in MARKS.values():
-            dark, light = sorted((luminance(colour), luminance(ink)))
+            dark, light = sorted(
+                (luminance(colour), luminance({"white": "#ffffff", "black": "#000000"}.get(ink, ink)))
+            )
             assert (light + 0.05) / (dark + 0.05) >= 4.5
