@@ -88,15 +88,24 @@ def edit(path, old, new):
     path.write_text(text.replace(old, new))
 
 
-def pretend_executed(folder):
-    """An executed notebook without a kernel: the outputs say so."""
-    notebook = notebooks.find("01_toy", folder)
+def execute_without_kernel(notebook, parameters, folder):
+    """In the place of an execution: the outputs are the numbers of the cells."""
     node = nbformat.from_dict(notebook.node)
     for number, cell in enumerate(reproduce.code_cells(node)):
         cell.execution_count = number + 1
         cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=f"{number}\n")]
-    done = reproduce.stamped(node, notebook.node, fingerprint=notebook.fingerprint(), parameters={})
-    reproduce.write_notebook(done, notebook.executed)
+    return reproduce.stamped(node, notebook.node, fingerprint=notebook.fingerprint(), parameters=parameters)
+
+
+@pytest.fixture
+def no_kernel(monkeypatch):
+    monkeypatch.setattr(reproduce, "_execute", execute_without_kernel)
+
+
+def pretend_executed(folder):
+    """The path of an executed notebook without a kernel."""
+    notebook = notebooks.find("01_toy", folder)
+    reproduce.write_notebook(execute_without_kernel(notebook, {}, folder), notebook.executed)
     return notebook.executed
 
 
@@ -132,7 +141,7 @@ def test_names_of_copies_differ_and_fit_a_file_system():
     assert not set("/ ") & set(one)
 
 
-def test_a_run_with_other_parameters(folder):
+def test_a_run_with_other_parameters(folder, monkeypatch):
     passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
     path, done = reproduce.run("01", **passed)
     assert done and str(path) == "results/01_toy_ci_nside=16_scale=2.0.ipynb"
@@ -145,6 +154,7 @@ def test_a_run_with_other_parameters(folder):
     stamp = json.loads(text)["metadata"]["himap_run"]
     assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
     assert stamp["fingerprint"] == notebooks.find("01", folder).fingerprint()
+    monkeypatch.setattr(reproduce, "_execute", execute_without_kernel)
     book = notebooks.find("01", folder).executed
     shutil.copy(path, book)
     assert reproduce.stale(folder) == {"01_toy": "it was executed with other parameters"}
@@ -283,7 +293,7 @@ def test_code_of_the_library_that_changes(folder, monkeypatch, changes, why):
     assert reproduce.stale(folder) == ({"01_toy": why} if why else {})
 
 
-def test_what_only_looks_is_drawn_again_and_fails_nothing(folder, monkeypatch):
+def test_what_only_looks_is_drawn_again_and_fails_nothing(folder, no_kernel, monkeypatch):
     pretend_executed(folder)
     real = notebooks.CodeTree.source_fingerprint
     monkeypatch.setattr(
@@ -319,13 +329,10 @@ def test_saving_in_jupyter_keeps_the_header(folder):
     executed = pretend_executed(folder)
     node = nbformat.read(executed, as_version=4)
     text = jupytext.writes(node, "py:percent")
-    assert yaml_lines(text) >= {"section: '2.1'", "- Fig. 1", "name: python3"} and "himap_run" not in text
+    lines = {line.lstrip("# ") for line in text.splitlines()[:40]}
+    assert lines >= {"section: '2.1'", "- Fig. 1", "name: python3"} and "himap_run" not in text
     (folder / "01_toy.py").write_text(text)
     assert reproduce.stale(folder) == {}
-
-
-def yaml_lines(text):
-    return {line.lstrip("# ") for line in text.splitlines()[:40]}
 
 
 def test_edits_made_in_jupyter_are_not_lost(folder):
@@ -382,7 +389,7 @@ def test_clouds_of_points_are_not_kept():
 
 
 @pytest.mark.parametrize("harm", ["a cell", "another file"])
-def test_what_somebody_wrote_is_not_lost(folder, harm):
+def test_what_somebody_wrote_is_not_lost(folder, no_kernel, harm):
     """A copy that was edited, or a file of another kind, stays unless it is said otherwise."""
     passed = {"preset": "ci", "folder": folder}
     path, _ = reproduce.run("01", **passed)
@@ -400,7 +407,7 @@ def test_what_somebody_wrote_is_not_lost(folder, harm):
     assert reproduce.run("01", **passed, overwrite=True)[1] and path.read_bytes() != before
 
 
-def test_an_output_of_ones_choice_that_is_there_stays(folder):
+def test_an_output_of_ones_choice_that_is_there_stays(folder, no_kernel):
     path, _ = reproduce.run("01", output="mine.ipynb", folder=folder)
     before = path.read_bytes()
     with pytest.raises(InputError, match="mine.ipynb exists"):
