@@ -1,5 +1,6 @@
 """The `himap` command."""
 
+import importlib
 import os
 import re
 import subprocess
@@ -57,6 +58,15 @@ def spectra():
 def of_survey(survey):
     return np.ones(100_000)
 """
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """A module of products."""
+    (tmp_path / "cli_products.py").write_text(PRODUCTS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "cli_products", raising=False)
+    return importlib.import_module("cli_products")
 
 
 @pytest.fixture
@@ -249,14 +259,10 @@ def test_stale_notebooks_are_run_and_named(himap_command, monkeypatch, tmp_path)
     assert calls == [(name, {}, tmp_path / "notebooks") for name in ("02_other", "01_toy")]
 
 
-def test_the_cache(himap_command, monkeypatch, tmp_path):
+def test_the_cache(himap_command, made):
     code, out, _ = himap_command("cache", "info")
     assert code == 0 and out.strip().endswith("cache: 0 B")
-    (tmp_path / "cli_products.py").write_text(PRODUCTS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    import cli_products
-
-    for result in [cli_products.sky(1), cli_products.sky(2), cli_products.spectra()]:
+    for result in [made.sky(1), made.sky(2), made.spectra()]:
         assert result.sum() == 100_000
     _, out, _ = himap_command("cache", "info")
     assert out.splitlines()[0].endswith("cache: 2.4 MB")
@@ -273,11 +279,7 @@ def test_the_cache(himap_command, monkeypatch, tmp_path):
     assert himap_command("cache", "clear", "--yes")[0] == 0 and not cache.cache_info()
 
 
-def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
-    (tmp_path / "aged_products.py").write_text(PRODUCTS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    import aged_products as made
-
+def test_the_cache_by_preset_and_age(himap_command, made):
     ci, laptop = PRESETS["ci"], PRESETS["laptop"]
     surveys = [replace(ci, seed=1), replace(ci, nside=16), laptop, replace(laptop, seed=1)]
     for survey in surveys:
@@ -303,12 +305,17 @@ def test_the_cache_by_preset_and_age(himap_command, monkeypatch, tmp_path):
     assert himap_command("cache", "clear", "--older-than", "0", "--yes")[0] == 0 and not cache.cache_info()
 
 
+def command_script(folder):
+    """Code of a process that is the command, with the notebooks of `folder`."""
+    return (
+        "import pathlib; from himap.app.cli import main; from himap.app import notebooks; "
+        f"notebooks._PACKAGE = pathlib.Path({str(folder / 'himap')!r}); main.main()"
+    )
+
+
 def test_from_the_shell(himap_command, tmp_path):
     """The whole way once: a process of its own, a kernel, an InputError inside it."""
-    script = (
-        "import pathlib; from himap.app.cli import main; from himap.app import notebooks; "
-        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
-    )
+    script = command_script(tmp_path)
     assert _python("-c", script, "run", "01_toy", "--preset", "ci", "-o", "good.ipynb") == (0, "good", "")
     error = "Error: too many sources.\n"
     assert _python("-c", script, "run", "01_toy", "-p", "n_sources=11", "-o", "bad.ipynb") == (2, "", error)
@@ -327,10 +334,8 @@ def trapped(tmp_path):
 
 
 JOBS = """
-import sys
 from himap.app.cli import shared, main
-from himap.store import parallel, store
-import os
+from himap.store import parallel
 
 @main.main.command()
 @shared.workers
@@ -345,10 +350,7 @@ main.main(["work", "--jobs", "2"])
 def test_modules_in_the_current_folder_do_not_run(himap_command, trapped, tmp_path, monkeypatch):
     """Neither in the command, nor in a kernel, nor in a process that shares the work."""
     monkeypatch.chdir(trapped)
-    script = (
-        "import pathlib; from himap.app.cli import main; from himap.app import notebooks; "
-        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
-    )
+    script = command_script(tmp_path)
     toy = tmp_path / "notebooks" / "01_toy.py"
     toy.write_text(toy.read_text().replace("if n_sources", "import json, healpy, numpy\nif n_sources"))
     assert _python("-Pc", script, "run", "01_toy", "-o", "out.ipynb") == (0, "out", "")
@@ -383,12 +385,7 @@ start()
 
 def test_notebooks_without_their_packages(himap_command, tmp_path):
     """The library is installed without what only notebooks need; the rest of the command works."""
-    script = (
-        "import sys; sys.modules |= dict.fromkeys({missing!r}); import pathlib; "
-        "from himap.app.cli import main; "
-        "from himap.app import notebooks; "
-        f"notebooks._PACKAGE = pathlib.Path({str(tmp_path / 'himap')!r}); main.main()"
-    )
+    script = "import sys; sys.modules |= dict.fromkeys({missing!r}); " + command_script(tmp_path)
     everything = ["papermill", "jupytext", "nbclient", "jupyter_client", "nbformat", "ipykernel", "IPython"]
     for missing in (everything, ["ipykernel"]):
         code, _, error = _python("-c", script.format(missing=missing), "run", "01_toy")
