@@ -197,7 +197,7 @@ class TestCleaning:
         write_hdf5("both.h5", maps + true, **SAID)
         cube = read_cube("both.h5", weights=hits, flags=flags)
         cleaned = clean_cube(cube, "pca", n_sources=2)
-        found = compared(cleaned, read_truth("truth.h5", beside=cube))
+        found = compared(cleaned, read_truth("truth.h5", cube=cube))
         kept = np.arange(24) != 7
         zeroed = np.where(cube.missing, 0, true[kept][:, cube.mask])
         mean = frequency_power(zeroed, cube.channel_width).power[1:].mean()

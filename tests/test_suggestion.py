@@ -34,13 +34,13 @@ class TestSuggestion:
         assert suggestion.advice(found).endswith("this method alone: ask again for one that knows the beam.")
 
     @pytest.mark.parametrize("share", [0, 0.3])
-    def test_spectra_beside_those_of_another_number(self, share, maps, rng, tmp_path):
+    def test_spectra_by_difference_those_of_another_number(self, share, maps, rng, tmp_path):
         """From the few spectra by which two cleaned cubes differ, as if each were analysed anew."""
         maps[:, rng.random(N_PIX) < share] = np.nan
         np.save(tmp_path / "a.npy", maps)
         cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = spectra.spectra_beside(three)
+        beside = spectra.spectra_by_difference(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
             found, expected = beside(cleaned), spectra.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE

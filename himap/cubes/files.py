@@ -75,10 +75,10 @@ def read_cube(
     return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, beside=None):
-    """A `Cube` beside another: options as in `read_cube`, for what its own file does not say.
+def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, cube=None):
+    """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
-    Channels that are in the file of the cube `beside`, but left out of that, are left out.
+    Channels that the file of the other, `cube`, has, but `cube` has not, are left out.
     """
     try:
         maps, layout = read_file(path, held=_HELD_TRUTH)
@@ -92,7 +92,7 @@ def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs
         "order": order if layout.pixels.nested is None else None,
     }
     truth = make_cube(maps, completed(path, len(maps), layout, **given))
-    return truth if beside is None else truth.channels_of(beside)
+    return truth if cube is None else truth.channels_of(cube)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):

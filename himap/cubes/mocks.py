@@ -16,7 +16,7 @@ _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a work
 _ROOM = 1.01  # of the box beyond the band
 
 
-def read_mocks(cube, paths, *, told=None, **reading):
+def read_mocks(cube, paths, *, tell=None, **reading):
     """The maps of mocks from files, one after the other, (n_channels, n_seen) float32, mK.
 
     Parameters
@@ -25,7 +25,7 @@ def read_mocks(cube, paths, *, told=None, **reading):
         The `Cube` that they are put into.
     paths
         Files as `read_cube` takes them, one for each mock, with the beam of the cube.
-    told
+    tell
         Called with what the user should know of a file, a sentence.
     reading
         As in `read_truth`, for what the files do not say.
@@ -36,9 +36,9 @@ def read_mocks(cube, paths, *, told=None, **reading):
         When a file is read: one of another nside, of other channels, or that does not see what the cube does.
     """
     for path in paths:
-        mock = read_truth(path, beside=cube, **reading)
-        for remark in mock.remarks if told else ():
-            told(f"{path}: {remark}")
+        mock = read_truth(path, cube=cube, **reading)
+        for remark in mock.remarks if tell else ():
+            tell(f"{path}: {remark}")
         try:
             check_truth(cube, mock)
         except InputError as error:
@@ -49,7 +49,7 @@ def read_mocks(cube, paths, *, told=None, **reading):
 def made_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
     """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
 
-    HI as in the simulations of the paper, through the beams, and white noise where it is told.
+    HI as in the simulations of the paper, through the beams, and white noise where its level is given.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def _sphere_spectra(cube, maps, angular):
     return PowerSpectra(angular=angular, frequency=frequency_power(maps, cube.channel_width))
 
 
-def spectra_beside(first):
+def spectra_by_difference(first):
     """`spectra_of`, for cubes that differ from a first one by a few spectra, without analysing each anew.
 
     Parameters

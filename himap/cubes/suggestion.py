@@ -25,7 +25,7 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import cleaning_of, method_for
 from himap.cubes.report import figure, write_page
-from himap.cubes.spectra import scales, spectra_beside
+from himap.cubes.spectra import scales, spectra_by_difference
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams.base import gaussian_widths
@@ -62,7 +62,7 @@ class Suggestion:
     at_one_resolution
         Whether the eigenvalues are those of maps at one resolution.
     widths
-        Least and largest FWHM of the beam that the method was told, degrees, or None.
+        Least and largest FWHM of the beam that the method assumes, degrees, or None.
     weighted
         Whether the cube has weights or gaps.
     """
@@ -153,7 +153,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     separations, variances, spectra, spectra_of = {}, [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = cleaning.with_sources(int(count))
-        spectra_of = spectra_of or spectra_beside(cleaned)
+        spectra_of = spectra_of or spectra_by_difference(cleaned)
         if cube.weights is not None:
             separations[count] = cleaned.separation
         variances.insert(0, _variances(cleaned))

@@ -223,7 +223,7 @@ def _cleaned(asked):
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
             "`himap suggest` says how many this cube asks for."
         )
-    true = None if asked.truth is None else read_truth(asked.truth, beside=cube, **asked.reading)
+    true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
     if true is not None:
         for remark in true.remarks:
             _tell(f"The truth: {remark}")
@@ -267,7 +267,7 @@ def _mocks(cube, beams, asked):
     for word in words:
         if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    return read_mocks(cube, words, told=_tell, **asked.reading)
+    return read_mocks(cube, words, tell=_tell, **asked.reading)
 
 
 @_command(
