@@ -6,6 +6,7 @@ import healpy as hp
 import katbeam
 import numpy as np
 import pytest
+from conftest import added
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
@@ -28,6 +29,7 @@ from himap.maps import sphere
 from himap.paper import pipeline
 
 NAMES = beams.available()
+EXAMPLE = "tapered"
 SURVEY = Survey(nside=16, n_channels=30, box_cells=16)
 LMAX = SURVEY.lmax
 ROUND_FREQS = np.array([900.0, 1000, 1100, 1200, 1300, 1400])  # multiples of 10 MHz: no ripple there
@@ -44,7 +46,14 @@ def beam(request, tmp_path):
     return beams.create(name, **{item: str(tmp_path / "widths.txt") for item in needed})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.fixture(autouse=True, scope="module")
+def example():
+    """The beam that the book adds is found as the others are."""
+    with added("add_a_beam", beams, EXAMPLE, REGISTRY):
+        yield
+
+
+@pytest.mark.parametrize("name", [*NAMES, EXAMPLE])
 class TestContract:
     def test_windows(self, name, beam):
         found = beam.of_survey(SURVEY)

@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from conftest import added
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap import removal
@@ -22,6 +23,7 @@ FREQS = np.linspace(902.5, 1397.5, 30)
 N_PIX = 12 * 8**2
 BEAMS = np.ones((len(FREQS), 24))
 METHODS = removal.available()
+EXAMPLE = "power_laws"
 # They look at the sky as a sky, not as a bag of pixels.
 SPATIAL = {name for name in METHODS if REGISTRY[name].uses & {"sphere", "neighbours"}}
 # A contract holds after any number of turns.
@@ -99,7 +101,14 @@ def cleaned_once(name, kind):
     return cleaned
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.fixture(autouse=True, scope="module")
+def example():
+    """The method that the book adds is found as the others are."""
+    with added("add_a_method", removal, EXAMPLE, REGISTRY):
+        yield
+
+
+@pytest.mark.parametrize("name", [*METHODS, EXAMPLE])
 class TestContract:
     def test_shapes_types_and_sum(self, name, sky):
         cleaned = cleaned_once(name, "sky")
