@@ -50,6 +50,13 @@ from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.paper.methods import each_beam, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import (
+    angular_figure,
+    channel_figure,
+    frequency_figure,
+    mixing_figure,
+    sources_figure,
+)
 from himap.removal.covariance import channel_covariance
 from himap.removal.pca import PCA
 
@@ -150,10 +157,10 @@ quote(
 # orthogonal to the first.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
-study.mixing_figure(selected, remover)
+mixing_figure(study, selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(selected, remover)
+sources_figure(study, selected, remover)
 
 # %% [markdown]
 # ## What is left
@@ -164,7 +171,7 @@ study.sources_figure(selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
-study.channel_figure(hardest, removers[hardest][0])
+channel_figure(study, hardest, removers[hardest][0])
 
 # %% [markdown]
 # ## The power spectra
@@ -179,10 +186,10 @@ study.channel_figure(hardest, removers[hardest][0])
 # ripple are foreground that five components do not hold. The paper's Figs. 1 and 2 have that excess at low $\ell$, and that peak.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 1.)"}}
-study.angular_figure(removers)
+angular_figure(study, removers)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 2.)"}}
-study.frequency_figure(removers)
+frequency_figure(study, removers)
 
 # %% [markdown]
 # The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, where

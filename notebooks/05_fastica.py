@@ -51,6 +51,13 @@ from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.paper.methods import each_beam, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import (
+    angular_figure,
+    channel_figure,
+    frequency_figure,
+    mixing_figure,
+    sources_figure,
+)
 from himap.removal.fastica import FastICA
 from himap.removal.pca import PCA
 
@@ -132,7 +139,7 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # synchrotron emission would. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane have the wrong sign.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
-study.mixing_figure(selected, remover)
+mixing_figure(study, selected, remover)
 
 
 # %% tags=["hide-input"]
@@ -152,7 +159,7 @@ quote(
 )
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(selected, remover)
+sources_figure(study, selected, remover)
 
 # %% [markdown]
 # How far from Gaussian are they? The figure has the distribution of the pixels of each source in units of its
@@ -252,7 +259,7 @@ show(
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
-study.channel_figure(hardest, removers[hardest][0])
+channel_figure(study, hardest, removers[hardest][0])
 
 # %% [markdown]
 # ## The power spectra
@@ -261,10 +268,10 @@ study.channel_figure(hardest, removers[hardest][0])
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
-study.angular_figure(both)
+angular_figure(study, both)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 2.)"}}
-study.frequency_figure(both)
+frequency_figure(study, both)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))

@@ -53,6 +53,13 @@ from himap.maps.starlets import starlet_filters, starlets
 from himap.paper import pipeline
 from himap.paper.methods import each_beam, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import (
+    angular_figure,
+    channel_figure,
+    frequency_figure,
+    mixing_figure,
+    sources_figure,
+)
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 
@@ -225,10 +232,10 @@ study.stamped(
 # are not emission of one kind or another either.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
-study.mixing_figure(selected, remover)
+mixing_figure(study, selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
-study.sources_figure(selected, remover)
+sources_figure(study, selected, remover)
 
 # %% [markdown]
 # ## What is left
@@ -237,7 +244,7 @@ study.sources_figure(selected, remover)
 # much was taken.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: what was observed, what GMCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
-study.channel_figure(selected, remover)
+channel_figure(study, selected, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -255,10 +262,10 @@ study.channel_figure(selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
-study.angular_figure(both)
+angular_figure(study, both)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (GMCA's share of the paper's Fig. 2.)"}}
-study.frequency_figure(both)
+frequency_figure(study, both)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(both, tolerance=0.05))

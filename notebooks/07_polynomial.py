@@ -53,6 +53,7 @@ from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.methods import paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import angular_figure, channel_figure, frequency_figure
 from himap.removal.peaks import smooth_baselines
 from himap.removal.polynomial import Polynomial
 
@@ -196,7 +197,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
-study.channel_figure(hardest, remover)
+channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -206,10 +207,10 @@ study.channel_figure(hardest, remover)
 # ripple. The paper says both: that this fit does not notice the evolving beam, and that it fails with the oscillating one.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers)
+angular_figure(study, removers)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers)
+frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))

@@ -55,6 +55,7 @@ from himap.maps import sphere
 from himap.paper import pipeline
 from himap.paper.methods import paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import angular_figure, channel_figure, frequency_figure
 from himap.removal.parametric import Parametric
 
 beams = paper_beams(ripple=ripple)
@@ -229,7 +230,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
-study.channel_figure(hardest, remover)
+channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
@@ -239,10 +240,10 @@ study.channel_figure(hardest, remover)
 # are logarithmic here.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
-study.angular_figure(removers)
+angular_figure(study, removers)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
-study.frequency_figure(removers)
+frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))

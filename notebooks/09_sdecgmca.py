@@ -62,6 +62,14 @@ from himap.measures.diagnostics import Comparison
 from himap.paper import captions
 from himap.paper.methods import TABLE_1, paper_beams, sdecgmca_for, table_1
 from himap.paper.study import Study
+from himap.paper.study_figures import (
+    angular_figure,
+    both_figure,
+    channel_figure,
+    frequency_figure,
+    mixing_figure,
+    sources_figure,
+)
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.blurred_mixture import BlurredMixture
@@ -161,10 +169,10 @@ Markdown("\n".join(Table(head, body).markdown()))
 # GMCA do. The last source is the faintest by far; what it follows decides what becomes of HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes: columns of the mixing matrix against frequency. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
-study.mixing_figure(selected, remover)
+mixing_figure(study, selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, mK. Colours span the central 96 % of the pixels."}}
-study.sources_figure(selected, remover)
+sources_figure(study, selected, remover)
 
 # %% [markdown]
 # ## What is left
@@ -176,13 +184,13 @@ study.sources_figure(selected, remover)
 # is 1: the black line is the whole truth, the ratio that to the truth cut at the same $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA, the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
-study.channel_figure(selected, remover)
+channel_figure(study, selected, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
-study.angular_figure(removers)
+angular_figure(study, removers)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
-study.frequency_figure(removers)
+frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
 numbers = study.band_numbers(removers, tolerance=0.05)
@@ -352,7 +360,7 @@ quote(
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
 curves = [(styles.method_style(method), study.compared(selected, method)) for method in pair]
-study.both_figure(selected, curves, n_sources=n_sources, reading=reading)
+both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
 # ## What to take away

@@ -52,6 +52,7 @@ from himap.figures.numbers import one_run, quote, show, show_table
 from himap.paper import captions
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import angular_figure, frequency_figure
 from himap.removal.base import SeparationWarning
 
 beams = paper_beams(ripple=ripple)
@@ -79,7 +80,7 @@ quote(results_reading=captions.in_short(removers[beams["oscillating"]][3], study
 # which below, where HI is lost.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)). PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
-study.angular_figure(removers, titles=titles)
+angular_figure(study, removers, titles=titles)
 
 # %% [markdown]
 # ## Along the line of sight
@@ -90,7 +91,7 @@ study.angular_figure(removers, titles=titles)
 # too.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
-study.frequency_figure(removers, titles=titles)
+frequency_figure(study, removers, titles=titles)
 
 # %% [markdown]
 # ## In numbers

@@ -64,6 +64,7 @@ from himap.paper import captions
 from himap.paper.claims.base import LOW_K, angular_band, bump, frequency_band
 from himap.paper.methods import paper_beams, sdecgmca_for
 from himap.paper.study import Study
+from himap.paper.study_figures import both_figure
 from himap.removal.base import REGISTRY, SeparationWarning
 
 beams = paper_beams(ripple=ripple)
@@ -267,7 +268,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
 lines = styles.sequence([f"$n_s$ = {n}" for n in drawn])
 curves = [(look, comparisons[method][n]) for look, n in zip(lines, drawn, strict=True)]
-study.both_figure(selected, curves, method=method, **stated)
+both_figure(study, selected, curves, method=method, **stated)
 
 # %% [markdown]
 # ## Which number is best, and for what

@@ -68,6 +68,7 @@ from himap.paper import captions, pipeline
 from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import both_figure
 from himap.removal.base import SeparationWarning
 
 beams = paper_beams(ripple=ripple)
@@ -315,11 +316,11 @@ def curves_of(methods):
     return [curves[0] for curves in pairs] + [curves[1] for curves in pairs]
 
 
-study.both_figure(selected, curves_of(component), n_sources=n_sources, reading=reading)
+both_figure(study, selected, curves_of(component), n_sources=n_sources, reading=reading)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra after the two fits, of the whole sky (thin) and without the flagged lines of sight (thick). The ratios are on a logarithmic axis."}}
 fits = [remover for remover in removers.values() if remover not in component]
-study.both_figure(selected, curves_of(fits))
+both_figure(study, selected, curves_of(fits))
 
 # %% [markdown]
 # In numbers, before and after: the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest P/P0 near $k_\nu = 0.31$, and the mean of

@@ -70,6 +70,7 @@ from himap.paper import captions, pipeline
 from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import both_figure
 from himap.removal import peaks
 from himap.removal.base import SeparationWarning
 from himap.removal.pca import PCA
@@ -141,7 +142,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). The curves of PCA and FastICA coincide."}}
 curves = [(styles.method_style(remover), dimmed.compared(selected, remover)) for remover in removers]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
-dimmed.both_figure(selected, curves, **look)
+both_figure(dimmed, selected, curves, **look)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []

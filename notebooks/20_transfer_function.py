@@ -69,6 +69,7 @@ from himap.paper.experiments.transfer import EXPERIMENT, skies
 from himap.paper.mocks import Mock, own_recovery, transfer_functions
 from himap.paper.record import Record
 from himap.paper.study import Study
+from himap.paper.study_figures import both_figure
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)
@@ -163,7 +164,7 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 # Dotted is the residual, solid the same corrected: the ratios should move to 1, and do where only HI is missing.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, as they are (dotted) and divided by the transfer function (solid), and their ratios to the truth. The grey band is 10 %."}}
-study.both_figure(case.beam, curves, n_mocks=n_mocks)
+both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
 columns = {"uncorrected": "uncorrected", "over T cross": "corrected", "over T auto": "corrected_auto"}

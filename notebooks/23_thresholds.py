@@ -59,6 +59,7 @@ from himap.paper.grid import cases_and_methods
 from himap.paper.leakage import corrected, decompose
 from himap.paper.methods import table_1
 from himap.paper.study import Study
+from himap.paper.study_figures import both_figure
 from himap.removal import create
 
 # %%
@@ -200,7 +201,7 @@ curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 # The ratio of SmoothSpectra as it is left, and the dotted one corrected: the first should be smooth and below 1, the second 1. Where a curve is below 1 at some $\ell$ and above it at others, its mean says nothing of either.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of what SDecGMCA leaves with the paper's number of sources, and the two others with four unless told otherwise; of SmoothSpectra divided by what it knows that it keeps; and their ratios to the truth. The grey band is 10 %."}}
-study.both_figure(case.beam, curves)
+both_figure(study, case.beam, curves)
 
 # %% [markdown]
 # ## The goal, and what became of it

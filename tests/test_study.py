@@ -13,6 +13,7 @@ from himap.maps.healpix_io import write_maps
 from himap.paper import pipeline
 from himap.paper.methods import TABLE_1, paper_beams
 from himap.paper.study import Study
+from himap.paper.study_figures import angular_figure, channel_figure, frequency_figure, mixing_figure
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
@@ -41,13 +42,13 @@ def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     lower = partial(mask_peaks, n_sigma=3.0)  # so small a sky has no peaks of 5 sigma
     monkeypatch.setattr("himap.paper.pipeline.peaks.mask_peaks", lower)
     study = Study(preset="ci", overrides=TINY | {"seed": 7})
-    assert study.peak_masked(Degraded()).flagged.any()
+    assert pipeline.peak_masked(study.case(Degraded())).flagged.any()
     with_mask = study.residual(Degraded(), PCA(n_sources=2))
     without = study.residual(Degraded(), PCA(n_sources=2), mask_peaks=False)
     direct = PCA(n_sources=2).clean(
         study.observed(Degraded()).maps,
         freqs=study.survey.freqs,
-        separate_on=study.peak_masked(Degraded()).maps,
+        separate_on=pipeline.peak_masked(study.case(Degraded())).maps,
     )
     assert np.array_equal(with_mask, direct.residual)
     assert not np.array_equal(with_mask, without)
@@ -64,12 +65,12 @@ def test_the_line_under_a_figure_tells_the_nside_of_templates(tmp_path):
 
 def test_figures_have_a_panel_for_each_beam_and_one_legend(study):
     removers = {beam: [PCA(n_sources=2), PCA(n_sources=3), Polynomial()] for beam in paper_beams().values()}
-    for figure in (study.angular_figure(removers), study.frequency_figure(removers)):
+    for figure in (angular_figure(study, removers), frequency_figure(study, removers)):
         panels = figure.axes
         assert [axes.get_title() for axes in panels[:3]] == list(TABLE_1)
         assert len(figure.legends) == 1
         assert not any(axes.get_legend() for axes in panels)
-    one = study.angular_figure({Degraded(): [PCA(n_sources=3)]})
+    one = angular_figure(study, {Degraded(): [PCA(n_sources=3)]})
     assert one.axes[0].get_title() == "degraded, 3 components"
     assert one.axes[0].get_legend() is not None
 
@@ -94,12 +95,12 @@ def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
     default, letter = (SDecGMCA(reading=name, **short) for name in ("default", "letter"))
 
     def told(*methods):
-        return study.angular_figure({Degraded(): list(methods)}).get_supxlabel()
+        return angular_figure(study, {Degraded(): list(methods)}).get_supxlabel()
 
     assert "reading" not in told(PCA(n_sources=2)) + told(default)
     assert "reading = letter" in told(PCA(n_sources=2), letter)
     assert "reading = default and letter" in told(default, letter)
-    assert "reading = letter" in study.mixing_figure(Degraded(), letter).get_supxlabel()
+    assert "reading = letter" in mixing_figure(study, Degraded(), letter).get_supxlabel()
     empty = plotting.lines([{"curves": [([0, 1], [0, 1], {})]}])
     assert "reading" not in study.stamped(empty, reading="default").get_supxlabel()
 
@@ -110,7 +111,7 @@ def test_a_channel_is_that_of_the_cubes(study, method, monkeypatch):
     """Drawn from one channel alone, whatever the method does beyond some l."""
     drawn = {}
     monkeypatch.setattr(plotting, "sky_maps", lambda maps, **options: drawn.update(maps) or Figure())
-    study.channel_figure(Degraded(), method)
+    channel_figure(study, Degraded(), method)
     middle = study.survey.n_channels // 2
     left = study.residual(Degraded(), method)[middle]
     lmax = study.separation(Degraded(), method).lmax

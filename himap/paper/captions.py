@@ -8,7 +8,7 @@ _FEW = 3  # departures from the text that a caption can list
 def of_sdecgmca(method, nside):
     """Which reading of the paper an `SDecGMCA` is, what in it the text does not have, and where it ends.
 
-    What the text is silent on is named where it is not as the letter has it.
+    Choices on which the text is silent are named where they are not as the letter has them.
 
     Parameters
     ----------
@@ -22,17 +22,15 @@ def of_sdecgmca(method, nside):
     str
         A sentence without its full stop.
     """
-    values, against, silent = _departures(method)
-    text = "the paper's text"
-    if against:
-        text += (
-            f" but for {len(against)} choices"
-            if len(against) > _FEW
-            else f" but for {_said(values, against)}"
-        )
+
+    def say(name, value):
+        return f"{OPTIONS[name].question} ({OPTIONS[name].choices[value]})"
+
+    against, silent = _departures(method, say)
+    text = "the paper's text" + (f" but for {_few(against)}" if against else "")
     if silent:
-        text += f" and, where it is silent, {_said(values, silent)}"
-    end = _end(method, nside)
+        text += f" and, where it is silent, {', '.join(silent)}"
+    end = min(method.lmax, 2 * nside)
     beyond = {
         "cut": f"it ends at ℓ = {end}, as does the truth that it is divided by",
         "regularised": f"it goes on beyond ℓ = {end} with its regularised inversion",
@@ -42,42 +40,22 @@ def of_sdecgmca(method, nside):
 
 
 def in_short(method, nside):
-    """The same for under a figure: choices by name, as `OPTIONS` has them, and where it ends; no full stop.
-
-    Parameters
-    ----------
-    method, nside
-        As in `of_sdecgmca`.
-    """
-    values, against, silent = _departures(method)
-    off, own = _named(values, against), _named(values, silent)
-    text = "the text" + (f" but for {off}" if off else "") + (f", with {own}" if own else "")
+    """`of_sdecgmca` for under a figure: choices by name, as `OPTIONS` has them, and where it ends."""
+    against, silent = _departures(method, lambda name, value: f"{name} = {value}")
+    text = "the text" + (f" but for {_few(against)}" if against else "")
+    text += f", with {_few(silent)}" if silent else ""
     goes = "ends at" if method.beyond == "cut" else "goes on beyond"
-    return f"SDecGMCA “{method.reading}”: {text}; {goes} ℓ = {_end(method, nside)}"
+    return f"SDecGMCA “{method.reading}”: {text}; {goes} ℓ = {min(method.lmax, 2 * nside)}"
 
 
-def _departures(method):
-    """Values of all options, names of those that the text speaks against, and of those it is silent on that
-    are not as the letter has them.
-    """
+def _departures(method, words):
+    """Choices that the text speaks against, and others that differ from the letter, each in words."""
     values = {name: getattr(method, name) for name in OPTIONS}
     against = [name for name, option in OPTIONS.items() if values[name] in option.against]
-    letter = READINGS["letter"]
-    return values, against, [name for name in OPTIONS if name not in against and values[name] != letter[name]]
+    others = [name for name in OPTIONS if name not in against and values[name] != READINGS["letter"][name]]
+    return [[words(name, values[name]) for name in names] for names in (against, others)]
 
 
-def _end(method, nside):
-    """The last multipole that the inversion and the maps hold."""
-    return min(method.lmax, 2 * nside)
-
-
-def _named(values, names):
-    """Choices by name and value, or how many where a caption cannot list them; empty for none."""
-    if len(names) > _FEW:
-        return f"{len(names)} choices"
-    return ", ".join(f"{name} = {values[name]}" for name in names)
-
-
-def _said(values, names):
-    """What is decided and how, one after the other."""
-    return ", ".join(f"{OPTIONS[name].question} ({OPTIONS[name].choices[values[name]]})" for name in names)
+def _few(choices):
+    """One after the other, or how many where a caption cannot list them."""
+    return ", ".join(choices) if len(choices) <= _FEW else f"{len(choices)} choices"

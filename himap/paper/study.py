@@ -1,7 +1,7 @@
 """What the notebooks share: one survey and sky seen through several beams.
 
-A notebook makes one `Study` of its parameters, and asks it for cases, cleaned cubes and figures
-(`himap.paper.study_figures`).
+A notebook makes one `Study` of its parameters, and asks it for cases and cleaned cubes; what it
+shows is in `himap.paper.study_figures`.
 """
 
 from dataclasses import dataclass, field
@@ -9,16 +9,16 @@ from functools import cached_property
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.figures import styles
+from himap.figures import plotting, styles
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
-from himap.paper.study_figures import StudyFigures
 from himap.sky.galaxy import Dimming, Galaxy
+from himap.store.provenance import Provenance
 from himap.store.store import temporary
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(StudyFigures):
+class Study:
     """The observations of one sky; the fields are the parameters common to all notebooks.
 
     Attributes
@@ -76,10 +76,6 @@ class Study(StudyFigures):
         """The `Observation` through one beam."""
         return pipeline.observation(self.case(beam))
 
-    def peak_masked(self, beam):
-        """The observed maps with their peaks masked, a `PeakMasked`."""
-        return pipeline.peak_masked(self.case(beam))
-
     def truth(self, beam):
         """The `PowerSpectra` of the truth, HI plus noise through the beam."""
         return pipeline.true_spectra(self.case(beam))
@@ -107,6 +103,16 @@ class Study(StudyFigures):
         true = result.truth or self.truth(beam)
         pair = (result.masked, result.masked_truth) if masked else (result.power_spectra, true)
         return Comparison.of(*pair, l_top=self.l_top)
+
+    def stamped(self, figure, **parameters):
+        """The figure with a line that says where it comes from, `parameters` of the figure included.
+
+        The reading of SDecGMCA, `reading`, is said unless it is the default.
+        """
+        if parameters.get("reading") == "default":
+            del parameters["reading"]
+        made = Provenance.of(self.survey, galaxy=self.milky_way, preset=self.preset, parameters=parameters)
+        return plotting.stamp(figure, made)
 
     def prepare(self, removers, *, mask_peaks=True, post_mask=False):
         """Assess {beam: [method, ...]} in as many processes as `himap run --jobs` says; keeps the results."""

@@ -23,9 +23,9 @@ _ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "sent
 WORDS = {
     "parameter": (1, {"help"}),
     "claim": (2, _ENTRY),
-    "method_claim": (2, _ENTRY),
+    "number_claim": (2, _ENTRY),
     "not_applicable": (0, _ENTRY),
-    "Finding": (0, {"sentence"}),
+    "Finding": (2, {"sentence"}),
 }
 """{function: (how many positional arguments count, keywords that are words)}; None is what ``**`` adds."""
 

@@ -108,8 +108,11 @@ def peaks_left_in(realisation):
         parts += parts_of(ratios[beam], above(1), f"worse, {beam} beam")
     if not ratios:
         return not_applicable("No voxel is masked.")
-    sentence = f"Total MSE without peak masking over that with it: {listing_by_beam(ratios, '{:.4g}')}."
-    return Finding(min(map(smallest, ratios.values())), parts, sentence)
+    return Finding(
+        min(map(smallest, ratios.values())),
+        parts,
+        f"Total MSE without peak masking over that with it: {listing_by_beam(ratios, '{:.4g}')}.",
+    )
 
 
 @claim(
@@ -156,8 +159,11 @@ def masked_peaks(realisation):
     if not shares:
         return not_applicable("No voxel is masked.")
     counts = {beam: realisation.masked_voxels(beam) for beam in BEAMS}
-    sentence = f"Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}."
-    return Finding(smallest(shares), parts_of(shares, above(MOST), "beam: most on HI peaks"), sentence)
+    return Finding(
+        smallest(shares),
+        parts_of(shares, above(MOST), "beam: most on HI peaks"),
+        f"Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}.",
+    )
 
 
 @claim(
@@ -173,11 +179,12 @@ def flagged_in_plane(realisation):
         return not_applicable("No line of sight is flagged.")
     latitude = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged])
     share = float(np.mean(latitude < _PLANE))
-    sentence = (
+    return Finding(
+        share,
+        (Part("most lie in the plane", share > MOST),),
         f"{flagged.mean():.2%} of all are flagged; {share:.0%} of these lie within 15 deg of the plane, "
-        f"their median |b| is {np.median(latitude):.0f} deg."
+        f"their median |b| is {np.median(latitude):.0f} deg.",
     )
-    return Finding(share, (Part("most lie in the plane", share > MOST),), sentence)
 
 
 @claim(
@@ -310,8 +317,11 @@ def dimmed_range(realisation):
     the two, and SD.
     """
     before, after, growth = _growth(realisation)
-    sentence = f"Share of l within 10 %: {listing(before, '{:.0%}')}; dimmed: {listing(after, '{:.0%}')}."
-    return Finding(smallest(growth), parts_of(growth, above(0), "grows"), sentence)
+    return Finding(
+        smallest(growth),
+        parts_of(growth, above(0), "grows"),
+        f"Share of l within 10 %: {listing(before, '{:.0%}')}; dimmed: {listing(after, '{:.0%}')}.",
+    )
 
 
 @claim(
@@ -330,8 +340,9 @@ def dimmed_most(realisation):
         Part("SD's range grows most", growth["SD"] > max(0, growth["PCA"], growth["ICA"])),
         Part("SD's error shrinks most", gain["SD"] < min(1, gain["PCA"], gain["ICA"]), main=False),
     )
-    sentence = (
+    return Finding(
+        growth["SD"],
+        parts,
         f"Growth of the share of l within 10 %: {listing(growth)}; total MSE dimmed over full: "
-        f"{listing(gain)}."
+        f"{listing(gain)}.",
     )
-    return Finding(growth["SD"], parts, sentence)

@@ -60,8 +60,11 @@ def scan_minimum(realisation):
     """
     scan, best = realisation.scan, _best(realisation.scan, total)
     at_five = f", at n_s = 5 {total(scan[5]):.3g}" if 5 in scan else ""
-    sentence = f"The least total MSE, {total(scan[best]):.3g}, is at n_s = {best}{at_five}."
-    return _missing(realisation, 5) or Finding(best, (Part("least at 5", best == 5),), sentence)
+    return _missing(realisation, 5) or Finding(
+        best,
+        (Part("least at 5", best == 5),),
+        f"The least total MSE, {total(scan[best]):.3g}, is at n_s = {best}{at_five}.",
+    )
 
 
 @claim(
@@ -108,8 +111,9 @@ def scan_compromise(realisation):
     scan = realisation.scan
     best = {name: _best(scan, lambda one, by=name: one.total_error(by)) for name in MSE_DEFINITIONS}
     parts = parts_of(best, lambda n: 5 <= n <= 7, "least at 5 to 7")
-    sentence = f"Least total at n_s: {listing(best)}."
-    return _missing(realisation, 5, 6, 7) or Finding(best["relative"], parts, sentence)
+    return _missing(realisation, 5, 6, 7) or Finding(
+        best["relative"], parts, f"Least total at n_s: {listing(best)}."
+    )
 
 
 @claim(
@@ -129,8 +133,11 @@ def scan_large_degrees(realisation):
     spread = np.ptp([comparison.angular_ratio for comparison in scan], axis=0)
     middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
     large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
-    sentence = f"Median spread of C/C0 over n_s: {middle:.3g} at 10 < l < 100, {large:.3g} at l > 150."
-    return Finding(large / middle, (Part("smaller at l > 150", large < middle),), sentence)
+    return Finding(
+        large / middle,
+        (Part("smaller at l > 150", large < middle),),
+        f"Median spread of C/C0 over n_s: {middle:.3g} at 10 < l < 100, {large:.3g} at l > 150.",
+    )
 
 
 @claim(
@@ -149,8 +156,9 @@ def correlation_highest(realisation):
         Part("SD highest in 95 % of the channels", share >= CONSISTENT),
         Part("SD highest on average", sd_is(max)(means), main=False),
     )
-    sentence = f"SD is highest in {share:.0%} of the channels; mean r: {listing(means, '{:.4f}')}."
-    return Finding(share, parts, sentence)
+    return Finding(
+        share, parts, f"SD is highest in {share:.0%} of the channels; mean r: {listing(means, '{:.4f}')}."
+    )
 
 
 @claim(
@@ -172,5 +180,6 @@ def variance_smallest(realisation):
         Part("SD smallest at 95 % of the l", share >= CONSISTENT),
         Part("SD smallest on average", sd_is(min)(means), main=False),
     )
-    sentence = f"SD is smallest at {share:.0%} of the l; mean variance: {listing(means, '{:.2g}')}."
-    return Finding(share, parts, sentence)
+    return Finding(
+        share, parts, f"SD is smallest at {share:.0%} of the l; mean variance: {listing(means, '{:.2g}')}."
+    )

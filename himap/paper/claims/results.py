@@ -110,11 +110,12 @@ def evolving_gmca(realisation):
     comparison = realisation.of("evolving")["gmca"]
     excess = {name: measure(comparison) for name, measure in measures.items()}
     large, intermediate, low, upper = excess.values()
-    sentence = (
+    return Finding(
+        intermediate,
+        parts_of(excess, above(CLEAR), "in excess"),
         f"C/C0 of GMCA is {large:.3g} at l < 10 and {intermediate:.3g} at 10 < l < 40; "
-        f"its P/P0 below 0.2 is {low:.3g}, between 0.1 and 0.2 {upper:.3g}."
+        f"its P/P0 below 0.2 is {low:.3g}, between 0.1 and 0.2 {upper:.3g}.",
     )
-    return Finding(intermediate, parts_of(excess, above(CLEAR), "in excess"), sentence)
 
 
 @claim(
@@ -132,8 +133,9 @@ def evolving_frequency(realisation):
     growth = {name: under[name] - over[name] for name in over}
     parts = parts_of(over, recovered, "recovered above")
     parts += parts_of(growth, above(0), "deviates more below", main=False)
-    sentence = f"Largest |P/P0 - 1| above 0.1: {listing(over)}; below: {listing(under)}."
-    return Finding(largest(over), parts, sentence)
+    return Finding(
+        largest(over), parts, f"Largest |P/P0 - 1| above 0.1: {listing(over)}; below: {listing(under)}."
+    )
 
 
 @claim(
@@ -151,8 +153,11 @@ def evolving_polynomial(realisation):
         "C/C0": largest_deviation(evolving.degrees, ratio_l, 3, 200)[0],
         "P/P0": largest_deviation(evolving.k, ratio_k, 0.03, np.inf)[0],
     }
-    sentence = f"C/C0 of POL changes by up to {change['C/C0']:.2g}, its P/P0 by up to {change['P/P0']:.2g}."
-    return Finding(change["C/C0"], parts_of(change, recovered, "the same"), sentence)
+    return Finding(
+        change["C/C0"],
+        parts_of(change, recovered, "the same"),
+        f"C/C0 of POL changes by up to {change['C/C0']:.2g}, its P/P0 by up to {change['P/P0']:.2g}.",
+    )
 
 
 @claim(
@@ -170,8 +175,11 @@ def oscillating_fits(realisation):
         for spectrum, ratios in spectra.items():
             factors = np.maximum(ratios, 1 / ratios)
             values[f"{METHODS[name]} in {spectrum}"] = float(np.median(factors))
-    sentence = f"Median factor between recovered and true: {listing(values)}."
-    return Finding(smallest(values), parts_of(values, above(FAILS), "fails"), sentence)
+    return Finding(
+        smallest(values),
+        parts_of(values, above(FAILS), "fails"),
+        f"Median factor between recovered and true: {listing(values)}.",
+    )
 
 
 number_claim(
@@ -200,12 +208,13 @@ def oscillating_angular(realisation):
     values = by_method(comparisons, angular_band("error", 10, 200), BSS)
     further = {name: value - values["SD"] for name, value in values.items() if name != "SD"}
     parts = Part("SD within 5 %", worst < _ACCURATE), *parts_of(further, above(0), "further off", main=False)
-    sentence = (
+    return Finding(
+        worst,
+        parts,
         f"SD is furthest off, by {worst:.2g}, at l = {degree:.0f}, and within 5 % at {share:.0%} "
         f"of the l; at 20 < l < 200 it is off by {from_20:.2g} at most. "
-        f"Mean |C/C0 - 1|: {listing(values)}."
+        f"Mean |C/C0 - 1|: {listing(values)}.",
     )
-    return Finding(worst, parts, sentence)
 
 
 number_claim(
@@ -339,5 +348,4 @@ def most_consistent(realisation):
         by_beam = [each(beam, error)(realisation) for beam in BEAMS]
         worst[spectrum] = {name: max(row[name] for row in by_beam) for name in METHODS.values()}
     parts = tuple(Part(f"SD least off in {spectrum}", sd_is(min)(row)) for spectrum, row in worst.items())
-    sentence = f"Mean deviation in the worst beam: {listing_by_beam(worst)}."
-    return Finding(worst["C/C0"]["SD"], parts, sentence)
+    return Finding(worst["C/C0"]["SD"], parts, f"Mean deviation in the worst beam: {listing_by_beam(worst)}.")
