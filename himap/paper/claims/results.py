@@ -187,8 +187,7 @@ number_claim(
     values=each("oscillating", angular_band("mean", 1, 10), BSS), test=above(STRONG), words="in excess",
     value=smallest, sentence="Mean C/C0 at l < 10", number="smallest mean C/C0 at l < 10", paper="> 1.5",
     reading="A strong excess is a mean of more than 1.5 for 2 <= l < 10. Three main parts: PCA/ICA by the "
-    "worse of the two, GMCA, SD.",
-    **_ANGULAR,
+    "worse of the two, GMCA, SD.", **_ANGULAR,
 )  # fmt: skip
 
 
@@ -219,12 +218,11 @@ def oscillating_angular(realisation):
 
 number_claim(
     "O4", "oscillating", "Every BSS method has a spurious peak in P/P0 near k = 0.3, SD the lowest.",
-    values=each("oscillating", bump, BSS), test=above(CLEAR), words="has the peak",
+    values=each("oscillating", bump, BSS), test=above(CLEAR), words="has the peak", **_FREQUENCY,
     also={"SD has the lowest": sd_is(min)}, value=lambda values: values["SD"],
     sentence="Highest P/P0 near k = 0.31", number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest",
     reading="A peak is a P/P0 above 1.1 for 0.25 < k < 0.38. Four main parts: PCA/ICA (both of them), GMCA "
     "and SD have one, and SD has the lowest of all.",
-    **_FREQUENCY,
 )  # fmt: skip
 
 
