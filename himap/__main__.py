@@ -3,7 +3,6 @@
 The imports take a while too, in which somebody may change their mind.
 """
 
-import os
 import sys
 
 __all__ = ["start"]
@@ -21,7 +20,4 @@ def start():
 
 
 if __name__ == "__main__":
-    here = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    if sys.path[0] == os.getcwd() != here:  # `-m` puts the current folder before all packages
-        del sys.path[0]
     start()

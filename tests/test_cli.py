@@ -328,7 +328,11 @@ def trapped(tmp_path):
     """A folder with modules of the names of packages, each of which leaves a mark when it runs."""
     folder = tmp_path / "trapped"
     folder.mkdir()
-    for name in ("numpy", "healpy", "json", "joblib", "papermill", "ipykernel_launcher"):
+    early, late = (
+        ("json", "socket", "tempfile", "numpy"),
+        ("healpy", "joblib", "papermill", "ipykernel_launcher"),
+    )
+    for name in early + late:
         (folder / f"{name}.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")
     return folder
 

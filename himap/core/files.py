@@ -8,6 +8,7 @@ next start completes.
 """
 
 import atexit
+import json
 import os
 import shutil
 import socket
@@ -175,8 +176,6 @@ def whole_files(*paths):
     InputError
         One of them, which the message names, or the folders that they lie in, cannot be written.
     """
-    import json  # as below: `python -m himap` imports this while the current folder comes first
-
     paths = [Path(path) for path in paths]
     home, at_work = paths[0].parent, paths[0]
     try:
@@ -213,8 +212,6 @@ def complete_left(home):
     set
         The paths of the sets of files that are complete now.
     """
-    import json
-
     completed = set()
     for folder in filter(is_abandoned, home.glob(f"{_OUTPUT}-*")):
         with suppress(OSError, ValueError):
