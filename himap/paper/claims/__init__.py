@@ -6,7 +6,13 @@ not apply where what it speaks of does not occur (`himap.paper.claims.verdicts`)
 are read is in the docstring of each function, which is shown with its verdict.
 """
 
-from himap.paper.claims import masks, other_sections, results  # noqa: F401 - each enters its claims
+from himap.paper.claims import (  # noqa: F401 - each enters its claims
+    dimming,
+    oscillating_beam,
+    other_sections,
+    peak_masking,
+    smooth_beams,
+)
 from himap.paper.claims.base import REGISTRY, Claim
 from himap.paper.claims.verdicts import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, VERDICTS, Finding, Part
 

@@ -182,3 +182,8 @@ bump = frequency_band("highest", *BUMP)
 def total(comparison):
     """Total MSE of both spectra."""
     return comparison.total_error()
+
+
+def over_each(over, under):
+    """{name: value} over {name: value}, both with the same names."""
+    return {name: value / under[name] for name, value in over.items()}

@@ -22,10 +22,15 @@ _APPENDIX = {"section": "A", "notebook": "14_diagnostics"}
 
 
 @claim(
-    "F1", "none", "The foregrounds are 4 to 5 orders of magnitude above HI, at high latitude too.",
-    number="log10 of the rms of the foregrounds over that of HI, all sky", paper="4 to 5",
-    section="1", figure="", notebook="01_simulations",
-)  # fmt: skip
+    "F1",
+    "none",
+    "The foregrounds are 4 to 5 orders of magnitude above HI, at high latitude too.",
+    number="log10 of the rms of the foregrounds over that of HI, all sky",
+    paper="4 to 5",
+    section="1",
+    figure="",
+    notebook="01_simulations",
+)
 def foregrounds_above_hi(realisation):
     """Of brightness temperatures, before the beam: the root mean square over channels and pixels of all
     foregrounds together over that of HI, mean brightness included. Its log10 lies from 4 to 5: over all the
@@ -51,9 +56,14 @@ def _best(scan, error):
 
 
 @claim(
-    "N1", "oscillating", "The total MSE of SD is least at 5 sources of 2 to 20.",
-    number="n_s of the least MSE", paper="5", figure="3", **_SCAN,
-)  # fmt: skip
+    "N1",
+    "oscillating",
+    "The total MSE of SD is least at 5 sources of 2 to 20.",
+    number="n_s of the least MSE",
+    paper="5",
+    figure="3",
+    **_SCAN,
+)
 def scan_minimum(realisation):
     """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One
     part.
@@ -68,9 +78,14 @@ def scan_minimum(realisation):
 
 
 @claim(
-    "N2", "oscillating", "The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.",
-    number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3", **_SCAN,
-)  # fmt: skip
+    "N2",
+    "oscillating",
+    "The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.",
+    number="smallest MSE of these over that at n_s = 5",
+    paper="> 1",
+    figure="3",
+    **_SCAN,
+)
 def scan_ends(realisation):
     """Larger than at n_s = 5: at 2, at 3, and at all from 10 to 20. Three parts, all main."""
     if missing := _missing(realisation, 2, 3, 5, 10):
@@ -83,9 +98,14 @@ def scan_ends(realisation):
 
 
 @claim(
-    "N3", "oscillating", "The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.",
-    number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4", **_SCAN,
-)  # fmt: skip
+    "N3",
+    "oscillating",
+    "The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.",
+    number="best n_s at low k",
+    paper="5 (6 for the bump, 7 at 10 < l < 100)",
+    figure="4",
+    **_SCAN,
+)
 def scan_scales(realisation):
     """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
     parts, all main.
@@ -101,9 +121,14 @@ def scan_scales(realisation):
 
 
 @claim(
-    "N4", "oscillating", "An n_s of 5 to 7 is the best compromise over all scales.",
-    number="n_s of the least total, relative errors", paper="5 to 7", figure="3", **_SCAN,
-)  # fmt: skip
+    "N4",
+    "oscillating",
+    "An n_s of 5 to 7 is the best compromise over all scales.",
+    number="n_s of the least total, relative errors",
+    paper="5 to 7",
+    figure="3",
+    **_SCAN,
+)
 def scan_compromise(realisation):
     """The paper does not define its total MSE: the minimum of every definition that we have lies at 5, 6 or
     7. A main part for each, relative, logarithmic and absolute.
@@ -117,9 +142,14 @@ def scan_compromise(realisation):
 
 
 @claim(
-    "N5", "oscillating", "At the largest multipoles the differences between n_s are small.",
-    number="spread over n_s at l > 150 over that at 10 < l < 100", paper="< 1", figure="4", **_SCAN,
-)  # fmt: skip
+    "N5",
+    "oscillating",
+    "At the largest multipoles the differences between n_s are small.",
+    number="spread over n_s at l > 150 over that at 10 < l < 100",
+    paper="< 1",
+    figure="4",
+    **_SCAN,
+)
 def scan_large_degrees(realisation):
     """The spread at one l is the highest less the lowest C/C0 of all n_s. Its median over 150 < l <= 200 is
     smaller than that over 10 < l < 100. One part. It does not apply to maps that end before l = 200.
@@ -141,9 +171,14 @@ def scan_large_degrees(realisation):
 
 
 @claim(
-    "A1", "oscillating", "SD has the highest correlation with the truth, consistently over frequency.",
-    number="share of channels where SD is highest", paper="1", figure="A.1", **_APPENDIX,
-)  # fmt: skip
+    "A1",
+    "oscillating",
+    "SD has the highest correlation with the truth, consistently over frequency.",
+    number="share of channels where SD is highest",
+    paper="1",
+    figure="A.1",
+    **_APPENDIX,
+)
 def correlation_highest(realisation):
     """Consistently is in 95 % of the channels or more: the main part. Another: highest on average over
     them.
@@ -162,9 +197,14 @@ def correlation_highest(realisation):
 
 
 @claim(
-    "A2", "oscillating", "SD has the smallest variance of R_l for 10 <= l <= 200.",
-    number="share of l where SD is smallest", paper="1", figure="A.2", **_APPENDIX,
-)  # fmt: skip
+    "A2",
+    "oscillating",
+    "SD has the smallest variance of R_l for 10 <= l <= 200.",
+    number="share of l where SD is smallest",
+    paper="1",
+    figure="A.2",
+    **_APPENDIX,
+)
 def variance_smallest(realisation):
     """Smallest over a range is read as consistently so, at 95 % of the l or more: the main part. Another:
     smallest on average, the geometric mean over l.

@@ -1,4 +1,4 @@
-"""Sections 4.1 and 5, App. B: peaks masked, lines of sight left out, the plane dimmed (Figs. 5 to 7, B)."""
+"""Claims on masks before and after the separation (Sects. 4.1 and 5.1, Appendix B)."""
 
 import numpy as np
 
@@ -14,13 +14,13 @@ from himap.paper.claims.base import (
     angular_band,
     below,
     bump,
-    by_method,
     claim,
     each,
     frequency_band,
     listing,
     listing_by_beam,
     number_claim,
+    over_each,
     sd_is,
     smallest,
     total,
@@ -41,9 +41,6 @@ from himap.paper.methods import BSS
 
 _PEAKS = {"section": "4.1, B", "notebook": "03_peak_masking"}
 _POST = {"section": "5.1", "notebook": "12_post_masking"}
-_DIMMED = {"section": "5.2", "figure": "7", "notebook": "13_dimmed_galaxy"}
-_CASES = ("oscillating", "dimmed")
-_THREE = ("pca", "fastica", "sdecgmca")
 _PLANE = 15.0  # deg of latitude
 
 
@@ -58,16 +55,16 @@ def _with_and_without(realisation, beam, measure, methods):
     return [each(case, measure, methods)(realisation) for case in (beam, LEFT_IN.format(beam))]
 
 
-def _ratios(over, under):
-    """{name: value} over {name: value}, both with the same names."""
-    return {name: value / under[name] for name, value in over.items()}
-
-
 @claim(
-    "O8", "oscillating", "The excess at l < 10 is due to the peak masking, which takes ripples for peaks.",
-    number="share of masked voxels that are ripple", paper="notable",
-    section="4.2", figure="1", notebook="10_results",
-)  # fmt: skip
+    "O8",
+    "oscillating",
+    "The excess at l < 10 is due to the peak masking, which takes ripples for peaks.",
+    number="share of masked voxels that are ripple",
+    paper="notable",
+    section="4.2",
+    figure="1",
+    notebook="10_results",
+)
 def excess_of_masking(realisation):
     """For the methods that have the excess of O2: without peak masking more than half of their mean C/C0 - 1
     at l < 10 is gone. What stands out of the first baseline in a masked voxel is HI, noise and foreground,
@@ -92,9 +89,14 @@ def excess_of_masking(realisation):
 
 
 @claim(
-    "B1", "all three", "Without the masking of peaks every method is worse.",
-    number="smallest ratio of total MSE, without over with", paper="> 1", figure="B.3", **_PEAKS,
-)  # fmt: skip
+    "B1",
+    "all three",
+    "Without the masking of peaks every method is worse.",
+    number="smallest ratio of total MSE, without over with",
+    paper="> 1",
+    figure="B.3",
+    **_PEAKS,
+)
 def peaks_left_in(realisation):
     """Worse is a larger total MSE of both spectra, a ratio above 1: a main part for each beam and method,
     PCA/ICA by the worse of the two, as far as voxels are masked with that beam; it does not apply if none is
@@ -104,7 +106,7 @@ def peaks_left_in(realisation):
     parts, ratios = (), {}
     for beam in _masked_beams(realisation):
         masked, unmasked = _with_and_without(realisation, beam, total, tuple(METHODS))
-        ratios[beam] = _ratios(unmasked, masked)
+        ratios[beam] = over_each(unmasked, masked)
         parts += parts_of(ratios[beam], above(1), f"worse, {beam} beam")
     if not ratios:
         return not_applicable("No voxel is masked.")
@@ -116,10 +118,14 @@ def peaks_left_in(realisation):
 
 
 @claim(
-    "B2", "all three", "The masking of peaks removes a bias of P/P0 over all scales.",
-    number="largest median |P/P0 - 1| at k > 0.1 of BSS, with masking", paper="smaller than without",
-    figure="B.3", **_PEAKS,
-)  # fmt: skip
+    "B2",
+    "all three",
+    "The masking of peaks removes a bias of P/P0 over all scales.",
+    number="largest median |P/P0 - 1| at k > 0.1 of BSS, with masking",
+    paper="smaller than without",
+    figure="B.3",
+    **_PEAKS,
+)
 def broadband_bias(realisation):
     """The bias is the distance of the median P/P0 at k > 0.1 from 1, which no peak of a few k moves. There is
     one where it is above 10 % without the masking; it is removed if more than half of it goes with the
@@ -147,9 +153,14 @@ def broadband_bias(realisation):
 
 
 @claim(
-    "B3", "all three", "The peaks that are masked are bright HI, not point sources.",
-    number="smallest share of masked voxels on an HI peak", paper="most", figure="B.1", **_PEAKS,
-)  # fmt: skip
+    "B3",
+    "all three",
+    "The peaks that are masked are bright HI, not point sources.",
+    number="smallest share of masked voxels on an HI peak",
+    paper="most",
+    figure="B.1",
+    **_PEAKS,
+)
 def masked_peaks(realisation):
     """What stands out of the first baseline in a masked voxel is HI, noise and foreground (point sources
     included), each less its own baseline. The voxel lies on an HI peak if HI has the largest part in it; more
@@ -167,9 +178,14 @@ def masked_peaks(realisation):
 
 
 @claim(
-    "M1", "oscillating", "The lines of sight whose error stands out lie along the Galactic plane.",
-    number="share of SD's flagged lines within 15 deg of the plane", paper="most", figure="5", **_POST,
-)  # fmt: skip
+    "M1",
+    "oscillating",
+    "The lines of sight whose error stands out lie along the Galactic plane.",
+    number="share of SD's flagged lines within 15 deg of the plane",
+    paper="most",
+    figure="5",
+    **_POST,
+)
 def flagged_in_plane(realisation):
     """More than half of those that SD leaves lie within 15 deg of the plane, which is 26 % of the sky. One
     part; the share of the sky that is flagged is told. It does not apply where none is.
@@ -188,9 +204,14 @@ def flagged_in_plane(realisation):
 
 
 @claim(
-    "M2", "oscillating", "Without them the peak of SD is lower.",
-    number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked", figure="6", **_POST,
-)  # fmt: skip
+    "M2",
+    "oscillating",
+    "Without them the peak of SD is lower.",
+    number="highest P/P0 of SD near k = 0.31, masked",
+    paper="lower than unmasked",
+    figure="6",
+    **_POST,
+)
 def masked_sdecgmca(realisation):
     """The highest P/P0 near k = 0.31 is lower. One part. It does not apply where SD has no peak, which is a
     P/P0 above 1.1 there.
@@ -215,31 +236,50 @@ def _masked_over_unmasked(measure, unmasked, methods):
 
 
 number_claim(
-    "M3", "oscillating", "P/P0 of the other methods does not improve notably.",
+    "M3",
+    "oscillating",
+    "P/P0 of the other methods does not improve notably.",
     values=_masked_over_unmasked(frequency_band("error"), lambda sky, one: sky.of("oscillating")[one], BLIND),
-    test=lambda value: value >= 1 - NOTABLE, words="not notably better", value=smallest,
+    test=lambda value: value >= 1 - NOTABLE,
+    words="not notably better",
+    value=smallest,
     sentence="Mean |P/P0 - 1| with over without the mask",
-    number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1", figure="6", **_POST,
+    number="smallest mean |P/P0 - 1| over that without the mask",
+    paper="about 1",
+    figure="6",
+    **_POST,
     reading="Notably is by more than a fifth of the mean |P/P0 - 1|. Two main parts: PCA/ICA by the worse of "
     "the two, and GMCA.",
-)  # fmt: skip
+)
 
 number_claim(
-    "M4", "oscillating", "C/C0 improves for every BSS method, most for SD.",
+    "M4",
+    "oscillating",
+    "C/C0 improves for every BSS method, most for SD.",
     values=_masked_over_unmasked(angular_band("error", 1, 200), lambda sky, one: sky.unmasked(one), BSS),
-    test=below(1), words="improves", also={"SD most": sd_is(min)},
+    test=below(1),
+    words="improves",
+    also={"SD most": sd_is(min)},
     sentence="Mean |C/C0 - 1| with over without the mask",
-    number="largest mean |C/C0 - 1| over that without the mask", paper="< 1", figure="6", **_POST,
+    number="largest mean |C/C0 - 1| over that without the mask",
+    paper="< 1",
+    figure="6",
+    **_POST,
     reading="The mean |C/C0 - 1| for 2 <= l < 200 shrinks, with spectra of the whole sky in the bins of the "
     "masked ones; most is by the largest factor. Four main parts: PCA/ICA by the worse of the two, GMCA, SD; "
     "SD most.",
-)  # fmt: skip
+)
 
 
 @claim(
-    "M5", "oscillating", "With the mask SD is recovered down to smaller multipoles and lower k.",
-    number="lowest l from which SD is recovered, masked", paper="lower than unmasked", figure="6", **_POST,
-)  # fmt: skip
+    "M5",
+    "oscillating",
+    "With the mask SD is recovered down to smaller multipoles and lower k.",
+    number="lowest l from which SD is recovered, masked",
+    paper="lower than unmasked",
+    figure="6",
+    **_POST,
+)
 def masked_range(realisation):
     """A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to
     k = 0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
@@ -266,83 +306,3 @@ def _recovered_from(x, ratios, top):
     share = np.cumsum(near[::-1])[::-1] / np.arange(len(near), 0, -1)
     begins = near & (share >= CONSISTENT)
     return float(x[inside][begins][0]) if begins.any() else np.inf
-
-
-def _gain(realisation):
-    """Total MSE dimmed over full, {method: ratio}."""
-    full, dimmed = (each(case, total)(realisation) for case in _CASES)
-    return _ratios(dimmed, full)
-
-
-number_claim(
-    "G1", "oscillating, dimmed", "Dimming the plane improves every method, most PCA, ICA and SD.",
-    values=_gain, test=below(1), words="improves", sentence="Total MSE dimmed over full",
-    also={"most PCA, ICA, SD": lambda of: set(sorted(of, key=of.get)[:3]) == {"PCA", "ICA", "SD"}},
-    number="largest total MSE over that of the full Galaxy", paper="< 1", **_DIMMED,
-    reading="To improve is a smaller total MSE; most is by the three largest factors. Six main parts: each "
-    "method, PCA/ICA by the worse of the two; those three most.",
-)  # fmt: skip
-
-
-@claim(
-    "G2", "oscillating, dimmed", "The peak near k = 0.3 stays for PCA and ICA, and is below 2 % for SD.",
-    number="highest P/P0 of SD near k = 0.31, less 1", paper="< 0.02", **_DIMMED,
-)  # fmt: skip
-def dimmed_peak(realisation):
-    """A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it stays for PCA/ICA, both of
-    them; that of SD is below 1.02.
-    """
-    values = each("dimmed", bump, _THREE)(realisation)
-    blind = {name: values[name] for name in ("PCA", "ICA")}
-    parts = *parts_of(blind, above(CLEAR), "keep the peak"), Part("SD below 2 %", values["SD"] < 1.02)
-    return Finding(values["SD"] - 1, parts, f"Highest P/P0 near k = 0.31: {listing(values, '{:.4g}')}.")
-
-
-def _growth(realisation):
-    """Share of l within 10 % before, after, and after less before, each {method: share}."""
-
-    def share(comparison):
-        return float(np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < RECOVERED))
-
-    before, after = (by_method(realisation.of(case), share, _THREE) for case in _CASES)
-    return before, after, {name: after[name] - before[name] for name in before}
-
-
-@claim(
-    "G3", "oscillating, dimmed", "The range of l that is recovered grows for PCA, ICA and SD.",
-    number="smallest growth of the share of l within 10 %", paper="> 0", **_DIMMED,
-)  # fmt: skip
-def dimmed_range(realisation):
-    """The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows. Two main parts: PCA/ICA by the worse of
-    the two, and SD.
-    """
-    before, after, growth = _growth(realisation)
-    return Finding(
-        smallest(growth),
-        parts_of(growth, above(0), "grows"),
-        f"Share of l within 10 %: {listing(before, '{:.0%}')}; dimmed: {listing(after, '{:.0%}')}.",
-    )
-
-
-@claim(
-    "G4", "oscillating, dimmed", "Of PCA, ICA and SD, SD gains most from dimming.",
-    number="growth of SD's share of l within 10 %", paper="> that of PCA and ICA",
-    section="6", figure="7", notebook="13_dimmed_galaxy",
-)  # fmt: skip
-def dimmed_most(realisation):
-    """The conclusions speak of the range of l: the share of l, 2 <= l <= 200, within 10 % grows for SD, and
-    more than for PCA and for ICA. Main part. Another: its total MSE shrinks, by the largest factor of the
-    three.
-    """
-    _, _, growth = _growth(realisation)
-    gain = {name: value for name, value in _gain(realisation).items() if name in growth}
-    parts = (
-        Part("SD's range grows most", growth["SD"] > max(0, growth["PCA"], growth["ICA"])),
-        Part("SD's error shrinks most", gain["SD"] < min(1, gain["PCA"], gain["ICA"]), main=False),
-    )
-    return Finding(
-        growth["SD"],
-        parts,
-        f"Growth of the share of l within 10 %: {listing(growth)}; total MSE dimmed over full: "
-        f"{listing(gain)}.",
-    )
