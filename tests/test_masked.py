@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from healpy import UNSEEN
 from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
 
 from himap.core.errors import InputError
@@ -138,3 +139,15 @@ def test_bad_masks(problem, mask, message):
 def test_a_beam_that_ends_too_early(problem):
     with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
         METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
+
+
+def test_whole_numbers_are_a_mask(problem):
+    by_mask = [Data.of(problem[0], freqs=FREQS, mask=mask) for mask in (CUT, CUT.astype(int))]
+    assert np.array_equal(*(PCA().separate(data).sources for data in by_mask))
+
+
+def test_bad_pixels_that_are_kept(problem):
+    maps = problem[0].copy()
+    maps[2, np.flatnonzero(CUT)[3]] = UNSEEN
+    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
+        METHOD.clean(maps, **GIVEN, mask=CUT)
