@@ -9,7 +9,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.removal import create, harmonic
-from himap.removal.analysis import analysed, continued
+from himap.removal.analysis import cube_modes, inpainted_maps
 from himap.removal.beam_subspace import BeamSubspace, inner_alm, inner_weights
 from himap.removal.data import Data
 from himap.removal.pca import PCA
@@ -65,9 +65,9 @@ class TestExactness:
             [np.kron(row, (beam[:, None] * fields).T) for row, beam in zip(mixing, seen, strict=True)]
         )
         dense = design @ np.linalg.lstsq(design, low.ravel(), rcond=1e-8)[0]
-        modes = analysed(low, CUT)
+        modes = cube_modes(low, CUT)
         best = BEAMS / BEAMS.max(axis=0)
-        found = through_beams(continued(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
+        found = through_beams(inpainted_maps(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
         apart = (found[:, CUT] - dense.reshape(low.shape))[:, inside]
         assert apart.std() < 5e-3 * low[:, inside].std()
 
