@@ -106,19 +106,7 @@ def test_modules_are_small(name, source):
     assert len(source.splitlines()) < 350, "a module fits on a few screens; split it"
 
 
-WORDS = {
-    "told",
-    "taken",
-    "found",
-    "stands",
-    "hangs",
-    "beside",
-    "lean",
-    "misjudged",
-    "lacking",
-    "came",
-    "put",
-}
+WORDS = {"told", "taken", "found", "stands", "hangs", "beside", "lean", "misjudged", "lacking", "came", "put"}
 """In place of which the field has others: residual, assumed, recovered, removed, missing, input, output."""
 
 
