@@ -68,7 +68,7 @@ import healpy as hp
 import numpy as np
 
 from himap.cubes import beams_of, clean_cube, read_cube
-from himap.cubes.mocks import made_mocks
+from himap.cubes.mocks import draw_mocks
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show, show_table
 from himap.figures.planes import patch_maps
@@ -303,7 +303,7 @@ windows = beams_of(cube, selected)
 drawn = np.random.default_rng(7)
 mocks = [
     mock + noise_by_hits(study.survey, hits, drawn)[np.ix_(cube.layout.channels, cube.mask)]
-    for mock in made_mocks(cube, windows, n_mocks)
+    for mock in draw_mocks(cube, windows, n_mocks)
 ]
 put_in = [on_grid(mock) for mock in mocks]
 of_mocks = [power(mock) for mock in put_in]

@@ -5,7 +5,7 @@ import pytest
 
 from himap.maps import sphere
 from himap.removal import harmonic
-from himap.removal.analysis import analysed
+from himap.removal.analysis import cube_modes
 
 NSIDE = 16
 LMAX = 32  # the transform of HEALPix maps is good to 2 nside
@@ -25,14 +25,14 @@ def cube(rng):
 
 def test_modes_are_those_that_the_cube_was_made_of(cube):
     maps, bright, faint = cube
-    found = analysed(maps).upto(LMAX)
+    found = cube_modes(maps).upto(LMAX)
     assert found.dtype == np.float64 and found.shape == bright.shape
     assert (found - bright - faint).std() < 0.1 * faint.std()
 
 
 def test_modes_along_spectra_are_their_sums(cube, rng):
     maps = cube[0]
-    modes, rows = analysed(maps), rng.standard_normal((3, 8))
+    modes, rows = cube_modes(maps), rng.standard_normal((3, 8))
     expected = rows @ modes.upto(LMAX)
     np.testing.assert_allclose(modes.along(rows, LMAX), expected, atol=1e-5 * cube[2].std())
 
@@ -42,4 +42,4 @@ def test_what_is_bright_is_analysed_as_closely_as_noise_asks(cube):
     maps, bright, faint = cube
     rough = harmonic.to_modes(sphere.analyse(maps, n_iter=0))[:, : bright.shape[1]]
     assert (rough - bright - faint).std() > faint.std()
-    assert analysed(maps).spectra.shape == (8, 2)
+    assert cube_modes(maps).spectra.shape == (8, 2)

@@ -149,8 +149,8 @@ def test_modes_at_hand_are_not_made_again(problem, monkeypatch):
     maps = problem[0].astype(np.float32)
     method, given = BeamSubspace(n_sources=4), {"freqs": FREQS, "beams": BEAMS}
     expected = method.clean(maps, **given).residual
-    modes = analysis.analysed(centred(maps))
-    monkeypatch.setattr(analysis, "analysed", None)
+    modes = analysis.cube_modes(centred(maps))
+    monkeypatch.setattr(analysis, "cube_modes", None)
     assert np.array_equal(method.clean(maps, **given, modes=modes).residual, expected)
     with pytest.raises(TypeError):
         method.clean(maps, **given)

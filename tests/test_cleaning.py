@@ -49,15 +49,15 @@ class TestData:
     def test_what_is_computed_of_the_maps_is_shared_until_they_change(self, data, mock, monkeypatch):
         other = replace(data, beams=BEAMS**2, noise=None)
         modes, means = data.modes, other.means
-        monkeypatch.setattr(analysis, "analysed", None)
+        monkeypatch.setattr(analysis, "cube_modes", None)
         assert other.modes is modes and data.means is means
         assert data.with_mock(mock).means == pytest.approx(means + mock.mean(axis=1), rel=1e-5)
         with pytest.raises(TypeError):
             _ = data.with_mock(mock).modes
 
     def test_one_analysis_serves_all_methods(self, data, monkeypatch):
-        work, calls = analysis.analysed, []
-        monkeypatch.setattr(analysis, "analysed", lambda *given: calls.append(given) or work(*given))
+        work, calls = analysis.cube_modes, []
+        monkeypatch.setattr(analysis, "cube_modes", lambda *given: calls.append(given) or work(*given))
         cleaning = Cleaning.of(data, BeamSubspace(n_sources=2), peaks=False)
         for one in (
             cleaning,

@@ -75,6 +75,13 @@ class TestTransfer:
         assert found.angular[2:25].mean() == pytest.approx(expected["angular"][1:24].mean(), abs=0.003)
         assert found.frequency[1] < 0.8
 
+    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng):
+        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
+        mock = mock_of(cube, rng)
+        disturbed = np.where(cube.missing, np.float32(1e6), mock)
+        quiet, loud = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))
+        assert np.array_equal(quiet.frequency, loud.frequency) and np.array_equal(quiet.angular, loud.angular)
+
     def test_corrects_what_is_left_through_gaps(self, cube, rng):
         """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
         cleaned = clean_cube(cube, "pca", n_sources=6, peaks=False)

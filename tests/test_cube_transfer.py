@@ -11,7 +11,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
-from himap.cubes.mocks import made_mocks, mock_survey, read_mocks
+from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
 from himap.cubes.spectra import compared, spectra_of
 from himap.cubes.transfer import HEADER, corrected_table, write_spectra
 from himap.maps import sphere
@@ -56,14 +56,14 @@ class TestMade:
 
     def test_beam_noise_and_seeds(self, cube):
         beams = beams_of(cube, "degraded")
-        one, two = made_mocks(cube, beams, 2)
-        again, *_ = made_mocks(cube, beams, 1)
-        (noisy,) = made_mocks(cube, beams, 1, noise=0.5)
+        one, two = draw_mocks(cube, beams, 2)
+        again, *_ = draw_mocks(cube, beams, 1)
+        (noisy,) = draw_mocks(cube, beams, 1, noise=0.5)
         assert one.shape == cube.maps.shape and one.dtype == np.float32
         assert np.array_equal(one, again) and abs(np.corrcoef(one[3], two[3])[0, 1]) < 0.2
         assert (noisy - one).std() == pytest.approx(0.5, rel=0.01)
         blurred = sphere.power_spectrum(sphere.analyse(one[0]))
-        (sharp,) = made_mocks(cube, np.ones_like(beams), 1)
+        (sharp,) = draw_mocks(cube, np.ones_like(beams), 1)
         ratio = blurred[1:30] / sphere.power_spectrum(sphere.analyse(sharp[0]))[1:30]
         assert ratio == pytest.approx(beams[0, 1:30] ** 2, rel=0.05, abs=0.01)
 
@@ -78,7 +78,7 @@ class TestMade:
     )
     def test_refused(self, cube, changed, n_mocks, options, told):
         with pytest.raises(InputError, match=told):
-            list(made_mocks(replace(cube, **changed), beams_of(cube, "degraded"), n_mocks, **options))
+            list(draw_mocks(replace(cube, **changed), beams_of(cube, "degraded"), n_mocks, **options))
 
 
 class TestFromFiles:

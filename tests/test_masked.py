@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from healpy import UNSEEN
 from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
 
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.removal import create, harmonic
-from himap.removal.analysis import analysed, continued
+from himap.removal.analysis import cube_modes, inpainted_maps
 from himap.removal.beam_subspace import BeamSubspace, inner_alm, inner_weights
 from himap.removal.data import Data
 from himap.removal.pca import PCA
@@ -64,9 +65,9 @@ class TestExactness:
             [np.kron(row, (beam[:, None] * fields).T) for row, beam in zip(mixing, seen, strict=True)]
         )
         dense = design @ np.linalg.lstsq(design, low.ravel(), rcond=1e-8)[0]
-        modes = analysed(low, CUT)
+        modes = cube_modes(low, CUT)
         best = BEAMS / BEAMS.max(axis=0)
-        found = through_beams(continued(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
+        found = through_beams(inpainted_maps(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
         apart = (found[:, CUT] - dense.reshape(low.shape))[:, inside]
         assert apart.std() < 5e-3 * low[:, inside].std()
 
@@ -138,3 +139,15 @@ def test_bad_masks(problem, mask, message):
 def test_a_beam_that_ends_too_early(problem):
     with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
         METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
+
+
+def test_whole_numbers_are_a_mask(problem):
+    by_mask = [Data.of(problem[0], freqs=FREQS, mask=mask) for mask in (CUT, CUT.astype(int))]
+    assert np.array_equal(*(PCA().separate(data).sources for data in by_mask))
+
+
+def test_bad_pixels_that_are_kept(problem):
+    maps = problem[0].copy()
+    maps[2, np.flatnonzero(CUT)[3]] = UNSEEN
+    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
+        METHOD.clean(maps, **GIVEN, mask=CUT)

@@ -13,7 +13,7 @@ import pytest
 
 import himap
 from himap.core.errors import InputError
-from himap.core.files import check_free, complete_left, whole_file, whole_files
+from himap.core.files import check_free, complete_abandoned, whole_file, whole_files
 
 NAMES = ("a.txt", "b.txt", "c.txt")
 
@@ -56,7 +56,7 @@ def test_a_set_is_there_or_not_wherever_it_is_killed(tmp_path, monkeypatch, befo
         Path(name).write_text(text)
     killed(after)
     assert len(os.listdir()) > len(held()) or after == 4
-    complete_left(Path())
+    complete_abandoned(Path())
     assert held() == (dict.fromkeys(NAMES, "new") if after else before)
     assert set(os.listdir()) == set(held())
 
@@ -79,7 +79,7 @@ def test_what_is_being_written_is_left_alone(tmp_path):
         first.write_text("1")
         with whole_file(tmp_path / "b") as second:
             second.write_text("2")
-        assert complete_left(tmp_path) == set()
+        assert complete_abandoned(tmp_path) == set()
     assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
@@ -92,7 +92,7 @@ def test_a_list_renames_nothing_elsewhere(tmp_path):
     left.mkdir(parents=True)
     (left / "victim").write_text("theirs")
     (left / ".whole").write_text('["../victim"]')
-    complete_left(tmp_path / "home")
+    complete_abandoned(tmp_path / "home")
     assert (tmp_path / "victim").read_text() == "mine" and not left.exists()
 
 

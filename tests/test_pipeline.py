@@ -103,7 +103,7 @@ def test_readings_of_the_noise_share_the_sky():
 def test_the_analysis_of_an_observation_is_shared(monkeypatch):
     """By methods and numbers of sources; maps with their peaks have one of their own."""
     cleaned.separation(CASE, SDecGMCA(n_sources=2))
-    monkeypatch.setattr(pipeline, "analysed", None)
+    monkeypatch.setattr(pipeline, "cube_modes", None)
     cleaned.separation(CASE, SDecGMCA(n_sources=3))
     cleaned.separation(CASE, PCA(n_sources=3), mask_peaks=False)  # needs none
     with pytest.raises(TypeError):

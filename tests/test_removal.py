@@ -265,7 +265,7 @@ def test_a_method_that_breaks_its_promise(sky, channels, pixels, kind):
     ],
 )
 def test_what_cannot_be_is_refused_before_the_analysis(sky, monkeypatch, method, given, message):
-    monkeypatch.setattr("himap.removal.analysis.analysed", None)
+    monkeypatch.setattr("himap.removal.analysis.cube_modes", None)
     with pytest.raises(InputError, match=message):
         method.clean(sky, **given)
 

@@ -17,8 +17,8 @@ from himap.removal.smooth_spectra import (
     faint_covariance,
     log_fit,
     multipole_bands,
+    shrunk_variance,
     smooth_basis,
-    standing_out,
 )
 
 N = 60
@@ -66,11 +66,11 @@ class TestSteps:
         """Sample eigenvalue and angle of a spiked covariance, 1 + variance (Baik & Silverstein 2006)."""
         sample = (1 + variance) * (1 + ratio / variance)
         cosine = (1 - ratio / variance**2) / (1 + ratio / variance)
-        assert standing_out(np.array([sample]), ratio) == pytest.approx([variance * cosine])
+        assert shrunk_variance(np.array([sample]), ratio) == pytest.approx([variance * cosine])
 
     def test_noise_alone_does_not_stand_out(self):
         edge = (1 + np.sqrt(0.1)) ** 2
-        found = standing_out(np.array([0.3, 1.0, edge, edge + 1e-6, edge + 0.1]), 0.1)
+        found = shrunk_variance(np.array([0.3, 1.0, edge, edge + 1e-6, edge + 0.1]), 0.1)
         assert (found[:3] == 0).all()
         assert 0 < found[3] < 1e-2 < found[4]
 

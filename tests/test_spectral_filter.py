@@ -7,7 +7,7 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
 
 from himap.maps import sphere
 from himap.removal import harmonic
-from himap.removal.analysis import analysed
+from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import SpectralFilter, on_sky, seen_through, through_beams
 
 
@@ -34,13 +34,13 @@ def some_filter(rng, n_channels, lmax, n_sources=2):
 
 
 def foreground(linear, maps):
-    return linear.foreground(maps, analysed(maps)).cube()
+    return linear.foreground(maps, cube_modes(maps)).cube()
 
 
 class TestFilter:
     def test_one_multipole_at_a_time(self, sky, rng):
         """Maps that end at the last l of the filter: what a transform holds is all that there is."""
-        linear, modes = some_filter(rng, len(sky.maps), LMAX), analysed(sky.maps)
+        linear, modes = some_filter(rng, len(sky.maps), LMAX), cube_modes(sky.maps)
         expected = modes.upto(LMAX)
         for degree, block in enumerate(harmonic.blocks(expected)):
             assert modes.at(degree) == pytest.approx(block)
@@ -72,7 +72,7 @@ class TestBeams:
         maps = rng.standard_normal((8, 12 * NSIDE**2)).astype(np.float32)
         space = rng.standard_normal((8, 2))
         expected = space @ np.linalg.lstsq(space, maps)[0]
-        found = through_beams(maps, space, np.ones((8, 3 * NSIDE)), analysed(maps)).cube()
+        found = through_beams(maps, space, np.ones((8, 3 * NSIDE)), cube_modes(maps)).cube()
         assert found == pytest.approx(expected, abs=1e-5)
 
     def test_against_every_mode_by_itself(self, problem, rng):
@@ -85,13 +85,13 @@ class TestBeams:
             matrix = BEAMS[:, degree, None] * mixing
             modes[:, mode] = matrix @ np.linalg.lstsq(matrix, modes[:, mode])[0]
         expected = sphere.synthesise(harmonic.from_modes(modes), NSIDE)
-        found = through_beams(maps, mixing, BEAMS, analysed(maps)).cube()
+        found = through_beams(maps, mixing, BEAMS, cube_modes(maps)).cube()
         assert (found - expected).std() < 3e-3 * expected.std()
 
     def test_only_the_span_counts(self, problem, rng):
         maps, mixing, _ = problem
         other, maps = mixing @ (np.eye(4) + rng.random((4, 4))), maps.astype(np.float32)
-        one, two = (through_beams(maps, space, BEAMS, analysed(maps)).cube() for space in (mixing, other))
+        one, two = (through_beams(maps, space, BEAMS, cube_modes(maps)).cube() for space in (mixing, other))
         assert one == pytest.approx(two, abs=1e-5 * float(np.abs(one).max()))
 
     @pytest.mark.parametrize("lmax", [None, 9])

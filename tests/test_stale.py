@@ -158,7 +158,7 @@ WORDS = [
     ("paper/claims/smooth_beams.py", "Largest |C/C0 - 1|", "Most of |C/C0 - 1|"),
     ("paper/claims/smooth_beams.py", "The parametric fit is too high", "The fit is too high"),
     ("core/survey.py", "def preset(cls, name", "def preset(cls, name: str"),
-    ("removal/base.py", "def _found(self, data)", "def _found(self, data: object)"),
+    ("removal/base.py", "def _separation_of(self, data)", "def _separation_of(self, data: object)"),
     ("removal/base.py", "stopped after", "ended after"),
     ("removal/base.py", "found = self._separate(whole)", "found: object = self._separate(whole)"),
     ("instrument/observe.py", "\n    ", "\n\n    "),

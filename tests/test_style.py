@@ -104,3 +104,21 @@ def test_modules_are_small(name, source):
     tree = ast.parse(source)
     assert ast.get_docstring(tree), "a module says in its docstring what it is for"
     assert len(source.splitlines()) < 350, "a module fits on a few screens; split it"
+
+
+WORDS = {"told", "taken", "found", "stands", "hangs", "beside", "lean", "misjudged", "lacking", "came", "put"}
+"""In place of which the field has others: residual, assumed, recovered, removed, missing, input, output."""
+
+
+@pytest.mark.parametrize(("name", "source"), library().items(), ids=library())
+def test_names_are_words_of_the_field(name, source):
+    """Of functions, classes, their arguments and fields."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.arg):
+            names.add(node.arg)
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            names.add(node.target.id)
+    assert not [item for item in names if set(re.split("_|(?<=[a-z])(?=[A-Z])", item.lower())) & WORDS]

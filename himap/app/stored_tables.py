@@ -39,17 +39,17 @@ def short(value, digits=2):
     return f"{float(f'{value:.{digits}g}'):,g}"
 
 
-def steps_table(found):
+def steps_table(stored):
     """Time, memory, floor and alternative of every step, the machine, and the provenance, as Markdown.
 
     Parameters
     ----------
-    found
+    stored
         What ``python -m benchmarks`` wrote. The goals are shown at the preset ``paper``, for which they were
         set; what misses its goal is bold.
     """
-    goals, rows = found["about"]["preset"] == "paper", []
-    for step in found["steps"]:
+    goals, rows = stored["about"]["preset"] == "paper", []
+    for step in stored["steps"]:
         texts = {
             "Time": f"{short(step['seconds'], 3)} s",
             "Goal": f"{step['goal_seconds']} s",
@@ -71,7 +71,7 @@ def steps_table(found):
         other = step.get("alternative")
         times = f"{short(other['seconds'] / step['seconds'])} × {other['name']}" if other else ""
         rows.append({"Step": step["step"]} | row | {"Alternative": times})
-    machine = found["machine"]
+    machine = stored["machine"]
     said = (
         f"This machine moved {machine['bandwidth'] / 1e9:.3g} GB/s, did {machine['operations'] / 1e9:.3g} "
         f"GFlop/s in float64 ({machine['operations_single'] / 1e9:.3g} in float32), and took "
@@ -79,24 +79,24 @@ def steps_table(found):
         f"({1e3 * machine['transform_single']:.3g} in float32)."
     )
     head = [name.strip() for name in rows[0]]
-    return "\n\n".join([_markdown(head, [row.values() for row in rows]), said, _footer(found["about"])])
+    return "\n\n".join([_markdown(head, [row.values() for row in rows]), said, _footer(stored["about"])])
 
 
-def growth_table(found):
+def growth_table(stored):
     """The exponents of every step, of what ``python -m benchmarks.scaling`` wrote, as Markdown."""
-    ways = found["found"].values()
+    ways = stored["found"].values()
     rows = [[step, *(f"{way[step]['exponent']:.2f}" for way in ways)] for step in next(iter(ways))]
     head = ["Step", "with nside", "with channels"]
-    return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
+    return "\n\n".join([_markdown(head, rows), _footer(stored["about"])])
 
 
-def endurance_table(found):
+def endurance_table(stored):
     """Outcomes of disturbed commands, of what ``python -m benchmarks.endurance`` wrote, as Markdown.
 
     A count that ought to be zero and is not is bold.
     """
     rows = []
-    for name, counts in found["found"].items():
+    for name, counts in stored["found"].items():
         text, times = _DISTURBED[name]
         failed = sum(counts.get(key, 0) for key in ("reruns_that_failed", "processes_that_failed"))
         endings = [counts[key] for key in ("told_in_a_sentence", "done_all_the_same") if key in counts]
@@ -105,7 +105,7 @@ def endurance_table(found):
         numbers = (failed, counts.get("other_results", 0), remains)
         rows.append([text, f"{counts.get(times, 0)}", *(f"**{n}**" if n else "0" for n in numbers)])
     head = ["What was done", "Times", "Failed", "Other results", "Left behind"]
-    return "\n\n".join([_markdown(head, rows), _footer(found["about"])])
+    return "\n\n".join([_markdown(head, rows), _footer(stored["about"])])
 
 
 def ledgers_table(ledgers, only=None):

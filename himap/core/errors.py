@@ -25,5 +25,5 @@ def plain_text(text):
 
 def shortened(text):
     """`text` that fits a few screens, with its end, where the way out is."""
-    n_left, half = len(text) - _LONGEST, _LONGEST // 2
-    return text if n_left <= 0 else f"{text[:half]} [... {n_left} characters more ...] {text[-half:]}"
+    n_hidden, half = len(text) - _LONGEST, _LONGEST // 2
+    return text if n_hidden <= 0 else f"{text[:half]} [... {n_hidden} characters more ...] {text[-half:]}"

@@ -180,7 +180,7 @@ def whole_files(*paths):
     home, at_work = paths[0].parent, paths[0]
     try:
         home.mkdir(parents=True, exist_ok=True)
-        complete_left(home)
+        complete_abandoned(home)
         folder = home.resolve() / own_name(_OUTPUT)
         folder.mkdir(mode=0o700)
         temporary = [folder / path.name for path in paths]
@@ -204,7 +204,7 @@ def _move(files):
         os.replace(file, file.parents[1] / file.name)
 
 
-def complete_left(home):
+def complete_abandoned(home):
     """Complete or remove what ended processes left in the folder `home`.
 
     Returns
@@ -234,7 +234,7 @@ def check_free(paths, *, overwrite):
         A folder or device in the place of a file, a name that no file can have, or, without `overwrite`, a
         file that exists.
     """
-    completed = complete_left(paths[0].parent)
+    completed = complete_abandoned(paths[0].parent)
     for path in paths:
         try:
             status = path.lstat()

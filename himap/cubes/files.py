@@ -11,7 +11,7 @@ from himap.core.reading import mapped_array, read_array, read_numbers, regular_f
 from himap.cubes import fits, hdf5
 from himap.cubes.cube import make_cube
 from himap.cubes.layout import Layout, check_cube_room, same_freqs
-from himap.cubes.weights import is_path, own_datasets, voxel_weights
+from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.healpix_io import ENDINGS, is_nested, temperature_unit
 from himap.maps.sphere import pixels_last, sphere_sizes
 from himap.removal.gnilc import LINE
@@ -67,7 +67,7 @@ def read_cube(
     left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
     weighed = weights is not None or flags is not None
-    names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": own_datasets(path, weights, flags)}
+    names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
     maps, layout = read_file(path, **names, held=_HELD + _HELD_WEIGHTS * weighed)
     layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
     if weighed:

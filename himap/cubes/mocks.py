@@ -46,7 +46,7 @@ def read_mocks(cube, paths, *, tell=None, **reading):
         yield mock.maps[:, cube.mask[mock.mask]]
 
 
-def made_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
+def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
     """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
 
     HI as in the simulations of the paper, through the beams, and white noise where its level is given.

@@ -101,21 +101,21 @@ def perturbed_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
     return assumed
 
 
-def sensitivity_table(found):
+def sensitivity_table(sensitivity):
     """A `Table` with a line for each `Sensitivity` of a list."""
     rows = []
-    for one in found:
+    for one in sensitivity:
         band, ratio = one.furthest
         wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.beam.period:g} MHz"
         rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", plain_band(band)))
     return Table(("what is wrong", "by", "furthest from 1", "in the band"), rows, align="lrrl")
 
 
-def sensitivity_figure(found):
+def sensitivity_figure(sensitivity):
     """The ratios of all bands for each error of the beam: one panel for each kind."""
     panels = []
     for kind, title in {"width": "error of the FWHM [%]", "ripple": "ripple of the FWHM [%]"}.items():
-        several = sorted((one for one in found if one.kind == kind), key=lambda one: one.error)
+        several = sorted((one for one in sensitivity if one.kind == kind), key=lambda one: one.error)
         if not several:
             continue
         at = range(len(several))
@@ -140,12 +140,12 @@ def sensitivity_figure(found):
     return plotting.lines(panels, size=(4.8, 3.8))
 
 
-def write_sensitivity(found, path):
+def write_sensitivity(sensitivity, path):
     """Write a page with the table and the figure of a list of `Sensitivity`."""
     text = (
         "The power that is left if the beam is another than is believed, over that with the beam as it is "
         "believed, in bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
         "excluded, know the beam better or remove one source more."
     )
-    picture = figure(sensitivity_figure(found), "Power that is left for other beams", text)
-    write_page(path, "How much hangs on the beam?", [sensitivity_table(found), picture])
+    picture = figure(sensitivity_figure(sensitivity), "Power that is left for other beams", text)
+    write_page(path, "How much hangs on the beam?", [sensitivity_table(sensitivity), picture])

@@ -157,19 +157,19 @@ def correct(spectra, transfer):
     return found
 
 
-def corrected_table(found, truth=None):
+def corrected_table(corrected, truth=None):
     """A `Table` with a line for each band of l and k; see `HEADER`.
 
     Parameters
     ----------
-    found
+    corrected
         What `correct` gives.
     truth
         The `Comparison` with the truth, if there is one.
     """
-    true, rows = _true(found, truth), []
-    for name, (kind, inside) in bands(found["angular"].x, found["frequency"].x).items():
-        one = found[kind]
+    true, rows = _true(corrected, truth), []
+    for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
+        one = corrected[kind]
         (sigma,) = one.sigma([inside / inside.sum()])
         spread = f"{sigma:.2%}" if np.isfinite(sigma) else "needs two mocks"
         row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread]
@@ -186,15 +186,17 @@ def plain_band(name):
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
-def _true(found, truth):
+def _true(corrected, truth):
     """{kind: the truth's spectrum where the corrected one is}, NaN where it is not known."""
     if truth is None:
-        return {kind: np.full(len(one.x), np.nan) for kind, one in found.items()}
+        return {kind: np.full(len(one.x), np.nan) for kind, one in corrected.items()}
     known = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {kind: np.interp(one.x, *known[kind], left=np.nan, right=np.nan) for kind, one in found.items()}
+    return {
+        kind: np.interp(one.x, *known[kind], left=np.nan, right=np.nan) for kind, one in corrected.items()
+    }
 
 
-def corrected_parts(found, n_mocks, truth=None):
+def corrected_parts(corrected, n_mocks, truth=None):
     """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table.
 
     Parameters as in `corrected_table`.
@@ -205,8 +207,8 @@ def corrected_parts(found, n_mocks, truth=None):
         "each other. They know nothing of foreground that is left: where too few sources are removed, the "
         "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
     )
-    true, panels = _true(found, truth), []
-    for kind, one in found.items():
+    true, panels = _true(corrected, truth), []
+    for kind, one in corrected.items():
         bars = one.sigma(np.eye(len(one.x)))
         curves = [
             (one.x, one.residual, {"label": "as it is left", "color": styles.ORANGE, "linestyle": "--"}),
@@ -219,22 +221,25 @@ def corrected_parts(found, n_mocks, truth=None):
             curves.append((one.x, true[kind], {"label": "truth", "color": "black", "linestyle": ":"}))
         labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
         panels.append(labels | {"curves": curves, "xscale": "log", "yscale": "log"})
-    for kind, one in found.items():
+    for kind, one in corrected.items():
         labels = {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": "share that comes back"}
         curves = [(one.x, one.share, {"color": styles.BLUE})]
         panels.append(labels | {"curves": curves, "xscale": "log", "ylim": (0, 1.1)})
     picture, alt = plotting.lines(panels, size=(4.6, 3)), "Corrected spectra and transfer functions"
-    return [figure(picture, alt, text, title="Corrected for what was lost"), corrected_table(found, truth)]
+    return [
+        figure(picture, alt, text, title="Corrected for what was lost"),
+        corrected_table(corrected, truth),
+    ]
 
 
-def write_spectra(found, path, truth=None):
+def write_spectra(corrected, path, truth=None):
     """Write both spectra as CSV, one l or k a line; NaN where something is not known.
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), ``left`` (mK^2, or mK^2 MHz),
     ``transfer_function``, ``corrected``, ``sigma`` (relative) and ``truth``.
     """
-    true, tables = _true(found, truth), []
-    for kind, one in found.items():
+    true, tables = _true(corrected, truth), []
+    for kind, one in corrected.items():
         columns = {"left": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(np.eye(len(one.x))), "truth": true[kind]}
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))

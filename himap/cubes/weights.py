@@ -20,7 +20,7 @@ def is_path(given):
     return isinstance(given, str) or hasattr(given, "__fspath__")
 
 
-def own_datasets(path, weights, flags):
+def weight_datasets(path, weights, flags):
     """Which datasets of the cube's own HDF5 file are its weights and flags, and no maps: a set of names."""
 
     def same_file(other):

@@ -115,9 +115,9 @@ def _all(result):
     return result
 
 
-def _separated(found):
+def _separated(separation):
     """What is taken, and the size of its spectra: signs are those of eigenvectors, which nothing fixes."""
-    return found.foreground.cube(), np.abs(found.mixing), found.lmax
+    return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
 
 
 def _first(eigenvalues):
@@ -125,9 +125,9 @@ def _first(eigenvalues):
     return eigenvalues[:6]
 
 
-def _assessed(found):
+def _assessed(assessment):
     """Spectra of what is left, at the level of HI."""
-    return replace(found, mixing=np.abs(found.mixing), n_iterations=0)
+    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0)
 
 
 _SHOWN = {

@@ -66,11 +66,11 @@ def error(case, remover, mask_peaks=True):
     return error_of(case, separation(case, remover, mask_peaks), mask_peaks)
 
 
-def error_of(case, found, mask_peaks=True):
+def error_of(case, separation, mask_peaks=True):
     """The same of any `Separation` of a case."""
-    endless = found.lmax is None
+    endless = separation.lmax is None
     there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
-    whole = on_sky(there, case.survey.nside, found.lmax) + -found.foreground
+    whole = on_sky(there, case.survey.nside, separation.lmax) + -separation.foreground
     return whole.truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
 
 

@@ -11,7 +11,7 @@ from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures.transfer import HarmonicPower, TransferFunction, expected_mock_power, harmonic_power
 from himap.paper import cleaned, pipeline
-from himap.removal.analysis import analysed
+from himap.removal.analysis import cube_modes
 from himap.removal.smooth_spectra import FilteredSeparation
 from himap.removal.spectral_filter import filtered, through_beams
 from himap.store.store import product
@@ -86,10 +86,10 @@ def error_parts(case, remover, mask_peaks=True):
         known = sphere.cut_cube(known, found.lmax)
     if isinstance(found, FilteredSeparation):
         filter_ = found.filter
-        hi_lost = filtered(filter_.spectra, filter_.estimators, known, analysed(known)).cube()
+        hi_lost = filtered(filter_.spectra, filter_.estimators, known, cube_modes(known)).cube()
     elif "beams" in remover.uses:
         relative = observed.beams / observed.beams.max(axis=0)
-        hi_lost = through_beams(known, found.mixing, relative, analysed(known)).cube()
+        hi_lost = through_beams(known, found.mixing, relative, cube_modes(known)).cube()
     else:
         basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
         hi_lost = basis @ (basis.T @ known)

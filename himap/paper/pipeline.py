@@ -20,7 +20,7 @@ from himap.maps import sphere
 from himap.maps.low_rank import HarmonicModes, centred, projection
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
-from himap.removal.analysis import analysed
+from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import on_sky, seen_through
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.galaxy import Dimming, Galaxy, foreground_components
@@ -139,7 +139,7 @@ def peak_masked(case):
 @product
 def analysis(case, mask_peaks=True):
     """The `CubeModes` of the maps that the foreground is found in, less their channel means."""
-    return analysed(centred(basis(case, mask_peaks)))
+    return cube_modes(centred(basis(case, mask_peaks)))
 
 
 def basis(case, mask_peaks):

@@ -65,7 +65,7 @@ class CubeModes:
         return modes
 
 
-def analysed(maps, kept=None):
+def cube_modes(maps, kept=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
     With a mask `kept` (n_pix,) bool, of the maps of the pixels that it keeps, (n_channels, n_kept): what is
@@ -98,7 +98,7 @@ def analysed(maps, kept=None):
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
 
 
-def continued(lines, kept, modes):
+def inpainted_maps(lines, kept, modes):
     """Maps (n_channels, n_pix) of the whole sphere: lines of sight where kept, what is bright elsewhere.
 
     Parameters

@@ -107,16 +107,16 @@ class ForegroundRemover(ABC):
         if modes is not None:
             basis.known["modes"] = modes
         cleaning = Cleaning(data=data, method=self, basis=basis)
-        vars(cleaning)["separation"] = separation = self._found(basis)
+        vars(cleaning)["separation"] = separation = self._separation_of(basis)
         cleaned = Cleaned(maps=cleaning.maps, residual=cleaning.residual, separation=separation)
         kept = data.grid if data.image is None else data.image[given["image"]]
         return cleaned if kept is None else cleaned.moved(lambda lines: scattered(lines, kept))
 
     def separate(self, data):
         """Find the foreground of `Data`, a `Separation` of their pixels; errors as of `clean`."""
-        return self._found(data)
+        return self._separation_of(data)
 
-    def _found(self, data):
+    def _separation_of(self, data):
         self.check(len(data.maps))
         self.check_data(data)
         whole = data.on_sphere() if self.uses & _WHOLE and data.image is None else data

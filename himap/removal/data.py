@@ -159,9 +159,9 @@ class Data:
     def modes(self):
         """The `CubeModes` of `centred`; of a part of the sphere with what is bright continued outside."""
         # Imported here: most methods need no transforms, and importing these takes a second.
-        from himap.removal.analysis import analysed
+        from himap.removal.analysis import cube_modes
 
-        return self._once("modes", lambda: analysed(self.centred, self.grid))
+        return self._once("modes", lambda: cube_modes(self.centred, self.grid))
 
     def _once(self, name, make):
         value = self.known.get(name, make)
@@ -173,9 +173,9 @@ class Data:
         """The same on the whole sphere, less the means: outside of `grid` what is bright goes on smoothly."""
         if self.grid is None:
             return self
-        from himap.removal.analysis import continued
+        from himap.removal.analysis import inpainted_maps
 
-        maps = continued(self.centred, self.grid, self.modes)
+        maps = inpainted_maps(self.centred, self.grid, self.modes)
         whole = replace(self, maps=maps, grid=None, weights=None, inside=self.grid)
         whole.known.update(means=self.means, centred=maps, modes=self.modes)
         return whole

@@ -45,7 +45,7 @@ class SmoothSpectra(ForegroundRemover):
 
     - S comes from X by least squares weighted with C^-1, which for what HI adds to S looks at its correlation
       between channels; its covariance beyond what C explains is shrunk to what random matrices of that size
-      let one believe (`standing_out`), and to its `n_sources` largest axes. What does not stand out is not
+      let one believe (`shrunk_variance`), and to its `n_sources` largest axes. What does not stand out is not
       taken, so that a source too many does no harm;
     - C comes from what is left, X less the mean of the foreground given X, and the covariance of that mean
       (expectation maximisation, Dempster et al. 1977; with free spectra, Delabrouille et al. 2003).
@@ -134,7 +134,7 @@ class _Band:
         left = [block - one @ (one.T @ block) for one, block in zip(orthonormal, data, strict=True)]
         products = sum(block @ block.T for block in left) / self.n_modes
         faint = self._faint(products * n_channels / (n_channels - n_smooth), n_smooth)
-        self.converged, self.n_turns, n_taken = False, 0, n_smooth
+        self.converged, self.n_turns, n_removed = False, 0, n_smooth
         while not self.converged and self.n_turns < _MOST_TURNS:
             self.n_turns += 1
             turn, self.estimators = self._axes(data, faint, n_sources)
@@ -144,8 +144,8 @@ class _Band:
                 rest = block - one @ (estimator @ block)
                 products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
             # Never more than in the last turn: one that is faint could come and go for ever.
-            n_taken = min(n_taken, int(np.sum(turn.any(axis=0))))
-            self.faint, faint = faint, self._faint((products + products.T) / (2 * self.n_modes), n_taken)
+            n_removed = min(n_removed, int(np.sum(turn.any(axis=0))))
+            self.faint, faint = faint, self._faint((products + products.T) / (2 * self.n_modes), n_removed)
             change = np.linalg.norm(faint - self.faint)
             self.converged = bool(change <= _SETTLED * np.linalg.norm(self.faint))
         self.amplitudes = np.hstack(
@@ -166,13 +166,13 @@ class _Band:
         whitened = np.linalg.solve(root, np.linalg.solve(root, signal / self.n_modes).T)
         values, axes = np.linalg.eigh(whitened)
         values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
-        variance = standing_out(values, len(axes) / self.n_modes)
+        variance = shrunk_variance(values, len(axes) / self.n_modes)
         turn = root @ (axes * np.sqrt(variance))  # so that its sources have unit variance
         precision = turn.T @ known @ turn + np.eye(n_sources)
         return turn, np.linalg.solve(precision, np.swapaxes(weighted @ turn, 1, 2))
 
-    def _faint(self, products, n_taken):
-        return faint_covariance(products + self.rounding * np.eye(len(products)), self.freqs, n_taken)
+    def _faint(self, products, n_removed):
+        return faint_covariance(products + self.rounding * np.eye(len(products)), self.freqs, n_removed)
 
 
 def smooth_basis(freqs, n_smooth):
@@ -194,7 +194,7 @@ def multipole_bands(lmax):
     return [(low, high - 1) for low, high in zip(edges[:-1], edges[1:], strict=True)]
 
 
-def standing_out(values, ratio):
+def shrunk_variance(values, ratio):
     """Variance of a signal behind sample eigenvalues of signal plus noise of unit variance, (n,).
 
     The shrinkage of eigenvalues that is optimal in the Frobenius norm (Donoho, Gavish & Johnstone 2018): 0 up
@@ -215,7 +215,7 @@ def standing_out(values, ratio):
     return np.where(values > edge, signal * cosine, 0)
 
 
-def faint_covariance(products, freqs, n_taken):
+def faint_covariance(products, freqs, n_removed):
     """A covariance D R D with D smooth in frequency and R that of a stationary field of smooth power.
 
     HI along a line of sight, at one l, is close to stationary, and its power has no features: the logarithm
@@ -230,7 +230,7 @@ def faint_covariance(products, freqs, n_taken):
         Mean of the products of the modes of two channels, (n_channels, n_channels).
     freqs
         Channel centres, MHz, (n_channels,).
-    n_taken
+    n_removed
         Smooth spectra that were taken: the power below half a wave more in the band is not looked at.
 
     Returns
@@ -244,7 +244,7 @@ def faint_covariance(products, freqs, n_taken):
     waves = np.arange(n_channels)  # half of them in the band, from none up to Nyquist's
     power = _power(products / np.outer(levels, levels), places, waves)
     k = np.pi * waves / (freqs[-1] - freqs[0])
-    first = max(0, min(n_taken + 1, n_channels - _POWER_ORDER - 1))
+    first = max(0, min(n_removed + 1, n_channels - _POWER_ORDER - 1))
     smooth = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
     return np.outer(levels, levels) * _correlation(smooth, places, waves)
 

@@ -121,7 +121,7 @@ def weighted_components(maps, weights, n_sources):
     )
 
 
-def seen_covariance(maps, weights, found):
+def seen_covariance(maps, weights, components):
     """The covariance between channels of what is observed, (n_channels, n_channels) float64, mK^2.
 
     Where pixels have weights, that of which `weighted_components` takes the axes. Where voxels have, each
@@ -135,15 +135,15 @@ def seen_covariance(maps, weights, found):
     ----------
     maps, weights
         As in `weighted_components`; maps need not be less their means.
-    found
+    components
         The `Separation` whose foreground is the model.
     """
-    maps = centred(maps, found.means)
+    maps = centred(maps, components.means)
     if weights.ndim == 1:
         return _covariance(maps, weights)
 
     def sums(block):
-        some, model = weights[:, block].astype(np.float64), found.foreground.lines(block)
+        some, model = weights[:, block].astype(np.float64), components.foreground.lines(block)
         rest = np.where(some > 0, maps[:, block] - model, 0)
         largest, pull, roots = some.max(axis=0), some * rest, np.sqrt(some)
         own, both = model * largest, roots * rest

@@ -13,7 +13,7 @@ import numpy as np
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.files import complete_left, whole_files
+from himap.core.files import complete_abandoned, whole_files
 from himap.core.reading import regular_file
 from himap.maps import sphere
 from himap.maps.healpix_io import (
@@ -333,7 +333,7 @@ def write_templates(folder, nside):
 def _free_folder(folder):
     """`folder` as a path with nothing in it."""
     folder = Path(os.path.expanduser(folder))
-    completed = complete_left(folder)
+    completed = complete_abandoned(folder)
     try:
         held = sorted(path.name for path in folder.iterdir() if path not in completed)
     except FileNotFoundError:

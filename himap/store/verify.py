@@ -157,9 +157,9 @@ def differences(stored, given, rtol=RTOL, place=""):
     """Where two summaries differ, and by how much: a list of texts."""
     if isinstance(stored, dict) and isinstance(given, dict) and stored.keys() == given.keys():
         if "at" in stored and stored["kind"] == given["kind"]:
-            is_lean = stored["kind"].startswith(("float32", "complex"))
+            is_single = stored["kind"].startswith(("float32", "complex"))
             worst = max(
-                _worst(stored[part], given[part], is_lean) for part in ("at", "rms") if part in stored
+                _worst(stored[part], given[part], is_single) for part in ("at", "rms") if part in stored
             )
             return [f"{place or 'result'} by {worst:.1e}"] if not worst <= rtol else []
         pairs = [(f"{place}.{name}", stored[name], given[name]) for name in stored]
@@ -172,17 +172,17 @@ def differences(stored, given, rtol=RTOL, place=""):
     return [text for where, one, other in pairs for text in differences(one, other, rtol, where.lstrip("."))]
 
 
-def _worst(stored, given, is_lean):
+def _worst(stored, given, is_single):
     """Largest difference relative to a number, or to the median of all where that is larger.
 
-    Where `is_lean`, to their root mean square: small coefficients and numbers in single precision are rounded
-    as large ones are.
+    Where `is_single`, to their root mean square: small coefficients and numbers in single precision are
+    rounded as large ones are.
     """
     one, other = np.array(stored, dtype=float), np.array(given, dtype=float)
     if one.shape != other.shape or not np.array_equal(np.isnan(one), np.isnan(other)):
         return np.inf
     known = ~np.isnan(one) & (one != other)
-    common = np.sqrt(np.nanmean(one**2)) if is_lean else np.nanmedian(np.abs(one))
+    common = np.sqrt(np.nanmean(one**2)) if is_single else np.nanmedian(np.abs(one))
     scale = np.maximum(np.abs(one), common)[known]
     with np.errstate(divide="ignore"):
         return float(np.max(np.abs(one - other)[known] / scale, initial=0))

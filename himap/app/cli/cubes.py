@@ -251,7 +251,7 @@ def _cleaned(asked):
 
 def _mocks(cube, beams, asked):
     """The maps of mocks, one after the other, as the option says: a number, or files; None if it is empty."""
-    from himap.cubes.mocks import made_mocks, read_mocks
+    from himap.cubes.mocks import draw_mocks, read_mocks
 
     words, noise = asked.mocks, asked.mock_noise
     numbers = [word for word in words if word.lstrip("-").isdecimal()]
@@ -261,7 +261,7 @@ def _mocks(cube, beams, asked):
         return None
     cube.check_sphere()
     if numbers:
-        return made_mocks(cube, beams, int(numbers[0]), noise=noise)
+        return draw_mocks(cube, beams, int(numbers[0]), noise=noise)
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
     for word in words:

@@ -147,8 +147,8 @@ def entries(rows):
     return [_entry(CLAIMS[id], found[id]) for id in CLAIMS if id in found]
 
 
-def _entry(claim, found):
-    findings = {key: _finding(rows) for key, rows in found.items()}
+def _entry(claim, findings):
+    findings = {key: _finding(rows) for key, rows in findings.items()}
     at_survey = {seed: finding for (seed, level), finding in findings.items() if level == 1}
     nudged = {level: finding for (_, level), finding in findings.items() if level != 1}
     return Entry(claim=claim, findings=at_survey, nudged=nudged)

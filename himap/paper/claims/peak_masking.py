@@ -97,7 +97,7 @@ def excess_of_masking(realisation):
     figure="B.3",
     **_PEAKS,
 )
-def peaks_left_in(realisation):
+def unmasked_peaks(realisation):
     """Worse is a larger total MSE of both spectra, a ratio above 1: a main part for each beam and method,
     PCA/ICA by the worse of the two, as far as voxels are masked with that beam; it does not apply if none is
     with any. After a first ledger had been recorded this mark was moved from 1 to 1.001 once; it is back at
