@@ -2,13 +2,10 @@
 
 import functools
 import os
-import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import threading
-from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -40,32 +37,6 @@ SET_FONTS = """faces => {
 }"""
 """Sets a page in fonts that come with matplotlib, so that no width depends on what is installed."""
 SHARED_SKY = ROOT.parent / "shared" / "sky"
-
-
-def blocks(text, language):
-    """The fenced blocks of a page in `language`."""
-    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.M | re.S)
-
-
-def example_of(page):
-    """The source of the method or the beam that a page of the book adds."""
-    (source,) = blocks((ROOT / "book" / f"{page}.md").read_text(), "python")
-    return source
-
-
-@contextmanager
-def added(page, package, name, registry):
-    """The example of a page as a file `name` of a package of himap, found as those that are there."""
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / f"{name}.py").write_text(example_of(page))
-        package.__path__.append(folder)
-        try:
-            package.create(name)
-            yield
-        finally:
-            package.__path__.remove(folder)
-            registry.pop(name, None)
-            sys.modules.pop(f"{package.__name__}.{name}", None)
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import healpy as hp
 import katbeam
 import numpy as np
 import pytest
-from conftest import added
+from book_examples import added
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey

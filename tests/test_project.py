@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
-from conftest import blocks, example_of
+from book_examples import blocks, example_of
 from test_style import lint_imports
 
 from himap import __version__

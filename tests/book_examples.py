@@ -1,0 +1,35 @@
+"""The method and the beam that pages of the book add, as files that are found like all others."""
+
+import re
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def blocks(text, language):
+    """The fenced blocks of a page in `language`."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.M | re.S)
+
+
+def example_of(page):
+    """The source of the method or the beam that a page of the book adds."""
+    (source,) = blocks((ROOT / "book" / f"{page}.md").read_text(), "python")
+    return source
+
+
+@contextmanager
+def added(page, package, name, registry):
+    """The example of a page as a file `name` of a package of himap, found as those that are there."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / f"{name}.py").write_text(example_of(page))
+        package.__path__.append(folder)
+        try:
+            package.create(name)
+            yield
+        finally:
+            package.__path__.remove(folder)
+            registry.pop(name, None)
+            sys.modules.pop(f"{package.__name__}.{name}", None)
