@@ -152,7 +152,13 @@ def test_compiled_code_is_kept_for_the_owner_alone(kept_in, tmp_path, monkeypatc
     assert os.environ["NUMBA_CACHE_DIR"] == "chosen"
 
 
-def test_where_others_could_put_code_none_is_read(kept_in, tmp_path, fresh):
+def test_where_others_could_put_code_none_is_read(kept_in, tmp_path, fresh, monkeypatch):
+    (tmp_path / "shared").mkdir(mode=0o700)
+    (tmp_path / "shared").chmod(0o777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "shared"))
+    with pytest.warns(UserWarning, match="not kept in NUMBA_CACHE_DIR: other users can write"):
+        files.keep_compiled_code()
+    assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "user" / "numba")
     kept_in().chmod(0o777)
     assert kept_in() == tmp_path / "results" / "numba"
     shutil.rmtree(tmp_path / "results")

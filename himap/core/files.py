@@ -15,6 +15,7 @@ import socket
 import stat
 import tempfile
 import uuid
+import warnings
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -139,11 +140,16 @@ def note_worker(folder):
 def keep_compiled_code():
     """Let numba keep what it compiles, which it runs again, where nobody else can write.
 
-    In ``numba`` in the user's cache or in that of results, else until this process ends; where the user has
-    set the variable NUMBA_CACHE_DIR, there.
+    In the folder that the variable NUMBA_CACHE_DIR names, else in ``numba`` in the user's cache or in that of
+    results, else until this process ends. A folder that others can write to is never used, with a warning
+    where it is the one that was named.
     """
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    if named:
+        try:
+            return check_private(Path(named))
+        except InputError as error:
+            warnings.warn(f"compiled code is not kept in NUMBA_CACHE_DIR: {error}", stacklevel=2)
     for home in (user_cache, cache_folder, run_folder):
         with suppress(OSError, InputError):
             folder = home() / "numba"

@@ -97,18 +97,21 @@ def masked_alms(maps, *, mask=None, alms=None):
     if alms is not None:
         checked_maps(maps, None)
         _check_alms(alms, maps.shape)
+    kind = np.result_type(maps.dtype, np.complex64)
     if alms is None or weights.mean() < _MOST:
-        masked = np.array([weighted(pixels, weights) for pixels in maps], dtype=maps.dtype)
-        return sphere.analyse(masked)
-    alms, removed, kept = alms.copy(), np.empty_like(maps), weights > 0
+        out = np.empty((len(maps), sphere.alm_size(3 * sphere.nside_of(maps) - 1)), dtype=kind)
+        for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
+            alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype))
+        return out
+    out, kept = alms.astype(np.result_type(alms, kind)), weights > 0
     if weights.min() == 1:
-        alms[:, 0] = 0
-        return alms
-    for pixels, alm, out in zip(maps, alms, removed, strict=True):
+        out[:, 0] = 0
+        return out
+    for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
         mean = np.average(pixels[kept], weights=weights[kept])
         alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)
-        out[:] = (1 - weights) * (pixels - mean)
-    return alms - sphere.analyse(removed, n_iter=0)
+        alm -= sphere.analyse(((1 - weights) * (pixels - mean)).astype(maps.dtype), n_iter=0)
+    return out
 
 
 def angular_power_pair(truth_alms, error, *, mask=None):
