@@ -75,8 +75,12 @@ class TestTransfer:
         assert found.angular[2:25].mean() == pytest.approx(expected["angular"][1:24].mean(), abs=0.003)
         assert found.frequency[1] < 0.8
 
-    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng):
-        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
+    @pytest.mark.parametrize("peaks", [False, True])
+    @pytest.mark.parametrize(
+        ("method", "parameters"), [("pca", {"n_sources": 2}), ("polynomial", {"order": 3})]
+    )
+    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng, method, parameters, peaks):
+        cleaned = clean_cube(cube, method, peaks=peaks, **parameters)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
         quiet, loud = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))

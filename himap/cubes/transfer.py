@@ -84,8 +84,6 @@ def measure_transfer(cleaned, mocks):
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
-        if cube.missing is not None:
-            mock = np.where(cube.missing, 0, mock)
         found = cleaned.with_mock(mock).separation
         if cube.missing is None:
             faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
