@@ -1,4 +1,4 @@
-"""How far what is left of a cube of one's own hangs on its beam, in Python and on the command line."""
+"""How far the residual of a user's cube depends on its beam, in Python and on the command line."""
 
 import numpy as np
 import pytest
@@ -121,7 +121,7 @@ class TestCommand:
         assert ripple.startswith("ripple of 20 MHz") and "+0.01 %" in ripple
         assert told.startswith(str(page))
         text = page.read_text()
-        assert "How much hangs on the beam?" in text and text.count("<img") == 1 and "+0.01 %" in text
+        assert "How much depends on the beam?" in text and text.count("<img") == 1 and "+0.01 %" in text
 
     @pytest.mark.parametrize(
         ("options", "message"),

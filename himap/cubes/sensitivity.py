@@ -148,4 +148,4 @@ def write_sensitivity(sensitivity, path):
         "excluded, know the beam better or remove one source more."
     )
     picture = figure(sensitivity_figure(sensitivity), "Power that is left for other beams", text)
-    write_page(path, "How much hangs on the beam?", [sensitivity_table(sensitivity), picture])
+    write_page(path, "How much depends on the beam?", [sensitivity_table(sensitivity), picture])

@@ -283,7 +283,7 @@ def write_suggestion(suggestion, path):
     """Write a page with the three views of a `Suggestion`."""
     text = (
         "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
-        "Spectra that hardly move with one more source, below the dashed line, do not hang on the choice."
+        "Spectra that hardly move with one more source, below the dashed line, do not depend on the choice."
     )
     if suggestion.weighted:
         text += (

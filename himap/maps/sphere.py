@@ -22,7 +22,7 @@ N_ITER_FLAT = 2
 beyond 2 nside (there C_l are 1 to 10 % off, 0.2 to 2 % with two) and little better below."""
 
 _ROOMY = 160
-"""To this l, at least, transforms are told to go; what is beyond the lmax asked for is zero. Below l of about
+"""To this l, at least, transforms go; what is beyond the lmax asked for is zero. Below l of about
 130 the last bits of ducc0's Legendre functions depend on the order in which its scratch lies in memory, and
 what is iterated over thresholds (SDecGMCA) grows such a difference into another result."""
 

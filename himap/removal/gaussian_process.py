@@ -31,7 +31,7 @@ class GaussianProcess(ForegroundRemover):
     K_smooth and K_mix squared exponentials, v exp(-x^2 / (2 L^2)) for channels x MHz apart: the foreground as
     it was emitted, and what instruments add to it, which is less smooth; K_HI an exponential, v exp(-x / L);
     and white noise. The foreground is (K_smooth + K_mix) K^-1 d, the rest is left (Mertens et al. 2018; for
-    single dishes Soares et al. 2022, whose kernels these are). No noise level is told: s is fitted with
+    single dishes Soares et al. 2022, whose kernels these are). No noise level is assumed: s is fitted with
     everything else, at the maximum of the marginal likelihood of all n lines of sight,
 
         ln L = -n/2 (ln det K + tr K^-1 C) + const,   C = d d^T / n,

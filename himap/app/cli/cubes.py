@@ -28,7 +28,7 @@ class _Registered(click.Option):
         names = [name for name in import_module(self.package).available() if name not in self.less]
         self.help = f"{', '.join(names)}{self.more}."
         option, text = super().get_help_record(context)
-        return option, text.replace("  [required]", "")  # whoever forgets it is told, and a line is one
+        return option, text.replace("  [required]", "")  # an error says it, and the help is a line
 
 
 class _Beams(_Registered):
@@ -123,7 +123,7 @@ def _write(asked, files, write, *, remarks=(), timed=True):
 
 
 def _cube_and_beams(asked, remover):
-    """The cube, with its remarks told, and its beams, None where none are named.
+    """The cube, whose remarks are printed, and its beams, None where none are named.
 
     With weights or flags, pixels are left out of which too many channels are missing for the method, and
     for the masking of peaks.
@@ -320,7 +320,7 @@ def suggest(asked):
     ),
     option("--period", type=float, default=20.0, show_default=True, help="Of that, MHz."),
     option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
-    short_help="Tell how far what is left of CUBE hangs on its beam.",
+    short_help="Measure how far the residual of CUBE depends on its beam.",
 )
 def sensitivity(asked):
     """Clean CUBE with beams that differ a little from --beam, and tell how far the power that is left moves.

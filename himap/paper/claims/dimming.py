@@ -15,13 +15,7 @@ from himap.paper.claims.base import (
     smallest,
     total,
 )
-from himap.paper.claims.verdicts import (
-    CLEAR,
-    RECOVERED,
-    Finding,
-    Part,
-    parts_of,
-)
+from himap.paper.claims.verdicts import CLEAR, RECOVERED, Finding, Part, parts_of
 
 _DIMMED = {"section": "5.2", "figure": "7", "notebook": "13_dimmed_galaxy"}
 _CASES = ("oscillating", "dimmed")
