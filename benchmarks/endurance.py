@@ -30,7 +30,7 @@ from himap.store.provenance import Provenance
 
 _N_CHANNELS, _NSIDE = 40, 32  # of the cube that is cleaned
 _SKY = ["--preset", "ci"]
-_CLAIMS = ["-p", "n_realisations=1", "-p", "nudged=false", "-p", "n_sources_max=5", "--jobs", "2"]
+_CLAIMS = ["-p", "n_realisations=1", "-p", "n_restarts=1", "-p", "n_sources_max=5", "--jobs", "2"]
 
 
 class Trial:

@@ -14,14 +14,14 @@ def finding(verdict, value=0.5, sentence=""):
     return Finding(value=math.nan if value is None else value, parts=PARTS[verdict], sentence=sentence)
 
 
-def entry(*verdicts, values=None, id="D1", nudged=None, first=0):
-    """An `Entry` of seeds `first`, `first` + 1, ...; `nudged` is {noise level: `Finding`}."""
+def entry(*verdicts, values=None, id="D1", first=0):
+    """An `Entry` of seeds `first`, `first` + 1, ..., each with one start."""
     values = values or [0.5] * len(verdicts)
     findings = {
-        seed: finding(verdict, value, f"{seed}.")
+        (seed, 0): finding(verdict, value, f"{seed}.")
         for seed, (verdict, value) in enumerate(zip(verdicts, values, strict=True), first)
     }
-    return Entry(claim=CLAIMS[id], findings=findings, nudged=nudged or {})
+    return Entry(claim=CLAIMS[id], findings=findings)
 
 
 def luminance(colour):

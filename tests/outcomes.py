@@ -7,7 +7,7 @@ from himap.paper.claims import INAPPLICABLE
 from himap.paper.readings import Outcome, Run
 
 
-def run(seed=7, noise_level=1.0, curves=None, without=(), **changed):
+def run(seed=7, restart=0, curves=None, without=(), **changed):
     """A `Run`; `changed` and `without` are of its numbers, with _ for spaces in names."""
     numbers = {
         "C/C0, 2 to 4": 1.25,
@@ -27,7 +27,7 @@ def run(seed=7, noise_level=1.0, curves=None, without=(), **changed):
         "P/P0": (np.array([0.1, 0.2]), np.array([0.5, 1.0])),
     }
     numbers = {name: value for name, value in numbers.items() if name not in without}
-    return Run(seed=seed, noise_level=noise_level, numbers=numbers, curves=curves)
+    return Run(seed=seed, restart=restart, numbers=numbers, curves=curves)
 
 
 def outcome(verdicts, *, values=None, runs=None):

@@ -38,9 +38,9 @@ def seen(monkeypatch):
         tables.append(skies)
         rows = []
         for sky in skies:
-            d1 = entry((REPRODUCED, IN_PART)[sky.survey.seed % 2]).findings[0]
-            found = {"D1": d1, "N1": entry(FAILED).findings[0]}
-            rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, 1)]
+            d1 = entry((REPRODUCED, IN_PART)[sky.survey.seed % 2]).findings[0, 0]
+            found = {"D1": d1, "N1": entry(FAILED).findings[0, 0]}
+            rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, 0)]
         return self.frame(rows)
 
     monkeypatch.setattr(Experiment, "table", table)
@@ -64,12 +64,12 @@ class TestWrite:
         assert record.seeds == [7, 8] and record.about["code"] == measuring_code("claims")
         assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
 
-    def test_five_skies_with_nudges_by_default(self, himap_command, seen):
+    def test_five_skies_by_default(self, himap_command, seen):
         assert himap_command(*CLAIMS, "-o", "a.json")[0] == 0
-        assert [len(levels) for sky in seen[0] for levels in sky.realisations.values()] == [3, 1, 1, 1, 1]
-        assert himap_command(*CLAIMS, "-p", "nudged=false", "-o", "b.json")[0] == 0
-        assert {len(levels) for sky in seen[1] for levels in sky.realisations.values()} == {1}
-        assert ["nudged", False] in stored("b.json").about["overrides"]
+        assert len(seen[0]) == 5 and ["n_restarts", 2] in stored("a.json").about["overrides"]
+        assert himap_command(*CLAIMS, "-p", "n_restarts=1", "-o", "b.json")[0] == 0
+        assert {len(several) for sky in seen[1] for several in sky.realisations.values()} == {1}
+        assert ["n_restarts", 1] in stored("b.json").about["overrides"]
 
     @pytest.mark.parametrize("name", EXPERIMENTS)
     def test_what_exists_is_not_lost(self, himap_command, name):

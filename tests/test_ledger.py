@@ -18,7 +18,7 @@ from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import BEAMS
 from himap.paper.claims.entries import entries, finding_rows
-from himap.paper.experiments.claims import EXPERIMENT, NUDGES, JudgedSky, realisations, skies
+from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, restarts, skies
 from himap.paper.ledger_table import BADGES, LedgerTable, plain_table, summary
 from himap.paper.methods import BEAM_AWARE
 
@@ -33,7 +33,7 @@ class Readable:
     n_sources: int
     reading: str = "default"
     beyond: str = "nothing"
-    noise: tuple | None = None
+    restart: int = 0
 
     def check(self, n_channels):
         pass
@@ -65,21 +65,9 @@ def test_most_realisations_decide(verdicts, expected, agreeing):
 def test_in_part_says_how_many_parts_hold():
     one = entry(IN_PART, IN_PART, REPRODUCED)
     assert one.label == "in part (1 of 2)"
-    more = replace(one.findings[1], parts=(*one.findings[1].parts, *one.findings[2].parts))
-    assert replace(one, findings=one.findings | {1: more}).label == "in part (1 to 3 of 2 to 4)"
+    more = replace(one.findings[1, 0], parts=(*one.findings[1, 0].parts, *one.findings[2, 0].parts))
+    assert replace(one, findings=one.findings | {(1, 0): more}).label == "in part (1 to 3 of 2 to 4)"
     assert entry(FAILED).label == FAILED
-
-
-def test_a_thousandth_of_the_noise_level():
-    one = entry(REPRODUCED, values=[2.0], nudged={0.999: finding(FAILED, 1.0), 1.001: finding(REPRODUCED)})
-    assert one.nudged_values == (0.5, 2.0)
-    assert one.nudged_verdicts == [FAILED]
-    assert one.values == (2.0, 2.0, 2.0) and one.verdict == REPRODUCED
-    assert all(math.isnan(value) for value in entry(REPRODUCED).nudged_values)
-    assert plain_table([one])["0.1 % of noise"].tolist() == ["0.5 to 2"]
-    page = LedgerTable([one])._repr_html_()
-    assert "0.1 % of noise level: 0.5 to 2; also not reproduced" in page
-    assert "noise level" not in LedgerTable([entry(REPRODUCED)])._repr_html_()
 
 
 def test_values_are_median_and_range_of_what_was_measured():
@@ -91,15 +79,14 @@ def test_values_are_median_and_range_of_what_was_measured():
 
 
 def test_rows_there_and_back():
-    nudged = {0.999: finding(FAILED, 2.0, "a."), 1.001: finding(REPRODUCED)}
-    told = [entry(REPRODUCED, FAILED, nudged=nudged), entry(INAPPLICABLE, values=[None], id="O6")]
+    told = [entry(REPRODUCED, FAILED), entry(INAPPLICABLE, values=[None], id="O6")]
+    told[0].findings[0, 1] = finding(FAILED, 2.0, "a.")
     rows = [
         {"seed": seed} | row
         for one in told
-        for seed, found in one.findings.items()
-        for row in finding_rows({one.claim.id: found}, 1)
+        for (seed, restart), found in one.findings.items()
+        for row in finding_rows({one.claim.id: found}, restart)
     ]
-    rows += [{"seed": 0} | row for level, one in nudged.items() for row in finding_rows({"D1": one}, level)]
     again = entries(EXPERIMENT.frame(rows))
     assert str(again) == str(told)  # as text, in which NaN is NaN
     with pytest.raises(InputError, match="claims of another version of himap, Z9; .* `himap measure claims`"):
@@ -114,7 +101,7 @@ def test_table_says_what_the_entries_say():
         entry(IN_PART, id="F1"),
     ]
     assert summary(several) == {REPRODUCED: 1, IN_PART: 1, FAILED: 1, INAPPLICABLE: 1}
-    first = ("D1", "degraded", REPRODUCED, "2/2", "0.15 (0.1 to 0.2)", "", "< 0.1", "largest |C/C0 - 1|")
+    first = ("D1", "degraded", REPRODUCED, "2/2", "0.15 (0.1 to 0.2)", "< 0.1", "largest |C/C0 - 1|")
     table = plain_table(several)
     assert tuple(table.iloc[0]) == first and table["verdict"][3] == "in part (1 of 2)"
     page = LedgerTable(several, {"10_results": {"1": "fig-a"}})._repr_html_()
@@ -147,10 +134,22 @@ def test_seeds_follow_that_of_the_survey():
     found = skies(preset="ci", survey={"seed": 7}, n_realisations=3)
     assert [sky.survey.seed for sky in found] == [7, 8, 9]
     several = [sky.realisations["default"] for sky in found]
-    assert [[one.noise_level for one in levels] for levels in several] == [[1, *NUDGES], [1], [1]]
-    assert len({(one.galaxy, one.n_sources) for levels in several for one in levels}) == 1
-    (sky,) = skies(preset="ci", n_realisations=1, nudged=False)
-    assert [one.noise_level for one in sky.realisations["default"]] == [1]
+    assert len({(one.galaxy, one.n_sources) for members in several for one in members}) == 1
+
+
+def test_a_method_that_is_chaotic_has_restarts_and_another_has_one(monkeypatch):
+    monkeypatch.setitem(BEAM_AWARE, "sdecgmca", (Readable, ("n_sources",)))
+    settings = {"preset": "ci", "n_realisations": 2}
+    members = [sky.realisations["default"] for sky in skies(**settings, n_restarts=3)]
+    assert [[one.restart for one in several] for several in members] == [[0, 1, 2]] * 2
+    started = members[0][2].calls("degraded")["sdecgmca"][1]
+    assert started.restart == 2
+    others = [[call for call in one.assessments if call[1].name != "readable"] for one in members[0]]
+    assert others[0] == others[1] == others[2]  # not done again
+    (first, _) = realisations(**settings, method="beam_subspace")
+    assert restarts(first, 3) == [first]
+    with pytest.raises(InputError, match="n_restarts must be a whole number between 1"):
+        skies(**settings, n_restarts=0)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +190,7 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     sky = replace(sky, options=SHORT)
     before, *others = dict.fromkeys(case for case, *_ in sky.cases.values())
     pipeline.observation(before)
-    judged = JudgedSky({"default": [sky, *(replace(sky, noise_level=level) for level in NUDGES)]})
+    judged = JudgedSky({"default": [sky]})
     found = entries(EXPERIMENT.table([judged]))
     assert pipeline.observation.is_cached(before) and pipeline.hi_of_sky.is_cached(sky.survey.sky)
     assert others and not any(pipeline.observation.is_cached(case) for case in others)
@@ -205,9 +204,7 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     assert all(math.isfinite(one.values[0]) for one in found if one.verdict != INAPPLICABLE)
     assert by_id["F1"].verdict == REPRODUCED  # holds by far even here
     assert by_id["N1"].sentence == "The scan does not hold n_s = 5."
-    assert {tuple(one.nudged) for one in found} == {NUDGES}
-    moved = {id for id, one in by_id.items() if len({*one.nudged_values}) == 2}
-    assert "S1" in moved and not {"F1", "E1", "E3", "E5", "O1", "M3"} & moved  # those are not about SDecGMCA
+    assert {tuple(one.findings) for one in found} == {((sky.survey.seed, 0),)}
 
 
 def test_recorded_ledger_is_complete():

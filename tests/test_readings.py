@@ -13,7 +13,7 @@ from himap.maps import sphere
 from himap.paper import pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.experiments import readings as experiment
-from himap.paper.experiments.claims import NUDGES, judge
+from himap.paper.experiments.claims import judge
 from himap.paper.methods import sdecgmca_for
 from himap.paper.readings import BANDS, COLUMNS, outcomes, readings
 from himap.paper.realisation import Realisation
@@ -92,19 +92,19 @@ def tiny(tmp_path_factory):
         patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
         some = {label: readings()[label] for label in CHOSEN}
         patch.setattr(experiment, "readings", lambda: some)
-        (sky,) = experiment.skies(**TINY, n_realisations=1)
+        (sky,) = experiment.skies(**TINY, n_realisations=1, n_restarts=1)
         yield outcomes(experiment.EXPERIMENT.table([sky])), sky.realisations["default"][0]
 
 
 class TestEvaluate:
-    def test_every_reading_claim_and_noise_level(self, tiny):
+    def test_every_reading_claim_and_restart(self, tiny):
         found, sky = tiny
         assert tuple(found) == CHOSEN
         for one in found.values():
             assert tuple(one.entries) == tuple(CLAIMS)
-            assert all(tuple(entry.findings) == (sky.survey.seed,) for entry in one.entries.values())
-            assert [run.noise_level for run in one.runs] == [1.0, *NUDGES]
-            assert {run.seed for run in one.runs} == {sky.survey.seed}
+            members = [(sky.survey.seed, k) for k in range(len(one.runs))]
+            assert all(list(entry.findings) == members for entry in one.entries.values())
+            assert [(run.seed, run.restart) for run in one.runs] == members
 
     def test_the_verdicts_are_those_of_the_ledger(self, tiny):
         found, sky = tiny
@@ -160,7 +160,7 @@ class TestEvaluate:
         assert means == pytest.approx(3 * np.array(at))
 
     def test_rows_of_another_version(self, tiny):
-        row = dict.fromkeys(COLUMNS) | {"reading": "default", "noise_level": 1.0, "quantity": "D1"}
+        row = dict.fromkeys(COLUMNS) | {"reading": "default", "restart": 0, "quantity": "D1"}
         for name, value in (("reading", "backwards"), ("quantity", "Z9")):
             rows = experiment.EXPERIMENT.frame([{"seed": 7} | row | {name: value}])
             with pytest.raises(InputError, match=f"of another version of himap, {value}; measure it again"):

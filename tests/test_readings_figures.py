@@ -10,7 +10,7 @@ from himap.paper.claims import FAILED, INAPPLICABLE, REPRODUCED
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure
 
 _REST = ("P/P0, k < 0.03",)
-RUNS = [run(seed, level) for seed in (7, 8) for level in (1.0, 0.999)]
+RUNS = [run(seed, restart) for seed in (7, 8) for restart in (0, 1)]
 VERDICTS = {"D1": [REPRODUCED, REPRODUCED], "O3": [REPRODUCED, FAILED], "M2": INAPPLICABLE}
 OUTCOMES = {
     "default": outcome(VERDICTS, runs=RUNS),
@@ -45,9 +45,9 @@ def test_bands_have_a_point_for_every_run():
     assert len(found) == 7
     assert {curve for _, curve, *_ in found} == {
         "seed 7",
-        "seed 7, noise × 0.999",
+        "seed 7, restart 1",
         "seed 8",
-        "seed 8, noise × 0.999",
+        "seed 8, restart 1",
     }
     ((_, curve, _, row),) = [one for one in found if one[2] == 40]
     assert curve == "seed 7" and 0.5 < row < 1.5  # the second row, above the third
@@ -70,7 +70,7 @@ def test_curves_of_the_readings_with_a_name():
     found = {(panel, curve) for panel, curve, *_ in numbers(figure)}
     assert {curve for panel, curve in found if panel == "seed 8, across the sky"} == {
         "default",
-        "default, noise × 0.999",
+        "default, restart 1",
         "code",
         "truth",
     }

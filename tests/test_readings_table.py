@@ -60,7 +60,7 @@ class TestAnswer:
         one, other = outcome({"E1": FAILED}), outcome({"E1": FAILED})
         (finding,) = other.entries["E1"].findings.values()
         fewer = replace(finding, parts=tuple(replace(part, held=False) for part in finding.parts))
-        other.entries["E1"].findings[7] = fewer
+        other.entries["E1"].findings[7, 0] = fewer
         assert fewer.n_held < finding.n_held
         assert insensitive_claims({"default": one, "code": other}) == ["E1"]
 

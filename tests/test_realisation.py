@@ -8,7 +8,6 @@ import pytest
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
-from himap.instrument.noise import noise_sigma
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
@@ -23,7 +22,7 @@ class Other:
     name = "other"
     n_sources: int
     depth: int = 1
-    noise: tuple | None = None
+    restart: int = 0
     beyond: str = "nothing"
 
     def check(self, n_channels):
@@ -74,11 +73,10 @@ def test_lines_of_sight_are_left_out_for_what_the_paper_speaks_of():
 def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
     """It has its own options, and those alone; in the claims it goes by the name of SDecGMCA."""
     monkeypatch.setitem(BEAM_AWARE, "other", (Other, ("n_sources",)))
-    sky = replace(SKY, method="other", options=(("depth", 7),), noise_level=1.001)
-    told = tuple((1.001 * noise_sigma(SURVEY)).tolist())
+    sky = replace(SKY, method="other", options=(("depth", 7),), restart=3)
     for case in sky.cases:
         method = sky.calls(case)["sdecgmca"][1]
-        assert (method.depth, method.noise, method.beyond) == (7, told, "nothing")
+        assert (method.depth, method.restart, method.beyond) == (7, 3, "nothing")
     beyond = [call for call in sky.assessments if getattr(call[1], "beyond", "") == "regularised"]
     assert [(case, *flags) for case, _, *flags in beyond] == [
         (sky.cases[beam][0], True, False) for beam in ("degraded", "evolving", "oscillating")
@@ -100,21 +98,14 @@ def test_a_method_without_that_option_goes_on_as_it_is():
         ({"method": "pca"}, "in the place of SDecGMCA can stand sdecgmca"),
         ({"options": (("depth", 7),)}, "sdecgmca has no option depth; it has n_sources"),
         ({"options": (("share", 7),)}, "share"),
-        ({"noise_level": 0.0}, "noise_level must be a factor above zero"),
+        ({"restart": -1}, "restart must be a whole number"),
+        ({"method": "beam_subspace", "restart": 1}, "beam_subspace has no option restart"),
         ({"n_sources": (31,)}, "up to the 30 channels"),
     ],
 )
 def test_what_cannot_stand_in_its_place(changed, message):
     with pytest.raises(InputError, match=message):
         replace(SKY, **changed)
-
-
-def test_the_noise_that_it_is_told_is_nothing_or_that_of_the_survey():
-    assert SKY.calls("degraded")["sdecgmca"][1].noise is None
-    nudged = replace(SKY, noise_level=0.999)
-    assert nudged.calls("degraded")["sdecgmca"][1].noise == pytest.approx(0.999 * noise_sigma(SURVEY))
-    others = [call for call in SKY.assessments if call[1].name != "sdecgmca"]
-    assert others == [call for call in nudged.assessments if call[1].name != "sdecgmca"]
 
 
 def test_a_truth_that_ends_before_the_maps_is_compared_as_far_as_it_goes():

@@ -122,13 +122,13 @@ def _axes(name, title, about, kind):
 
 
 def _of_readings(path):
-    """SDecGMCA under every reading: a view for each noise level, those with a name shown at first."""
+    """SDecGMCA under every reading: a view for each restart, those with a name shown at first."""
     found = outcomes(Record.load(find_experiment("readings"), path).rows)
     known = readings()
     runs = [(label, run) for label, one in found.items() for run in one.runs]
     titles = {label: known[label].title for label in found}
     views = []
-    for level in sorted({run.noise_level for _, run in runs}, key=lambda value: abs(value - 1)):
+    for restart in sorted({run.restart for _, run in runs}):
         panels, axes = {}, {}
         for seed in dict.fromkeys(run.seed for _, run in runs):
             for kind, curve, across in (
@@ -139,7 +139,7 @@ def _of_readings(path):
                 panels[title] = [
                     (titles[label], dict(zip(*run.curves[curve], strict=True)))
                     for label, run in runs
-                    if (run.seed, run.noise_level) == (seed, level)
+                    if (run.seed, run.restart) == (seed, restart)
                 ]
                 labels = styles.AXES[kind]
                 axes[title] = {
@@ -149,12 +149,12 @@ def _of_readings(path):
                     "y_range": [0.4, 2.2],
                     "band": 0.1,
                 }
-        one = play_data.view(f"noise × {level:g}", panels, play_looks.apart)
+        one = play_data.view(f"restart {restart}", panels, play_looks.apart)
         for panel in one["panels"]:
             panel |= axes[panel["title"]]
         views.append(one)
     hidden = [titles[label] for label in found if label not in READINGS]
-    names = {"view": "Assumed noise level", "panel": "Sky and direction"}
+    names = {"view": "Restart", "panel": "Sky and direction"}
     return {"names": names, "slider": None, "views": views, "hidden": hidden}
 
 

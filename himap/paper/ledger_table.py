@@ -44,7 +44,6 @@ def plain_table(entries):
             "verdict": entry.label,
             "in": f"{entry.agreeing}/{len(entry.findings)}",
             "measured": measured(entry),
-            "0.1 % of noise": _nudged(entry),
             "paper": entry.claim.paper,
             "what is measured": entry.claim.number,
         }
@@ -90,10 +89,6 @@ class LedgerTable:
         parts = "; ".join(f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items())
         total = len(entry.findings)
         failed = f"<br>Does not hold (in how many of {total} realisations): {parts}" if parts else ""
-        nudged = ""
-        if entry.nudged:
-            verdicts = f"; also {' and '.join(entry.nudged_verdicts)}" if entry.nudged_verdicts else ""
-            nudged = f"<br>0.1 % of noise level: {_nudged(entry) or 'no number'}{verdicts}"
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
             # As wide as can be read: on a phone the table scrolls.
@@ -101,16 +96,10 @@ class LedgerTable:
             f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
             f"{html.escape(entry.sentence)}{failed}</details></div>",
             f"{badge}<br>{entry.agreeing} of {total} realisations",
-            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{nudged}",
+            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>",
             claim["paper"],
         )
         return [HTML(cell) for cell in cells]
-
-
-def _nudged(entry):
-    """The range under a thousandth of the noise level, empty where there is none."""
-    low, high = (f"{value:.3g}" for value in entry.nudged_values)
-    return "" if low == "nan" else low if low == high else f"{low} to {high}"
 
 
 def measured(entry):

@@ -44,11 +44,12 @@ plane; iterations of both stages; whether the last one converged; and both curve
 
 COLUMNS = {
     "reading": str,
-    "noise_level": float,
+    "restart": int,
     "quantity": str,
     "x": float,
     "value": float,
     "part": str,
+    "method": str,
     "main": bool,
     "held": bool,
 }
@@ -122,12 +123,12 @@ def readings():
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """SDecGMCA through the oscillating beam, on one sky, with one assumed noise level.
+    """SDecGMCA through the oscillating beam, on one sky, from one start.
 
     Attributes
     ----------
-    seed, noise_level
-        Of the sky; the assumed noise level over that of the survey.
+    seed, restart
+        Of the sky, and which start of the method.
     numbers
         {quantity: value}; bands that the maps do not hold are missing.
     curves
@@ -135,7 +136,7 @@ class Run:
     """
 
     seed: int
-    noise_level: float
+    restart: int
     numbers: dict
     curves: dict
 
@@ -154,7 +155,7 @@ class Outcome:
     entries
         {claim: `himap.paper.claims.entries.Entry`}.
     runs
-        A `Run` for each seed and noise level.
+        A `Run` for each seed and restart.
     """
 
     entries: dict
@@ -197,10 +198,10 @@ def _outcome(rows):
     judged = rows["quantity"].isin(list(CLAIMS))
     claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
     runs = []
-    for (seed, level), measured in rows[~judged].groupby(["seed", "noise_level"], sort=False):
+    for (seed, restart), measured in rows[~judged].groupby(["seed", "restart"], sort=False):
         by_name = {name: group for name, group in measured.groupby("quantity", sort=False)}
         curves = {name: (one["x"].to_numpy(), one["value"].to_numpy()) for name, one in by_name.items()}
         numbers = {name: value[0] for name, (_, value) in curves.items() if name not in CURVES}
         curves = {name: curves[name] for name in CURVES if name in curves}
-        runs.append(Run(seed=seed, noise_level=level, numbers=numbers, curves=curves))
+        runs.append(Run(seed=seed, restart=restart, numbers=numbers, curves=curves))
     return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=tuple(runs))

@@ -41,7 +41,7 @@ def claims_figure(outcomes):
 
 
 def bands_figure(outcomes):
-    """C/C0 and P/P0 in bands, and the bump: a row for each reading, a point for each sky and noise level.
+    """C/C0 and P/P0 in bands, and the bump: a row for each reading, a point for each sky and restart.
 
     A ratio that is wrong by more than a factor of a thousand is drawn there, at the edge.
     """
@@ -75,21 +75,21 @@ def bands_figure(outcomes):
 
 
 def _points(outcomes, places, band, *, shown):
-    """(x, y, style) of every seed and noise level; with `shown` they are in the legend."""
+    """(x, y, style) of every seed and restart; with `shown` seeds are in the legend."""
     pairs = {}
     for label, one in outcomes.items():
         for run in one.runs:
             value = run.numbers.get(band, np.nan)
             shown_at = [(np.clip(value, *_FAR), places[label])] if np.isfinite(value) else []
-            pairs.setdefault((run.seed, run.noise_level), []).extend(shown_at)
+            pairs.setdefault((run.seed, run.restart), []).extend(shown_at)
     seeds = list(dict.fromkeys(seed for seed, _ in pairs))
-    for (seed, level), several in pairs.items():
+    for (seed, restart), several in pairs.items():
         x, y = np.array(several).reshape(-1, 2).T
-        label = f"seed {seed}" + (f", noise × {level:g}" if level != 1 else "")
+        label = f"seed {seed}"
         look = {
-            "label": label if shown else f"_{label}",
+            "label": label if shown and not restart else f"_{label}, restart {restart}",
             "color": styles.COLOURS[seeds.index(seed) % len(styles.COLOURS)],
-            "marker": "o" if level == 1 else "<" if level < 1 else ">",
+            "marker": "o",
             "markersize": 3.5,
             "alpha": 0.8,
         }
@@ -99,8 +99,8 @@ def _points(outcomes, places, band, *, shown):
 def curves_figure(outcomes):
     """C/C0(l) and P/P0(k) of the readings with a name, two panels for each sky.
 
-    Lines are at the noise level of the survey, thin ones at those beside it. Ratios that are wrong by more
-    than the panels show leave them.
+    Thick lines are the first start, thin ones the others. Ratios that are wrong by more than the panels show
+    leave them.
     """
     runs = [(label, run) for label in READINGS if label in outcomes for run in outcomes[label].runs]
     directions = ("angular", "across the sky"), ("frequency", "along the line of sight")
@@ -108,7 +108,7 @@ def curves_figure(outcomes):
     for seed in dict.fromkeys(run.seed for _, run in runs):
         for curve, (kind, across) in zip(CURVES, directions, strict=True):
             curves = [
-                (*run.curves[curve], _LOOKS[label] | _of_level(label, run.noise_level))
+                (*run.curves[curve], _LOOKS[label] | _of_restart(label, run.restart))
                 for label, run in runs
                 if run.seed == seed
             ]
@@ -126,10 +126,10 @@ def curves_figure(outcomes):
     return plotting.lines(panels, size=(5, 3.6), legend_above=True)
 
 
-def _of_level(label, level):
-    if level == 1:
+def _of_restart(label, restart):
+    if restart == 0:
         return {"label": label, "linewidth": 1.8}
-    return {"label": f"_{label}, noise × {level:g}", "linewidth": 0.7}
+    return {"label": f"_{label}, restart {restart}", "linewidth": 0.7}
 
 
 def code_figure(compared, iterations):

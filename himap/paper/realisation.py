@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
+from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
-from himap.instrument.noise import noise_sigma
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, evidence, pipeline
@@ -35,8 +35,8 @@ class Realisation:
     method, options
         The method in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
         value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
-    noise_level
-        The noise that this method assumes, over that of the survey. At 1 it uses its default.
+    restart
+        Which start of this method, 0 or more; where it has no field `restart` there is only 0.
     """
 
     survey: Survey = field(default_factory=Survey)
@@ -46,7 +46,7 @@ class Realisation:
     n_sources: tuple = tuple(range(2, 21))
     method: str = "sdecgmca"
     options: tuple = ()
-    noise_level: float = 1.0
+    restart: int = 0
 
     def __post_init__(self):
         self._case(self.oscillating)  # refuses bad values
@@ -56,8 +56,7 @@ class Realisation:
                 f"the scan needs numbers of sources from 1 up to the {self.survey.n_channels} channels, "
                 f"got {', '.join(map(str, counts)) or 'none; is the least above the most?'}."
             )
-        if not 0 < self.noise_level < np.inf:
-            raise InputError(f"noise_level must be a factor above zero, got {self.noise_level!r}.")
+        whole_number("restart", self.restart, 0, 10**6)
         for observed, method, *_ in self.assessments:  # refuses bad methods and options
             method.check(observed.survey.n_channels)
 
@@ -114,10 +113,7 @@ class Realisation:
 
     @cached_property
     def _options(self):
-        if self.noise_level == 1:
-            return dict(self.options)
-        assumed = tuple((self.noise_level * noise_sigma(self.survey)).tolist())
-        return dict(self.options) | {"noise": assumed}
+        return dict(self.options) | ({"restart": self.restart} if self.restart else {})
 
     def of(self, case):
         """{method: `Comparison`} of one case; methods by their registered name."""
@@ -203,12 +199,8 @@ class Realisation:
         return table_1(self.cases[beam][0].beam)["regularisation"]
 
 
-def make(realisations, *, only_oscillating=()):
-    """Compute what some realisations need together and is not in the cache; returns how many assessments.
-
-    Of the realisations in `only_oscillating` that is the residual of SDecGMCA on the oscillating case.
-    """
+def make(realisations):
+    """Compute what some realisations need together and is not in the cache; returns how many assessments."""
     assessments = dict.fromkeys(call for sky in realisations for call in sky.assessments)
-    assessments |= dict.fromkeys(sky.calls("oscillating")["sdecgmca"] for sky in only_oscillating)
     facts = dict.fromkeys(fact for sky in realisations for fact in sky.facts)
     return cleaned.make_by_case([*facts, *((cleaned.assessment, call) for call in assessments)])

@@ -6,17 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
-from himap.paper.claims.verdicts import RECOVERED, Finding, Part, parts_of
-
-METHODS = {
-    "pca": "PCA",
-    "fastica": "ICA",
-    "gmca": "GMCA",
-    "sdecgmca": "SD",
-    "polynomial": "POL",
-    "parametric": "PAR",
-}
-"""Short names of the methods in the ledger."""
+from himap.paper.claims.verdicts import METHODS, RECOVERED, Finding, Part, parts_of
 
 BLIND = ("pca", "fastica", "gmca")
 BEAMS = ("degraded", "evolving", "oscillating")
@@ -96,13 +86,15 @@ def number_claim(
     reading
         How the words of the paper are read.
     also
-        {name: function from the numbers to whether it holds} of other main parts.
+        {name: function from the numbers to whether it holds} of other main parts; those are about SD whose
+        name begins so.
     """
 
     def check(realisation):
         numbers = values(realisation)
-        others = tuple(Part(name=name, held=bool(holds(numbers))) for name, holds in dict(also).items())
-        parts = parts_of(numbers, test, words) + others
+        parts = parts_of(numbers, test, words)
+        for name, holds in dict(also).items():
+            parts += (Part(name, bool(holds(numbers)), method="SD" if name.startswith("SD ") else ""),)
         return Finding(value(numbers), parts, f"{sentence}: {listing(numbers)}.")
 
     check.__doc__ = reading

@@ -59,7 +59,10 @@ def dimmed_peak(realisation):
     """
     values = each("dimmed", bump, _THREE)(realisation)
     blind = {name: values[name] for name in ("PCA", "ICA")}
-    parts = *parts_of(blind, above(CLEAR), "keep the peak"), Part("SD below 2 %", values["SD"] < 1.02)
+    parts = (
+        *parts_of(blind, above(CLEAR), "keep the peak"),
+        Part("SD below 2 %", values["SD"] < 1.02, method="SD"),
+    )
     return Finding(values["SD"] - 1, parts, f"Highest P/P0 near k = 0.31: {listing(values, '{:.4g}')}.")
 
 
@@ -111,8 +114,8 @@ def dimmed_most(realisation):
     _, _, growth = _growth(realisation)
     gain = {name: value for name, value in _gain(realisation).items() if name in growth}
     parts = (
-        Part("SD's range grows most", growth["SD"] > max(0, growth["PCA"], growth["ICA"])),
-        Part("SD's error shrinks most", gain["SD"] < min(1, gain["PCA"], gain["ICA"]), main=False),
+        Part("SD's range grows most", growth["SD"] > max(0, growth["PCA"], growth["ICA"]), method="SD"),
+        Part("SD's error shrinks most", gain["SD"] < min(1, gain["PCA"], gain["ICA"]), False, "SD"),
     )
     return Finding(
         growth["SD"],

@@ -1,7 +1,7 @@
 """The ledger: each claim of the paper with its verdict over several skies, from the rows of a record."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,11 +10,12 @@ from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim, Finding, Part
 from himap.paper.claims.verdicts import most_common
 
 COLUMNS = {
-    "noise_level": float,
+    "restart": int,
     "claim": str,
     "value": float,
     "sentence": str,
     "part": str,
+    "method": str,
     "main": bool,
     "held": bool,
 }
@@ -30,14 +31,11 @@ class Entry:
     claim
         The `himap.paper.claims.Claim`.
     findings
-        {seed: `Finding`}, of the first seed first.
-    nudged
-        {noise level: `Finding`} of the first seed, where SDecGMCA assumes a noise level other than 1.
+        {(seed, restart): `Finding`}, of the first sky and start first.
     """
 
     claim: Claim
     findings: dict
-    nudged: dict = field(default_factory=dict)
 
     @property
     def verdict(self):
@@ -71,25 +69,9 @@ class Entry:
         return (float(np.median(values)), min(values), max(values)) if values else (math.nan,) * 3
 
     @property
-    def nudged_values(self):
-        """Lowest and highest number of the first seed over its noise levels; NaN where only one was tried."""
-        values = [finding.value for finding in (self._first, *self.nudged.values())]
-        values = [value for value in values if math.isfinite(value)]
-        return (min(values), max(values)) if self.nudged and values else (math.nan,) * 2
-
-    @property
-    def nudged_verdicts(self):
-        """The verdicts of the first seed at other noise levels that differ from its own, sorted."""
-        return sorted({finding.verdict for finding in self.nudged.values()} - {self._first.verdict})
-
-    @property
     def sentence(self):
         """The numbers behind it, of the first sky."""
-        return self._first.sentence
-
-    @property
-    def _first(self):
-        return next(iter(self.findings.values()))
+        return next(iter(self.findings.values())).sentence
 
     def failed_parts(self):
         """{part: on how many skies it does not hold}, of the parts that fail on some."""
@@ -106,15 +88,16 @@ def _span(numbers):
     return f"{numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
 
 
-def finding_rows(findings, noise_level):
-    """The rows of {claim: `Finding`} at a noise level, dicts with `COLUMNS`."""
+def finding_rows(findings, restart):
+    """The rows of {claim: `Finding`} of a restart, dicts with `COLUMNS`."""
     return [
         {
-            "noise_level": float(noise_level),
+            "restart": restart,
             "claim": claim,
             "value": float(finding.value),
             "sentence": finding.sentence,
             "part": part and part.name,
+            "method": part and part.method,
             "main": part and part.main,
             "held": part and bool(part.held),
         }
@@ -138,22 +121,19 @@ def entries(rows):
     """
     found = {}
     for row in rows.itertuples():
-        found.setdefault(row.claim, {}).setdefault((row.seed, row.noise_level), []).append(row)
+        found.setdefault(row.claim, {}).setdefault((row.seed, row.restart), []).append(row)
     if unknown := sorted(found.keys() - CLAIMS.keys()):
         raise InputError(
             f"the record has claims of another version of himap, {', '.join(unknown)}; measure it again with "
             "`himap measure claims`."
         )
-    return [_entry(CLAIMS[id], found[id]) for id in CLAIMS if id in found]
-
-
-def _entry(claim, findings):
-    findings = {key: _finding(rows) for key, rows in findings.items()}
-    at_survey = {seed: finding for (seed, level), finding in findings.items() if level == 1}
-    nudged = {level: finding for (_, level), finding in findings.items() if level != 1}
-    return Entry(claim=claim, findings=at_survey, nudged=nudged)
+    return [
+        Entry(claim=claim, findings={member: _finding(several) for member, several in found[id].items()})
+        for id, claim in CLAIMS.items()
+        if id in found
+    ]
 
 
 def _finding(rows):
-    parts = tuple(Part(name=row.part, held=row.held, main=row.main) for row in rows if row.part is not None)
+    parts = tuple(Part(row.part, row.held, row.main, row.method) for row in rows if row.part is not None)
     return Finding(value=rows[0].value, parts=parts, sentence=rows[0].sentence)

@@ -53,18 +53,17 @@ def oscillating_fits(realisation):
     """To fail is to be off by a factor of 2, up or down, at half of all l up to 200, or of all k. Four parts,
     all main.
     """
-    values = {}
+    values, parts = {}, ()
     for name in ("polynomial", "parametric"):
         comparison = realisation.of("oscillating")[name]
         spectra = {"C": comparison.angular_ratio[comparison.degrees <= 200], "P": comparison.frequency_ratio}
-        for spectrum, ratios in spectra.items():
-            factors = np.maximum(ratios, 1 / ratios)
-            values[f"{METHODS[name]} in {spectrum}"] = float(np.median(factors))
-    return Finding(
-        smallest(values),
-        parts_of(values, above(FAILS), "fails"),
-        f"Median factor between recovered and true: {listing(values)}.",
-    )
+        factors = {
+            f"{METHODS[name]} in {spectrum}": float(np.median(np.maximum(ratios, 1 / ratios)))
+            for spectrum, ratios in spectra.items()
+        }
+        values |= factors
+        parts += parts_of(factors, above(FAILS), "fails", method=METHODS[name])
+    return Finding(smallest(values), parts, f"Median factor between recovered and true: {listing(values)}.")
 
 
 number_claim(
@@ -103,7 +102,10 @@ def oscillating_angular(realisation):
     share = np.mean(np.abs(ratios[(degrees > 10) & (degrees < 200)] - 1) < _ACCURATE)
     values = by_method(comparisons, angular_band("error", 10, 200), BSS)
     further = {name: value - values["SD"] for name, value in values.items() if name != "SD"}
-    parts = Part("SD within 5 %", worst < _ACCURATE), *parts_of(further, above(0), "further off", main=False)
+    parts = (
+        Part("SD within 5 %", worst < _ACCURATE, method="SD"),
+        *parts_of(further, above(0), "further off", main=False),
+    )
     return Finding(
         worst,
         parts,
@@ -147,8 +149,10 @@ def oscillating_low_k(realisation):
     distance = {name: abs(value - 1) for name, value in values.items()}
     others = {name: value for name, value in values.items() if name != "SD"}
     parts = (
-        Part("SD in excess", values["SD"] > CLEAR),
-        Part("SD no better than PCA/ICA", distance["SD"] >= max(distance["PCA"], distance["ICA"])),
+        Part("SD in excess", values["SD"] > CLEAR, method="SD"),
+        Part(
+            "SD no better than PCA/ICA", distance["SD"] >= max(distance["PCA"], distance["ICA"]), method="SD"
+        ),
         *parts_of(others, above(CLEAR), "in excess", main=False),
     )
     return Finding(values["SD"], parts, f"Mean P/P0 at k < 0.1: {listing(values)}.")
@@ -177,8 +181,8 @@ def beyond_200(realisation):
         top = comparison.degrees[beyond][comparison.angular_ratio[beyond].argmax()]
         onset, _ = _onset(realisation, beam)
         behind = onset is not None and top >= onset
-        parts.append(Part(f"{beam} beam: a peak", peaks[beam] > CLEAR))
-        parts.append(Part(f"{beam} beam: where it is regularised", behind, main=False))
+        parts.append(Part(f"{beam} beam: a peak", peaks[beam] > CLEAR, method="SD"))
+        parts.append(Part(f"{beam} beam: where it is regularised", behind, False, "SD"))
         words.append(f"{beam} {peaks[beam]:.4g} at l = {top:.0f} (regularised from {onset or 'nowhere'})")
     return Finding(largest(peaks), tuple(parts), f"Highest C/C0 of SD beyond l = 200: {', '.join(words)}.")
 
@@ -231,8 +235,8 @@ def inversion_limit(realisation):
     parts, words = [], []
     for beam, (onset, condition) in found.items():
         near = onset is not None and _NEAR_200[0] <= onset <= _NEAR_200[1]
-        parts.append(Part(f"{beam} beam: sets in near l = 200", near))
-        parts.append(Part(f"{beam} beam: cannot be inverted there", bool(condition > _DIGITS), main=False))
+        parts.append(Part(f"{beam} beam: sets in near l = 200", near, method="SD"))
+        parts.append(Part(f"{beam} beam: cannot be inverted there", bool(condition > _DIGITS), False, "SD"))
         where = f"from l = {onset}" if onset is not None else f"nowhere to l = {last}"
         words.append(f"{beam} {where} (condition number {condition:.2g})")
     value = float(min(onsets, default=np.nan))
@@ -271,5 +275,7 @@ def most_consistent(realisation):
     for spectrum, error in (("C/C0", angular_band("error", 1, 200)), ("P/P0", frequency_band("error"))):
         by_beam = [each(beam, error)(realisation) for beam in BEAMS]
         worst[spectrum] = {name: max(row[name] for row in by_beam) for name in METHODS.values()}
-    parts = tuple(Part(f"SD least off in {spectrum}", sd_is(min)(row)) for spectrum, row in worst.items())
+    parts = tuple(
+        Part(f"SD least off in {spectrum}", sd_is(min)(row), method="SD") for spectrum, row in worst.items()
+    )
     return Finding(worst["C/C0"]["SD"], parts, f"Mean deviation in the worst beam: {listing_by_beam(worst)}.")

@@ -6,6 +6,7 @@ from himap.measures.diagnostics import MSE_DEFINITIONS
 from himap.paper.claims.base import (
     LOW_K,
     METHODS,
+    above,
     angular_band,
     bump,
     claim,
@@ -72,7 +73,7 @@ def scan_minimum(realisation):
     at_five = f", at n_s = 5 {total(scan[5]):.3g}" if 5 in scan else ""
     return _missing(realisation, 5) or Finding(
         best,
-        (Part("least at 5", best == 5),),
+        (Part("least at 5", best == 5, method="SD"),),
         f"The least total MSE, {total(scan[best]):.3g}, is at n_s = {best}{at_five}.",
     )
 
@@ -93,7 +94,7 @@ def scan_ends(realisation):
     totals = {n: total(comparison) / total(realisation.scan[5]) for n, comparison in realisation.scan.items()}
     least = min(total for n, total in totals.items() if n >= 10)
     values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": least}
-    parts = parts_of(values, lambda value: value > 1, "larger")
+    parts = parts_of(values, above(1), "larger", method="SD")
     return Finding(smallest(values), parts, f"MSE over that at n_s = 5: {listing(values)}.")
 
 
@@ -116,7 +117,7 @@ def scan_scales(realisation):
         "10 < l < 100": _best(realisation.scan, angular_band("error", 10, 100)),
     }
     pairs = zip(best.items(), (5, 6, 7), strict=True)
-    parts = tuple(Part(f"{name}: {n}", found == n) for (name, found), n in pairs)
+    parts = tuple(Part(f"{name}: {n}", found == n, method="SD") for (name, found), n in pairs)
     return _missing(realisation, 5, 6, 7) or Finding(best["low k"], parts, f"Best n_s: {listing(best)}.")
 
 
@@ -135,7 +136,7 @@ def scan_compromise(realisation):
     """
     scan = realisation.scan
     best = {name: _best(scan, lambda one, by=name: one.total_error(by)) for name in MSE_DEFINITIONS}
-    parts = parts_of(best, lambda n: 5 <= n <= 7, "least at 5 to 7")
+    parts = parts_of(best, lambda n: 5 <= n <= 7, "least at 5 to 7", method="SD")
     return _missing(realisation, 5, 6, 7) or Finding(
         best["relative"], parts, f"Least total at n_s: {listing(best)}."
     )
@@ -165,7 +166,7 @@ def scan_large_degrees(realisation):
     large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
     return Finding(
         large / middle,
-        (Part("smaller at l > 150", large < middle),),
+        (Part("smaller at l > 150", large < middle, method="SD"),),
         f"Median spread of C/C0 over n_s: {middle:.3g} at 10 < l < 100, {large:.3g} at l > 150.",
     )
 
@@ -188,8 +189,8 @@ def correlation_highest(realisation):
     share = float(np.mean(values["SD"] >= others))
     means = {name: row.mean() for name, row in values.items()}
     parts = (
-        Part("SD highest in 95 % of the channels", share >= CONSISTENT),
-        Part("SD highest on average", sd_is(max)(means), main=False),
+        Part("SD highest in 95 % of the channels", share >= CONSISTENT, method="SD"),
+        Part("SD highest on average", sd_is(max)(means), False, "SD"),
     )
     return Finding(
         share, parts, f"SD is highest in {share:.0%} of the channels; mean r: {listing(means, '{:.4f}')}."
@@ -217,8 +218,8 @@ def variance_smallest(realisation):
     share = float(np.mean(values["SD"] <= others))
     means = {name: float(np.exp(np.mean(np.log(row)))) for name, row in values.items()}
     parts = (
-        Part("SD smallest at 95 % of the l", share >= CONSISTENT),
-        Part("SD smallest on average", sd_is(min)(means), main=False),
+        Part("SD smallest at 95 % of the l", share >= CONSISTENT, method="SD"),
+        Part("SD smallest on average", sd_is(min)(means), False, "SD"),
     )
     return Finding(
         share, parts, f"SD is smallest at {share:.0%} of the l; mean variance: {listing(means, '{:.2g}')}."

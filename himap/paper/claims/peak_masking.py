@@ -197,7 +197,7 @@ def flagged_in_plane(realisation):
     share = float(np.mean(latitude < _PLANE))
     return Finding(
         share,
-        (Part("most lie in the plane", share > MOST),),
+        (Part("most lie in the plane", share > MOST, method="SD"),),
         f"{flagged.mean():.2%} of all are flagged; {share:.0%} of these lie within 15 deg of the plane, "
         f"their median |b| is {np.median(latitude):.0f} deg.",
     )
@@ -220,7 +220,7 @@ def masked_sdecgmca(realisation):
     numbers = f"highest P/P0 goes from {before:.4g} to {after:.4g}."
     if before <= CLEAR:
         return not_applicable(f"SD has no peak: the {numbers}")
-    return Finding(after, (Part("lower peak", after < before),), f"The {numbers}")
+    return Finding(after, (Part("lower peak", after < before, method="SD"),), f"The {numbers}")
 
 
 def _masked_over_unmasked(measure, unmasked, methods):
@@ -293,7 +293,7 @@ def masked_range(realisation):
     parts, words = [], []
     for name, (before, after), lowest in (("smaller l", in_l, lowest_l), ("lower k", in_k, lowest_k)):
         if before > lowest:
-            parts.append(Part(f"SD recovered to {name}", after < before))
+            parts.append(Part(f"SD recovered to {name}", after < before, method="SD"))
         words.append(f"{name[-1]} from {before:.3g} without and {after:.3g} with the mask")
     sentence = f"SD is recovered in {', '.join(words)} (the lowest are {lowest_l:.3g} and {lowest_k:.3g})."
     return Finding(in_l[1], tuple(parts), sentence) if parts else not_applicable(sentence)

@@ -131,7 +131,7 @@ def evolving_gmca(realisation):
     large, intermediate, low, upper = excess.values()
     return Finding(
         intermediate,
-        parts_of(excess, above(CLEAR), "in excess"),
+        parts_of(excess, above(CLEAR), "in excess", method="GMCA"),
         f"C/C0 of GMCA is {large:.3g} at l < 10 and {intermediate:.3g} at 10 < l < 40; "
         f"its P/P0 below 0.2 is {low:.3g}, between 0.1 and 0.2 {upper:.3g}.",
     )
@@ -182,6 +182,6 @@ def evolving_polynomial(realisation):
     }
     return Finding(
         change["C/C0"],
-        parts_of(change, recovered, "the same"),
+        parts_of(change, recovered, "the same", method="POL"),
         f"C/C0 of POL changes by up to {change['C/C0']:.2g}, its P/P0 by up to {change['P/P0']:.2g}.",
     )

@@ -8,6 +8,18 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 
+METHODS = {
+    "pca": "PCA",
+    "fastica": "ICA",
+    "gmca": "GMCA",
+    "sdecgmca": "SD",
+    "polynomial": "POL",
+    "parametric": "PAR",
+}
+"""Short names of the methods in the ledger."""
+
+_ALONE = ("PCA/ICA", *METHODS.values())  # what a part can be about
+
 RECOVERED = 0.1
 """|ratio - 1| below which a spectrum counts as recovered: the 10 % of the paper."""
 
@@ -58,11 +70,14 @@ class Part:
         Whether it holds.
     main
         Whether it is what the paper's sentence is about; the claim is not reproduced without it.
+    method
+        Short name of the method that it is about, "PCA/ICA" for both; empty if it is about several or none.
     """
 
     name: str
     held: bool
     main: bool = True
+    method: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,14 +128,15 @@ def not_applicable(sentence):
     return Finding(math.nan, (), sentence)
 
 
-def parts_of(values, test, words, *, main=True):
+def parts_of(values, test, words, *, main=True, method=""):
     """A `Part` for each of {name: value}: whether `test(value)` is true.
 
     PCA and ICA leave the same foreground, and are one part: that of the worse of the two, so that it holds if
-    it does for both.
+    it does for both. A part is about the method that it has the name of, otherwise about `method`.
     """
     held = {}
     for name, value in values.items():
         joint = "PCA/ICA" if name in ("PCA", "ICA") else name
         held[joint] = held.get(joint, True) and bool(test(value))
-    return tuple(Part(f"{name} {words}", one, main) for name, one in held.items())
+    about = {name: name if name in _ALONE else method for name in held}
+    return tuple(Part(f"{name} {words}", one, main, about[name]) for name, one in held.items())

@@ -1,6 +1,6 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
@@ -10,12 +10,10 @@ from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
+from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
 from himap.sky.galaxy import Dimming, Galaxy
-
-NUDGES = (0.999, 1.001)
-"""Noise levels a thousandth away from that of the survey, which should change nothing of account."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,7 @@ class JudgedSky:
     Attributes
     ----------
     realisations
-        {reading of SDecGMCA: list of `Realisation`}, the first at the noise level of the survey and the
-        others, if any, at other assumed ones.
+        {reading of SDecGMCA: list of the `Realisation` of each restart}.
     """
 
     realisations: dict
@@ -94,16 +91,20 @@ def realisations(
     return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
 
 
-def skies(*, nudged=True, reading="default", **settings):
-    """A list of `JudgedSky`; parameters as of `realisations`.
+def restarts(realisation, n_restarts):
+    """A list of a `Realisation` from each of some starts of the method in the place of SDecGMCA.
 
-    With `nudged` the first of them is judged at the noise levels `NUDGES` too; InputError where the method in
-    the place of SDecGMCA has no noise level.
+    There is one for a method that has no restarts.
     """
-    first, *others = realisations(reading=reading, **settings)
-    levels = (1.0, *NUDGES) if nudged else (1.0,)
-    judged = [[replace(first, noise_level=level) for level in levels], *([sky] for sky in others)]
-    return [JudgedSky({reading: several}) for several in judged]
+    whole_number("n_restarts", n_restarts, 1, 1000)
+    chaotic = "restart" in {field.name for field in fields(BEAM_AWARE[realisation.method][0])}
+    return [replace(realisation, restart=k) for k in range(n_restarts if chaotic else 1)]
+
+
+def skies(*, n_restarts=2, reading="default", **settings):
+    """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
+    several = realisations(reading=reading, **settings)
+    return [JudgedSky({reading: restarts(one, n_restarts)}) for one in several]
 
 
 def judge(realisation):
@@ -126,12 +127,13 @@ def measure(sky):
         row
         for several in sky.realisations.values()
         for one in several
-        for row in finding_rows(judge(one), one.noise_level)
+        for row in finding_rows(judge(one), one.restart)
     ]
 
 
-def _prepare(several):
-    make([one for sky in several for levels in sky.realisations.values() for one in levels])
+def prepare(several):
+    """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
+    make([one for sky in several for members in sky.realisations.values() for one in members])
 
 
 def _summary(rows):
@@ -147,11 +149,12 @@ EXPERIMENT = Experiment(
     name="claims",
     chapter="15_claims",
     columns=COLUMNS,
-    key=("noise_level", "claim"),
+    key=("restart", "claim"),
     skies=skies,
     measure=measure,
     summary=_summary,
-    prepare=_prepare,
-    defaults={"n_realisations": 5, "nudged": True},
+    prepare=prepare,
+    defaults={"n_realisations": 5, "n_restarts": 2},
+    stated=("n_realisations", "n_restarts"),
     words=("sentence",),
 )

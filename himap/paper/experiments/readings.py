@@ -1,7 +1,6 @@
 """Every claim, and both spectra, under each reading of the open choices of SDecGMCA.
 
-Each reading is judged on the same skies, and through the oscillating beam at noise levels a thousandth apart,
-which should change nothing of account.
+Each reading is judged on the same skies and from the same restarts.
 """
 
 import math
@@ -14,22 +13,23 @@ from himap.maps import sphere
 from himap.measures.diagnostics import BUMP
 from himap.paper.claims.base import angular_band, bump
 from himap.paper.claims.entries import finding_rows
-from himap.paper.experiments.claims import NUDGES, JudgedSky, judge, realisations
+from himap.paper.experiments.claims import JudgedSky, judge, prepare, realisations, restarts
 from himap.paper.readings import BANDS, COLUMNS, CURVES, NEAR_PLANE, outcomes, readings
 from himap.paper.readings_table import summary_table
-from himap.paper.realisation import make
 from himap.paper.record import Experiment
 
 _N_BINS = 40  # of a curve, at most
 _EDGE = 200  # of l that the paper recovers
 
 
-def skies(**settings):
-    """A list of `JudgedSky`; parameters as of `himap.paper.experiments.claims.realisations`."""
+def skies(*, n_restarts=4, **settings):
+    """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
+    `himap.paper.experiments.claims.realisations`.
+    """
     return [
         JudgedSky(
             {
-                label: [replace(sky, options=reading.options, noise_level=n) for n in (1.0, *NUDGES)]
+                label: restarts(replace(sky, options=reading.options), n_restarts)
                 for label, reading in readings().items()
             }
         )
@@ -37,24 +37,15 @@ def skies(**settings):
     ]
 
 
-def _prepare(several):
-    """Readings of one sky share its observations, which are deleted, and the results of other methods.
-
-    At other noise levels only the oscillating beam is needed.
-    """
-    every = [levels for sky in several for levels in sky.realisations.values()]
-    make([first for first, *_ in every], only_oscillating=[one for _, *others in every for one in others])
-
-
 def measure(sky):
     """Claims and ratios under every reading on a `JudgedSky`, rows with `himap.paper.readings.COLUMNS`."""
     empty, rows = dict.fromkeys(COLUMNS) | {"x": math.nan}, []
-    for label, (judged, *others) in sky.realisations.items():
-        for row in finding_rows(judge(judged), 1.0):
-            shared = {name: row[name] for name in ("noise_level", "value", "part", "main", "held")}
-            rows.append(empty | shared | {"reading": label, "quantity": row["claim"]})
-        for one in (judged, *others):
-            first = empty | {"reading": label, "noise_level": one.noise_level}
+    for label, several in sky.realisations.items():
+        for one in several:
+            first = empty | {"reading": label, "restart": one.restart}
+            for row in finding_rows(judge(one), one.restart):
+                shared = {name: row[name] for name in ("value", "part", "method", "main", "held")}
+                rows.append(first | shared | {"quantity": row["claim"]})
             rows += [first | row for row in _ratios(one)]
     return rows
 
@@ -103,12 +94,12 @@ EXPERIMENT = Experiment(
     name="readings",
     chapter="15_claims",
     columns=COLUMNS,
-    key=("reading", "noise_level", "quantity"),
+    key=("reading", "restart", "quantity"),
     skies=skies,
     measure=measure,
     summary=lambda rows: summary_table(outcomes(rows)),
-    prepare=_prepare,
-    defaults={"preset": "quick", "n_realisations": 2, "n_sources_max": 12},
-    without=("reading", "method", "nudged"),  # varied, or always so
-    stated=("n_realisations", "n_sources_max"),
+    prepare=prepare,
+    defaults={"preset": "quick", "n_realisations": 2, "n_restarts": 4, "n_sources_max": 12},
+    without=("reading", "method"),  # varied, or always so
+    stated=("n_realisations", "n_restarts", "n_sources_max"),
 )
