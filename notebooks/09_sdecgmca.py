@@ -204,7 +204,7 @@ show(one_run(numbers))  # rounding alone moves them, see below
 # ## The last step, and what lies beyond
 #
 # The paper inverts the beam up to $\ell = 200$ and cuts its curves there. What does the method take away beyond? Its text does not say what maps and $P(k)$ hold there, and three answers have names: with
-# `beyond="cut"` nothing is found there, the maps that are left end, and so does the truth that they are compared with; with `"regularised"`
+# `beyond="cut"` nothing is estimated there and the residual ends, so that it lacks what the truth has beyond; with `"regularised"`
 # {eq}`eq-sdecgmca-sources` goes on to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it goes on without. Up to the end all three are the same
 # $\mathbf{A}$ and the same $\hat{\mathbf{S}}$.
 #
@@ -222,8 +222,7 @@ answers = {}
 for how in LOOKS if READINGS[reading]["last"] != "unregularised" else ("cut", "projection"):
     method = sdecgmca_for(selected, reading=reading, n_sources=n_sources, beyond=how)
     result = study.assessed(selected, method)
-    true = result.truth or study.truth(selected)
-    answers[how] = Comparison.of(result.power_spectra, true, l_top=top)
+    answers[how] = Comparison.of(result.power_spectra, study.truth(selected), l_top=top)
 ends = sorted({min(remover.lmax, study.l_top), study.l_top})
 curves = {
     "frequency": [(one.k, one.frequency_ratio, LOOKS[how] | {"label": how}) for how, one in answers.items()],

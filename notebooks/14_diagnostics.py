@@ -290,9 +290,9 @@ quote(
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(assessed):
     """l from 2 to 2 nside, or where the curve ends, and C_l of each channel, recovered and true."""
-    power, of_truth = assessed.power_spectra.angular, (assessed.truth or study.truth(selected)).angular
-    inside = (of_truth.degrees >= 2) & (of_truth.degrees <= study.l_top)
-    return of_truth.degrees[inside], power.cl[:, inside], of_truth.cl[:, inside]
+    power, of_truth = assessed.power_spectra.angular, study.truth(selected).angular
+    inside = np.flatnonzero((power.degrees >= 2) & (power.degrees <= study.l_top))
+    return power.degrees[inside], power.cl[:, inside], of_truth.cl[:, inside]
 
 
 spectra = {name: both_cl(assessed) for name, assessed in assessments.items()}

@@ -11,9 +11,12 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.blurred_mixture import BlurredMixture
-from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data
+from himap.removal.pca import PCA
+from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
-from himap.removal.sdecgmca.scales import deviation, ranked, shrink
+from himap.removal.sdecgmca.scales import Scales, deviation, ranked, shrink
 
 FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
@@ -87,6 +90,20 @@ class TestSeparation:
         assert np.isfinite(cleaned.separation.sources).all()
         assert np.abs(cleaned.residual).max() < 1e-5 * maps.max()
 
+    def test_last_floor_acts_where_columns_are_parallel(self, problem):
+        """Columns of A that differ by 1e-6 put an eigenvalue at 1e-12: above rounding, below C21's floor."""
+        maps, mixing, _ = problem
+        mixing = mixing.copy()
+        mixing[:, 1] = mixing[:, 0] + 1e-6 * mixing[:, 1]
+        modes = harmonic.to_modes(sphere.analyse(maps, LMAX))
+        floored = []
+        for floor in (1e-9, 1e-14):
+            mixture = BlurredMixture(modes, BEAMS[:, : LMAX + 1], np.full(len(maps), 1e-12), floor)
+            method = SDecGMCA(n_sources=4, last="unregularised", last_floor=floor, beyond="cut")
+            _, epsilon = method.last_sources(mixture, None, mixing, None)
+            floored.append(mixture.floored(mixing, epsilon))
+        assert floored == [1, 0]
+
     def test_not_settling_is_recorded(self, problem, rng):
         """Its limits are those of C21's code: that many iterations are its end, and no warning."""
         method = SDecGMCA(**QUICK | {"n_warmup": 1}, tolerance=0.0)
@@ -95,10 +112,69 @@ class TestSeparation:
         assert 50 < cleaned.separation.n_iterations <= 101
 
 
+class TestRestarts:
+    def test_a_restart_is_another_start_within_1e_10(self, problem, rng):
+        """A member is the same each time; after an iteration restarts differ, by less than 1e-3."""
+        seen = noisy(problem[0], 10, rng)
+        data = Data.of(seen, freqs=FREQS, beams=BEAMS)
+        method = SDecGMCA(
+            **QUICK | {"n_warmup": 1, "n_refinement": 1, "warmup_tolerance": 1e9, "tolerance": 1e9}
+        )
+        mixings = [replace(method, restart=k).separate(data).mixing for k in (0, 1, 2, 1)]
+        assert np.array_equal(mixings[1], mixings[3])
+        for one, two in itertools.combinations(mixings[:3], 2):
+            assert 0 < np.abs(one - two).max() < 1e-3
+
+    def test_cleaning_with_restart(self, problem):
+        cleaning = Cleaning(data=Data.of(problem[0], freqs=FREQS, beams=BEAMS), method=SDecGMCA(**QUICK))
+        assert cleaning.with_restart(3).method == replace(cleaning.method, restart=3)
+        with pytest.raises(TypeError, match="restart"):
+            replace(cleaning, method=PCA(n_sources=3)).with_restart(1)
+
+    def test_methods_with_one_iteration_share_it(self, problem, rng, monkeypatch):
+        """The last S in five ways, with one fit; what changes the iteration has a fit of its own."""
+        fits, fit = [], SDecGMCA._fit
+        monkeypatch.setattr(SDecGMCA, "_fit", lambda self, data: fits.append(self) or fit(self, data))
+        data = Data.of(noisy(problem[0], 10, rng), freqs=FREQS, beams=BEAMS)
+        method = SDecGMCA(**QUICK, reading="code")
+        others = {"last_floor": 1e-14, "beyond": "projection", "last": "once", "last_coefficients": "matrix"}
+        foregrounds = [
+            replace(method, **{name: value}).separate(data).foreground for name, value in others.items()
+        ]
+        assert len(foregrounds) == 4 and len(fits) == 1
+        for option in ({"restart": 1}, {"floor": 1e-14}, {"n_sources": 3}):
+            replace(method, **option).separate(data)
+        assert len(fits) == 4
+
+    def test_diagnostics(self, problem, rng):
+        separation = clean(SDecGMCA(**QUICK), noisy(problem[0], 10, rng)).separation
+        diagnostics = separation.diagnostics
+        assert diagnostics["n_warmup"] + diagnostics["n_refinement"] == separation.n_iterations
+        assert diagnostics["condition"] == pytest.approx(np.linalg.cond(separation.mixing))
+        assert (diagnostics["refinement_change"] <= 1e-4) == separation.converged
+        assert 0 <= diagnostics["floored"] <= 1 and diagnostics["cost"] > 0
+
+    def test_cost_is_misfit_and_penalty(self, problem, rng):
+        """Of sources that vanish it is the power of the data, of those of the truth only the penalty."""
+        maps, mixing, sources = problem
+        modes = harmonic.to_modes(sphere.analyse(maps, LMAX))
+        mixture = BlurredMixture(modes, BEAMS[:, : LMAX + 1], np.full(len(maps), 1e-6))
+        method = SDecGMCA(n_sources=4, thresholds="analytic", n_scales=3)
+        scales = Scales.of(method, LMAX, NSIDE)
+        step = Step(mixing=mixing, sources=0 * sources, refining=True, change=0, converged=True)
+        assert method._cost(mixture, scales, step) == pytest.approx(np.sum(modes**2))
+        true = method._cost(mixture, scales, replace(step, sources=sources))
+        louder = replace(mixture, noise=4 * mixture.noise)
+        misfit = np.sum(mixture.residual(mixing, sources) ** 2)
+        assert method._cost(louder, scales, replace(step, sources=sources)) - misfit == pytest.approx(
+            2 * (true - misfit)
+        )
+
+
 class TestBeyond:
     def test_cut_ends_what_is_left(self, problem, rng):
         seen = noisy(problem[0], 10, rng)
-        cleaned = clean(SDecGMCA(**QUICK, lmax=20), seen)
+        cleaned = clean(SDecGMCA(**QUICK, lmax=20, beyond="cut"), seen)
         spectrum = sphere.power_spectrum(sphere.analyse(cleaned.residual.astype(float)))
         assert cleaned.separation.lmax == 20
         assert spectrum[:, 25:].max() < 1e-2 * spectrum[:, 5:21].min()
@@ -125,11 +201,11 @@ class TestBeyond:
 
 
 class TestOptions:
-    @pytest.mark.parametrize("name", sorted(set(OPTIONS) - {"floor"}))
+    @pytest.mark.parametrize("name", sorted(set(OPTIONS) - {"floor", "last_floor"}))
     def test_each_changes_something(self, problem, rng, name):
-        """Every value of every option; but for the floor, which data of 10 dB do not feel."""
+        """Every value of every option; but for the floors, which data of 10 dB do not reach."""
         seen = noisy(problem[0], 10, rng)
-        base = SDecGMCA(**QUICK, regularisation=0.1, last="once")
+        base = SDecGMCA(**QUICK, regularisation=0.1, last="once", beyond="cut")
         methods = [replace(base, **{name: choice}) for choice in OPTIONS[name].choices]
         results = [clean(method, seen).foreground for method in methods]
         for one, two in itertools.combinations(results, 2):
@@ -187,7 +263,10 @@ def test_thresholds_keep_a_share_and_a_least_number(rng):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"reading": "quick"}, "reading must be one of default, letter, code, follow-up, got 'quick'"),
+        (
+            {"reading": "quick"},
+            "reading must be one of default, letter, code, code-rounding, .*, got 'quick'",
+        ),
         ({"reading": None}, "reading must be one of"),
         ({"coefficients": 3}, "coefficients must be spectrum or matrix"),
         ({"thresholds": "median"}, "thresholds must be mad or analytic, got 'median'"),

@@ -5,7 +5,7 @@ import pytest
 from himap.paper.captions import in_short, of_sdecgmca
 from himap.removal import SDecGMCA
 
-ENDS = "; it ends at ℓ = 128, as does the truth that it is divided by"
+ENDS = "; it ends at ℓ = 128, and is divided by the whole truth"
 SILENT = (
     "and, where it is silent, noise of the thresholds (that of the instrument, carried through the inversion)"
 )
@@ -14,13 +14,19 @@ SILENT = (
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({}, f"SDecGMCA is read as “default”: the paper's text {SILENT}{ENDS}"),
+        (
+            {"reading": "instrument-noise"},
+            f"SDecGMCA is read as “instrument-noise”: the paper's text {SILENT}{ENDS}",
+        ),
         ({"reading": "letter"}, f"SDecGMCA is read as “letter”: the paper's text{ENDS}"),
         (
             {"reading": "letter", "sign": "free"},
             f"“letter”: the paper's text but for sign of A (as it comes){ENDS}",
         ),
-        ({"sign": "free"}, f"the paper's text but for sign of A (as it comes) {SILENT}{ENDS}"),
+        (
+            {"reading": "instrument-noise", "sign": "free"},
+            f"the paper's text but for sign of A (as it comes) {SILENT}{ENDS}",
+        ),
         (
             {"reading": "letter", "last": "repeated"},
             "the paper's text and, where it is silent, the last S (Eq. 23 with",
@@ -30,8 +36,8 @@ SILENT = (
             "“code”: the paper's text but for 6 choices and, where it is silent, smallest eigenvalue",
         ),
         ({"reading": "follow-up"}, "it goes on beyond ℓ = 128 with its regularised inversion"),
-        ({"beyond": "projection"}, "it goes on beyond ℓ = 128 without regularisation"),
-        ({"lmax": 30}, "it ends at ℓ = 30,"),
+        ({"reading": "letter", "beyond": "projection"}, "it goes on beyond ℓ = 128 without regularisation"),
+        ({"reading": "letter", "lmax": 30}, "it ends at ℓ = 30,"),
     ],
 )
 def test_words(options, words):
@@ -41,11 +47,17 @@ def test_words(options, words):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({}, "SDecGMCA “default”: the text, with thresholds = analytic; ends at ℓ = 128"),
+        (
+            {},
+            "“default”: the text but for 7 choices, with floor = 1e-09, last = repeated; goes on",
+        ),
         ({"reading": "letter"}, "SDecGMCA “letter”: the text; ends at ℓ = 128"),
         ({"reading": "letter", "sign": "free", "lmax": 30}, "the text but for sign = free; ends at ℓ = 30"),
-        ({"reading": "code"}, "the text but for 6 choices, with floor = 1e-09"),
-        ({"beyond": "projection"}, "but for beyond = projection, with thresholds = analytic; goes on beyond"),
+        ({"reading": "code"}, "the text but for 6 choices, with floor = 1e-09, last_floor = 1e-09"),
+        (
+            {"reading": "instrument-noise", "beyond": "projection"},
+            "but for beyond = projection, with thresholds = analytic; goes on beyond",
+        ),
     ],
 )
 def test_short_words_for_under_a_figure(options, words):

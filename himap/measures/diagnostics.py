@@ -168,9 +168,11 @@ class Assessment:
         As in `himap.removal.base.Separation`.
     mixing
         The mixing matrix of the method, (n_channels, n_sources).
-    truth
-        `PowerSpectra` of the truth cut at the same multipole, where the residual ends at one; all else is
-        then measured against that truth. None where nothing is cut.
+    cut_truth
+        `PowerSpectra` of the truth up to the multipole at which the residual ends, a second measure: all else
+        is compared with the truth at every multipole. None where the residual does not end.
+    diagnostics
+        As in `himap.removal.base.Separation`.
     """
 
     power_spectra: PowerSpectra
@@ -181,7 +183,8 @@ class Assessment:
     converged: bool
     n_iterations: int
     mixing: np.ndarray
-    truth: PowerSpectra | None = None
+    cut_truth: PowerSpectra | None = None
+    diagnostics: dict | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,10 +208,11 @@ class Comparison:
 
     @classmethod
     def of(cls, recovered, true, *, l_top):
-        """From two `PowerSpectra`, for 2 <= l <= l_top and k > 0."""
-        inside = (true.angular.degrees >= 2) & (true.angular.degrees <= l_top)
+        """From two `PowerSpectra`, for 2 <= l <= l_top where the recovered one has C_l, and k > 0."""
+        degrees = true.angular.degrees[: len(recovered.angular.degrees)]
+        inside = np.flatnonzero((degrees >= 2) & (degrees <= l_top))
         return cls(
-            degrees=true.angular.degrees[inside],
+            degrees=degrees[inside],
             angular=recovered.angular.mean[inside],
             true_angular=true.angular.mean[inside],
             k=true.frequency.k[1:],

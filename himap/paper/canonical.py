@@ -65,6 +65,7 @@ _PRODUCTS = {
     pipeline.foreground_seen: [(CASE,)],
     pipeline.foreground_analysed: [(CASE,)],
     pipeline.true_spectra: [(CASE,), (SMOOTHED,)],
+    cleaned.fit: [(CASE, SDecGMCA(**ONCE).iteration)],
     cleaned.separation: [(CASE, PLAIN), (CASE, PLAIN, False), (CASE, AWARE)],
     cleaned.assessment: [(CASE, PLAIN, True, True), (CASE, AWARE)],
     evidence.sky_brightness: [(SURVEY.sky, CASE.galaxy)],
@@ -127,11 +128,17 @@ def _first(eigenvalues):
 
 def _assessed(assessment):
     """Spectra of what is left, at the level of HI."""
-    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0)
+    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
+
+
+def _fitted(fit):
+    """A S, whose signs are fixed."""
+    return fit.mixing @ fit.sources
 
 
 _SHOWN = {
     cleaned.assessment: _assessed,
+    cleaned.fit: _fitted,
     cleaned.separation: _separated,
     masked.separation: _separated,
     choice.eigenvalues: _first,

@@ -32,7 +32,7 @@ def of_sdecgmca(method, nside):
         text += f" and, where it is silent, {', '.join(silent)}"
     end = min(method.lmax, 2 * nside)
     beyond = {
-        "cut": f"it ends at ℓ = {end}, as does the truth that it is divided by",
+        "cut": f"it ends at ℓ = {end}, and is divided by the whole truth",
         "regularised": f"it goes on beyond ℓ = {end} with its regularised inversion",
         "projection": f"it goes on beyond ℓ = {end} without regularisation",
     }

@@ -6,9 +6,13 @@ and what is measured follows from these.
 
 from dataclasses import replace
 
+import numpy as np
+from threadpoolctl import threadpool_limits
+
 from himap.core.memory import check_memory
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
+from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Assessment
 from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
@@ -16,6 +20,7 @@ from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
+from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.spectral_filter import on_sky
 from himap.store.parallel import dask_address, make_all, n_jobs
 from himap.store.store import product, temporary
@@ -29,6 +34,8 @@ def cleaning(case, remover, mask_peaks=True):
     data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
     basis = replace(data, maps=pipeline.basis(case, True)) if mask_peaks else data
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
+    if isinstance(remover, SDecGMCA):
+        basis.known[remover.iteration] = lambda: fit(case, remover.iteration, mask_peaks)
     return Cleaning(data=data, method=remover, basis=basis)
 
 
@@ -38,6 +45,15 @@ def data_of(case, maps, seed=None):
     return Data(
         maps=maps, freqs=observed.freqs, beams=observed.beams, noise=noise_sigma(case.survey), seed=seed
     )
+
+
+@product
+def fit(case, remover, mask_peaks=True):
+    """The `Fit` of a case by the iteration of an `SDecGMCA`, which readings of its last S share."""
+    data = cleaning(case, remover, mask_peaks).basis
+    del data.known[remover]  # which is this product
+    with threadpool_limits(1, user_api="blas"):
+        return remover.fit(data)
 
 
 @product
@@ -76,51 +92,59 @@ def error_of(case, separation, mask_peaks=True):
 
 @product
 def assessment(case, remover, mask_peaks=True, post_mask=False):
-    """The `Assessment` of what `remover` leaves of a case, found as in `separation`.
+    """The `Assessment` of the residual of a case, separated as in `separation`, against the truth.
 
     No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. With
     `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
-    Sect. 5.1).
+    Sect. 5.1). A method that ends at some l is compared with the truth at every l all the same, and lacks
+    what is beyond: its `cut_truth` is a second measure.
     """
     found = separation(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
-    alms = pipeline.truth_alms(case, lmax)
-    if lmax is None:
-        true = pipeline.truth(case)
-    else:
-        true = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="truth")
-    spectra = pipeline.true_spectra(case) if lmax is None else pipeline.spectra_of(true, alms, width)
-    moments = Moments.of(true, wrong)
-    errors = line_errors(wrong)
+    truth, alms, spectra = pipeline.truth(case), pipeline.truth_alms(case), pipeline.true_spectra(case)
+    low, low_alms, cut = truth, alms, None
+    if lmax is not None:
+        low_alms = pipeline.truth_alms(case, lmax)
+        low = sphere.synthesise_cube(low_alms, case.survey.nside, n_channels=len(alms), label="truth")
+        cut = pipeline.spectra_of(low, low_alms, width)
+    moments, errors = Moments.of(low, wrong), line_errors(wrong)
+    correlation = moments.correlation
+    if cut is not None:  # what the truth has beyond lmax is an error that is not of low rank
+        residual = wrong.cube() + low
+        errors = np.mean((residual - centred(truth)) ** 2, axis=0, dtype=np.float64)
+        correlation = np.array([np.corrcoef(pair)[0, 1] for pair in zip(residual, truth, strict=True)])
     masked = masked_truth = None
     if post_mask:
         mask = ~diagnostics.flagged_lines(errors)
-        masked, masked_truth = _masked_spectra(case, true, wrong, mask, alms, lmax)
+        masked, masked_truth = _masked_spectra(case, truth, wrong, mask, alms)
+        if cut is not None:  # a mask mixes multipoles
+            padded = sphere.alms_padded(low_alms, case.survey.lmax)
+            masked, _ = _masked_spectra(case, low, wrong, mask, padded)
+            masked = replace(masked, angular=masked.angular.upto(lmax))
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=angular_power_pair(alms, wrong)[0],
-            frequency=moments.frequency_power(spectra.frequency, width),
+            angular=angular_power_pair(low_alms, wrong)[0],
+            frequency=moments.frequency_power((cut or spectra).frequency, width),
         ),
-        correlation=moments.correlation,
+        correlation=correlation,
         line_errors=errors,
         masked=masked,
         masked_truth=masked_truth,
         converged=found.converged,
         n_iterations=found.n_iterations,
         mixing=found.mixing,
-        truth=None if lmax is None else spectra,
+        cut_truth=cut,
+        diagnostics=found.diagnostics,
     )
 
 
-def _masked_spectra(case, true, wrong, mask, alms, lmax):
-    """`PowerSpectra` of what is left and of the truth on the lines of sight in `mask`."""
-    if lmax is not None:
-        alms = sphere.alms_padded(alms, case.survey.lmax)  # a mask mixes multipoles
+def _masked_spectra(case, true, wrong, mask, alms):
+    """`PowerSpectra` of the residual and of a truth on the lines of sight in `mask`."""
     angular = angular_power_pair(masked_alms(true, mask=mask, alms=alms), wrong, mask=mask)
     frequency = frequency_power(true, case.survey.channel_width, mask=mask)
     recovered = Moments.of(true, wrong, mask=mask).frequency_power(frequency, case.survey.channel_width)
     return tuple(
-        PowerSpectra(angular=power.upto(lmax), frequency=along)
+        PowerSpectra(angular=power, frequency=along)
         for power, along in zip(angular, (recovered, frequency), strict=True)
     )
 

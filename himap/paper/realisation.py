@@ -132,19 +132,15 @@ class Realisation:
         """`Comparison` of an assessment with the truth, which ends where it does."""
         if call not in self._compared:
             result = cleaned.assessment(*call)
-            self._compared[call] = self._comparison(result.power_spectra, self._truth(call))
+            self._compared[call] = self._comparison(result.power_spectra, pipeline.true_spectra(call[0]))
         return self._compared[call]
 
     @cached_property
     def _compared(self):
         return {}
 
-    def _truth(self, call):
-        return cleaned.assessment(*call).truth or pipeline.true_spectra(call[0])
-
     def _comparison(self, recovered, true):
-        powerful = true.angular.degrees[true.angular.mean > 0]  # a method may end before the maps do
-        return Comparison.of(recovered, true, l_top=min(2 * self.survey.nside, powerful.max()))
+        return Comparison.of(recovered, true, l_top=2 * self.survey.nside)
 
     def assessed(self, method):
         """The `Assessment` of a method on the oscillating case."""
@@ -170,11 +166,10 @@ class Realisation:
     def variance(self, method):
         """Variance over channels of the fractional error of C_l at the l of `of`, on the oscillating case."""
         call = self.calls("oscillating")[method]
-        true, degrees = self._truth(call).angular, self._compare(call).degrees
-        inside = np.isin(true.degrees, degrees)
-        return diagnostics.error_variance(
-            self.assessed(method).power_spectra.angular.cl[:, inside], true.cl[:, inside]
-        )
+        degrees = self._compare(call).degrees.astype(int)
+        recovered = self.assessed(method).power_spectra.angular
+        true = pipeline.true_spectra(call[0]).angular
+        return diagnostics.error_variance(recovered.cl[:, degrees], true.cl[:, degrees])
 
     def brightness(self):
         """{region of the sky: rms of foregrounds and of HI before the beam, mK}."""

@@ -100,8 +100,8 @@ class Study:
         With `masked`, without the lines of sight whose error stands out, in what is left and in the truth.
         """
         result = self.assessed(beam, remover, post_mask=masked, **options)
-        true = result.truth or self.truth(beam)
-        pair = (result.masked, result.masked_truth) if masked else (result.power_spectra, true)
+        unmasked = result.power_spectra, self.truth(beam)
+        pair = (result.masked, result.masked_truth) if masked else unmasked
         return Comparison.of(*pair, l_top=self.l_top)
 
     def stamped(self, figure, **parameters):

@@ -76,6 +76,13 @@ class BlurredMixture:
         normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
         return _inverse(normal, self.floor) @ (self.beams.T[:, None, :] * mixing.T)
 
+    def floored(self, mixing, epsilon):
+        """Share of the multipoles at which `floor` raises an eigenvalue of these normal equations."""
+        normal = self._normal(mixing)
+        normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
+        values = np.linalg.eigvalsh(normal)
+        return float(np.mean(values[:, 0] < self.floor * values[:, -1]))
+
     def _normal(self, mixing):
         """A^T H_l^2 A, (n_l, n_sources, n_sources)."""
         n = mixing.shape[1]

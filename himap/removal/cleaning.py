@@ -83,6 +83,10 @@ class Cleaning:
         """The same with another number of sources."""
         return self.with_method(replace(self.method, n_sources=n_sources))
 
+    def with_restart(self, restart):
+        """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 is its own start."""
+        return self.with_method(replace(self.method, restart=restart))
+
     def on(self, mask):
         """The same of a part of a whole sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)

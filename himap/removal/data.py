@@ -138,12 +138,12 @@ class Data:
     @property
     def means(self):
         """The mean of every channel, by the weights, (n_channels,) float64."""
-        return self._once("means", lambda: means_of(self.maps, self.weights))
+        return self.get_or_compute("means", lambda: means_of(self.maps, self.weights))
 
     @property
     def centred(self):
         """The maps less their means: float32, or float64 where that would round HI away."""
-        return self._once("centred", lambda: centred(self.maps, self.means))
+        return self.get_or_compute("centred", lambda: centred(self.maps, self.means))
 
     @property
     def total(self):
@@ -153,7 +153,7 @@ class Data:
     @property
     def covariance(self):
         """Of the channels, without weights, (n_channels, n_channels) float64, mK^2."""
-        return self._once("covariance", lambda: channel_covariance(self.centred))
+        return self.get_or_compute("covariance", lambda: channel_covariance(self.centred))
 
     @property
     def modes(self):
@@ -161,9 +161,10 @@ class Data:
         # Imported here: most methods need no transforms, and importing these takes a second.
         from himap.removal.analysis import cube_modes
 
-        return self._once("modes", lambda: cube_modes(self.centred, self.grid))
+        return self.get_or_compute("modes", lambda: cube_modes(self.centred, self.grid))
 
-    def _once(self, name, make):
+    def get_or_compute(self, name, make):
+        """What is known of these data by a name, made by ``make()`` if it is not; kept with the data."""
         value = self.known.get(name, make)
         if callable(value):
             value = self.known[name] = value()

@@ -31,6 +31,8 @@ class Separation:
     lmax
         Multipole at which the method ends: beyond, all goes with the foreground that was in the maps it was
         found in, so that peaks that were masked there stay whole; None if it does not end.
+    diagnostics
+        {name: number} by which an iteration can be judged without the truth; None of other methods.
     """
 
     mixing: np.ndarray
@@ -41,6 +43,7 @@ class Separation:
     n_iterations: int = 0
     flagged: np.ndarray | None = None
     lmax: int | None = None
+    diagnostics: dict | None = None
 
     @property
     def foreground(self):

@@ -1,6 +1,6 @@
 """SDecGMCA: separation of sparse sources seen through beams (paper, Sect. 3.3; C21)."""
 
-from collections import deque
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -19,6 +19,8 @@ from himap.removal.spectral_filter import on_sky, seen_through, through_beams
 
 _MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
 _LAST_MOST = 25  # turns of the last S
+_PERTURBATION = 1e-10  # of the start by a restart, relative
+_OF_LAST_SOURCES = ("last_floor", "last", "last_coefficients", "beyond")
 
 
 def _option(name):
@@ -39,14 +41,37 @@ class Step:
         S after its thresholds, real modes (n_sources, (lmax + 1)^2).
     refining
         False in the warm-up.
-    settled
-        Whether S changed by less than the tolerance of its stage.
+    change
+        Relative change of S, NaN at the first iteration.
+    converged
+        Whether that is below the tolerance of its stage.
     """
 
     mixing: np.ndarray
     sources: np.ndarray
     refining: bool
-    settled: bool
+    change: float
+    converged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A and the thresholded S after the last iteration.
+
+    Attributes
+    ----------
+    mixing, sources, converged
+        As of the last `Step`.
+    diagnostics
+        "n_warmup", "n_refinement": iterations of each stage; "warmup_change", "refinement_change": the last
+        relative change of S in it; "condition": the condition number of A; "cost": the paper's cost function,
+        mK^2, with thresholds of `n_sigma` times the noise of each scale.
+    """
+
+    mixing: np.ndarray
+    sources: np.ndarray
+    converged: bool
+    diagnostics: dict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +89,14 @@ class SDecGMCA(ForegroundRemover):
     The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
     `reading` is a set of them: "default", "letter" (nothing that contradicts the text), "code" (the steps
     of the public code of C21, which this follows, as a test shows), "follow-up". The coefficient that is
-    itself the threshold stays unchanged, as in that code. There is no randomness.
+    itself the threshold stays unchanged, as in that code.
 
-    With ``beyond="cut"`` nothing is found beyond `lmax`, and all that is there goes with the foreground: the
-    residual ends at `lmax` (`Separation.lmax`), and is compared with a truth that ends there too.
+    The iteration is chaotic: it multiplies a change of A of 1e-10 to order one within some five iterations
+    and does not converge, in C21's code as here, so that one run is one draw. `restart` perturbs the start:
+    results are stated over an ensemble of restarts. There is no other randomness.
+
+    With ``beyond="cut"`` nothing is estimated beyond `lmax`, and all that is there goes with the foreground:
+    the residual ends at `lmax` (`Separation.lmax`).
     """
 
     name: ClassVar[str] = "sdecgmca"
@@ -89,8 +118,9 @@ class SDecGMCA(ForegroundRemover):
     reweighted: bool = _option("reweighted")
     wavelets: str = _option("wavelets")
     floor: float = _option("floor")
+    last_floor: float = _option("last_floor")
     resolution: str = _option("resolution")
-    start: str = _option("start")
+    start_channel: str = _option("start_channel")
     last: str = _option("last")
     last_coefficients: str = _option("last_coefficients")
     beyond: str = _option("beyond")
@@ -105,6 +135,7 @@ class SDecGMCA(ForegroundRemover):
     n_refinement: int = parameter(25, "least number of refinements, of at most 50", minimum=1, maximum=50)
     warmup_tolerance: float = parameter(1e-2, "relative change of S that ends the warm-up", minimum=0)
     tolerance: float = parameter(1e-4, "relative change of S that ends the refinement", minimum=0)
+    restart: int = parameter(0, "start of A: 0 as it is, k > 0 its k-th perturbation by 1e-10", minimum=0)
     last_tolerance: float = parameter(
         None, "relative change that ends the turns of the last S; as the reading has it", minimum=0
     )
@@ -133,39 +164,88 @@ class SDecGMCA(ForegroundRemover):
                 "number or one for each channel (-p noise=0.04 on the command line)."
             )
 
-    def _separate(self, data):
-        maps, beams, modes = data.centred, data.beams, data.modes
-        nside, noise = sphere.nside_of(maps), data.noise if self.noise is None else self.noise
-        lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
-        windows = beams / beams.max(axis=0) if self.resolution == "best" else beams
-        mixture = BlurredMixture(
-            modes.upto(lmax),
-            windows[:, : lmax + 1],
-            noise=None if noise is None else noise_per_mode(noise, *maps.shape),
+    @property
+    def iteration(self):
+        """This method without what is chosen of the last S: methods that agree in it share their `Fit`."""
+        common = {name: READINGS["letter"][name] for name in (*_OF_LAST_SOURCES, "last_tolerance")}
+        return replace(self, reading="letter", **common)
+
+    def fit(self, data):
+        """The `Fit` of the `Data` of a sphere, made once for all methods with the same `iteration`."""
+        return data.get_or_compute(self.iteration, lambda: self._fit(data))
+
+    def _fit(self, data):
+        mixture = self._mixture(data, self._lmax(data))
+        scales = Scales.of(self, mixture.lmax, sphere.nside_of(data.maps))
+        start = mixture.start(self.n_sources, self.start_channel)
+        if self.restart:
+            normal = np.random.default_rng(self.restart).standard_normal(start.shape)
+            start = start * (1 + _PERTURBATION * normal)
+        stages = {}
+        for step in self.iterate(mixture, scales, start):
+            stages.setdefault(step.refining, []).append(step.change)
+        return Fit(
+            mixing=step.mixing,
+            sources=step.sources,
+            converged=step.converged,
+            diagnostics={
+                "n_warmup": len(stages[False]),
+                "n_refinement": len(stages[True]),
+                "warmup_change": stages[False][-1],
+                "refinement_change": stages[True][-1],
+                "condition": float(np.linalg.cond(step.mixing)),
+                "cost": self._cost(mixture, scales, step),
+            },
+        )
+
+    def _cost(self, mixture, scales, step):
+        """The paper's cost function of A and S, mK^2: misfit, and coefficients times their thresholds."""
+        epsilon = mixture.epsilon_of_matrices(step.mixing, self.regularisation)
+        inverses = mixture.inverses(step.mixing, epsilon)
+        misfit = np.sum(mixture.residual(step.mixing, step.sources) ** 2)
+        return float(misfit + scales.penalty(mixture, inverses, step.sources))
+
+    def _lmax(self, data):
+        """Largest multipole of the inversion."""
+        return min(self.lmax, 2 * sphere.nside_of(data.maps), data.beams.shape[1] - 1)
+
+    def _windows(self, beams):
+        """H of every channel, (n_channels, n_l)."""
+        return beams / beams.max(axis=0) if self.resolution == "best" else beams
+
+    def _mixture(self, data, lmax):
+        """The `BlurredMixture` of the data up to `lmax`."""
+        noise = data.noise if self.noise is None else self.noise
+        return BlurredMixture(
+            data.modes.upto(lmax),
+            self._windows(data.beams)[:, : lmax + 1],
+            noise=None if noise is None else noise_per_mode(noise, *data.maps.shape),
             floor=self.floor,
         )
-        scales = Scales.of(self, lmax, nside)
-        steps = enumerate(self.iterate(mixture, scales, mixture.start(self.n_sources, self.start)), 1)
-        ((n_iterations, step),) = deque(steps, maxlen=1)
-        if self.beyond == "regularised":
-            top = min(3 * nside, windows.shape[1]) - 1
-            mixture = replace(mixture, modes=modes.upto(top), beams=windows[:, : top + 1])
-        sources = self.last_sources(mixture, scales, step.mixing, step.sources)
+
+    def _separate(self, data):
+        fit, nside, beams = self.fit(data), sphere.nside_of(data.maps), self._windows(data.beams)
+        lmax = self._lmax(data)
+        top = min(3 * nside, beams.shape[1]) - 1 if self.beyond == "regularised" else lmax
+        mixture = self._mixture(data, top)
+        mixture = replace(mixture, floor=self.last_floor)
+        sources, epsilon = self.last_sources(mixture, Scales.of(self, lmax, nside), fit.mixing, fit.sources)
         if self.beyond != "projection":
-            low_rank = on_sky(seen_through(sources, step.mixing, mixture.beams), nside)
+            low_rank = on_sky(seen_through(sources, fit.mixing, mixture.beams), nside)
         else:  # all l by projection, and up to lmax what the last S is more than that
-            low_rank = through_beams(maps, step.mixing, windows, modes)
+            low_rank = through_beams(data.centred, fit.mixing, beams, data.modes)
             if self.last != "unregularised":
-                more = sources - mixture.sources(mixture.inverses(step.mixing, 0))
-                low_rank += on_sky(seen_through(more, step.mixing, mixture.beams), nside)
-        mixing, sources = ordered(step.mixing, sources)
+                more = sources - mixture.sources(mixture.least_squares(fit.mixing))
+                low_rank += on_sky(seen_through(more, fit.mixing, mixture.beams), nside)
+        mixing, sources = ordered(fit.mixing, sources)
         return Separation(
             low_rank=low_rank,
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
-            converged=step.settled,
-            n_iterations=n_iterations,
+            converged=fit.converged,
+            n_iterations=fit.diagnostics["n_warmup"] + fit.diagnostics["n_refinement"],
             lmax=lmax if self.ends else None,
+            diagnostics=fit.diagnostics | {"floored": mixture.floored(fit.mixing, epsilon)},
         )
 
     def iterate(self, mixture, scales, mixing, *, done=0):
@@ -200,9 +280,12 @@ class SDecGMCA(ForegroundRemover):
                 mixing = self._unit_columns(
                     mixture.fit(sources * window[harmonic.degrees(mixture.lmax)], window), mixing
                 )
-                settled = last is not None and _change(last, sources) <= tolerance
-                yield Step(mixing=mixing, sources=sources, refining=refining, settled=settled)
-                if settled and count >= least:
+                change = math.nan if last is None else _change(last, sources)
+                converged = change <= tolerance
+                yield Step(
+                    mixing=mixing, sources=sources, refining=refining, change=change, converged=converged
+                )
+                if converged and count >= least:
                     break
 
     def _unit_columns(self, mixing, last):
@@ -213,36 +296,47 @@ class SDecGMCA(ForegroundRemover):
         return np.where(length > 0, mixing / np.where(length > 0, length, 1), last)
 
     def last_sources(self, mixture, scales, mixing, sources):
-        """S of the last A (paper, Eq. 23), real modes (n_sources, (lmax + 1)^2).
+        """S of the last A (paper, Eq. 23).
 
-        `sources` are those of the last iteration, up to their own lmax; where `mixture` goes further, epsilon
-        is that of strategy #3 there unless S is found in several turns.
+        Parameters
+        ----------
+        mixture, scales
+            `BlurredMixture`, whose `floor` is that of the last S, and `Scales`.
+        mixing, sources
+            A, and S of the last iteration up to its own lmax; where `mixture` goes further, epsilon is that
+            of strategy #3 there unless S takes several turns.
+
+        Returns
+        -------
+        sources, epsilon
+            Real modes (n_sources, (lmax + 1)^2), and the epsilon behind them, (n_l, n_sources or 1).
         """
         if self.last == "unregularised":
-            return mixture.sources(mixture.inverses(mixing, 0))
+            epsilon = np.zeros((mixture.lmax + 1, 1))
+            return mixture.sources(mixture.inverses(mixing, 0)), epsilon
         epsilon = mixture.epsilon_of_matrices(mixing, self.regularisation)
         if self.last == "once":
             epsilon = np.repeat(epsilon, mixing.shape[1], axis=1)
             if self.last_coefficients == "spectrum":
                 of_spectra = mixture.epsilon_of_spectra(sources, self.regularisation)
                 epsilon[: len(of_spectra)] = of_spectra
-            return mixture.sources(mixture.inverses(mixing, epsilon))
-        inverses, last, memory = mixture.inverses(mixing, epsilon), None, None
+            return mixture.sources(mixture.inverses(mixing, epsilon)), epsilon
+        last, memory = None, None
         for count in range(_LAST_MOST + 1):
+            if count and self.last_coefficients == "spectrum":
+                epsilon = mixture.epsilon_of_spectra(last, self.regularisation)
             if self.last == "thresholded":
+                inverses = mixture.inverses(mixing, epsilon)
                 sources, memory = scales.threshold(mixture, inverses, 1.0, memory)
                 if count == 0 and self.reweighted:
                     memory = scales.empty_memory(len(sources))
             else:
-                sources = mixture.sources(inverses)
+                sources = mixture.sources(mixture.inverses(mixing, epsilon))
             # The first S is that of strategy #3, which the turns only start from.
             if count > 1 and _change(last, sources) < self.last_tolerance:
                 break
             last = sources
-            if self.last_coefficients == "spectrum":
-                epsilon = mixture.epsilon_of_spectra(sources, self.regularisation)
-                inverses = mixture.inverses(mixing, epsilon)
-        return sources
+        return sources, epsilon
 
 
 def _change(last, sources):

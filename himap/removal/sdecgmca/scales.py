@@ -124,21 +124,42 @@ class Scales:
         updated = None if memory is None else np.empty_like(memory)
         levels = noise_of_scales(self.bands, noise).T if self.analytic else [None] * len(sources)
         for n, (alm, level) in enumerate(zip(harmonic.from_modes(sources), levels, strict=True)):
-            scales = []
-            finer = self.pixels.synthesise(alm)
-            for j, (band, low_pass) in enumerate(self._filters):
-                smooth = self.pixels.synthesise(alm[band] * low_pass)
-                scale = finer - smooth
-                cut = self.n_sigma * (deviation(scale) if level is None else level[j])
-                last = smooth if memory is None else memory[n, j]
-                shrink(scale, cut, share, self.least_kept, last, memory is not None)
-                scales.append(scale)
-                finer = smooth
+            *scales, smooth = self._decompose(alm)
+            for j, scale in enumerate(scales):
+                last = scale if memory is None else memory[n, j]
+                shrink(scale, self._cut(scale, level, j), share, self.least_kept, last, memory is not None)
             scales = np.array(scales)
-            kept[n] = self.pixels.analyse(scales.sum(axis=0) + finer)
+            kept[n] = self.pixels.analyse(scales.sum(axis=0) + smooth)
             if updated is not None:
                 updated[n] = scales
         return kept, updated
+
+    def penalty(self, mixture, inverses, kept):
+        """Sum of |coefficients| of thresholded sources times their lowest thresholds, mK^2.
+
+        `kept` are those sources, real modes; the thresholds are of the sources that `inverses` make.
+        """
+        noise = mixture.source_noise(inverses) if self.analytic else None
+        levels = noise_of_scales(self.bands, noise).T if self.analytic else [None] * len(kept)
+        total, modes = 0.0, (mixture.sources(inverses), kept)
+        for alm, alm_kept, level in zip(*map(harmonic.from_modes, modes), levels, strict=True):
+            pairs = list(zip(self._decompose(alm), self._decompose(alm_kept), strict=True))[:-1]
+            for j, (scale, scale_kept) in enumerate(pairs):
+                total += self._cut(scale, level, j) * np.abs(scale_kept).mean()
+        return 4 * np.pi * total
+
+    def _decompose(self, alm):
+        """Detail scales of a source, fine to coarse, and its smooth scale, each (n_pix,)."""
+        finer = self.pixels.synthesise(alm)
+        for band, low_pass in self._filters:
+            smooth = self.pixels.synthesise(alm[band] * low_pass)
+            yield finer - smooth
+            finer = smooth
+        yield finer
+
+    def _cut(self, scale, level, j):
+        """k times the noise of detail scale `j`: by its deviation where the noise of the scales is None."""
+        return self.n_sigma * (deviation(scale) if level is None else level[j])
 
     def empty_memory(self, n_sources):
         """A memory of nothing, (n_sources, n_scales, n_pix)."""
