@@ -19,7 +19,7 @@ CASE = pipeline.Case(survey=Survey.preset("ci", nside=8, n_channels=24, box_cell
 PLAIN, AWARE = PCA(n_sources=3), BeamSubspace(n_sources=3)
 FILTER = SmoothSpectra(n_sources=3, n_smooth=5)
 SHORT = {"n_warmup": 4, "n_refinement": 2, "n_sources": 3}
-ENDING = SDecGMCA(lmax=10, **SHORT)
+ENDING = SDecGMCA(reading="letter", lmax=10, **SHORT)
 LOW = slice(2, 11)
 
 

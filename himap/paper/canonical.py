@@ -127,8 +127,11 @@ def _first(eigenvalues):
 
 
 def _assessed(assessment):
-    """Spectra of what is left, at the level of HI."""
-    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
+    """Spectra of the residual, at the level of HI; of an iteration neither its length nor its diagnostics."""
+    shown = vars(assessment) | {"mixing": np.abs(assessment.mixing), "n_iterations": 0}
+    shown["truth"] = shown.pop("cut_truth")
+    del shown["diagnostics"]
+    return shown
 
 
 def _fitted(fit):
