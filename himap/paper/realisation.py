@@ -3,8 +3,6 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import numpy as np
-
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
