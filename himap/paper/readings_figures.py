@@ -15,12 +15,7 @@ _COLUMNS = 5
 _TRUTH = {"label": "_truth", "color": "0.5", "linewidth": 0.8}
 _EDGES = (0.4, 2.2)  # of ratios that are shown as curves: a few per cent can be seen
 _LOGARITHMIC = 10  # largest over least value from which an axis is logarithmic
-_LINES = zip(
-    (styles.BLUE, styles.VERMILION, styles.GREEN, styles.PURPLE), ("-", "--", "-.", ":"), strict=True
-)
-_LOOKS = {
-    name: {"color": colour, "linestyle": line} for name, (colour, line) in zip(READINGS, _LINES, strict=True)
-}
+_LOOKS = dict(zip(READINGS, styles.sequence(list(READINGS)), strict=True))
 
 
 def claims_figure(outcomes):
