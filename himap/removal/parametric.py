@@ -1,6 +1,7 @@
 """Parametric fit along each line of sight: free-free emission plus a power law (paper, Sect. 3.2.2)."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -21,6 +22,7 @@ _DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band 
 _N_GRID = 65  # starting values of beta
 _MAX_STEPS = 60  # bisection alone needs 45
 _TOLERANCE = 1e-11  # in units of half the range of beta
+_value = partial(chebyshev.chebval, tensor=False)  # of series (degree + 1, n), at one point each, (n,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,47 +69,36 @@ class Parametric(ForegroundRemover):
         return _N_PARAMETERS
 
     def _separate(self, data):
-        maps, weights = data.total, data.weights if np.ndim(data.weights) == 2 else None
-        _check_total(maps, weights)
+        maps, n_pix = data.total, data.maps.shape[1]
+        by_voxel = np.ndim(data.weights) == 2
+        weights = data.weights if by_voxel else np.ones((len(maps), 1))
+        n_bad = np.count_nonzero(np.sum(maps * weights, axis=0, dtype=np.float64) <= 0)
+        if n_bad:
+            raise InputError(
+                "parametric fits power laws to the total brightness, which is positive, but the mean along "
+                f"{n_bad} of {n_pix} lines of sight is not; give maps from which no mean was removed."
+            )
         model = _TwoPowerLaws(data.freqs / self.nu0, self.beta_min, self.beta_max)
-        fits = np.empty((model.spectra.shape[1], maps.shape[1]))
-        sources = np.empty((3, maps.shape[1]))
-        flagged = np.empty(maps.shape[1], dtype=bool)
+        fits, sources = np.empty((model.spectra.shape[1], n_pix)), np.empty((_N_PARAMETERS, n_pix))
+        flagged = np.empty(n_pix, dtype=bool)
 
         def fit(block):
             lines = maps[:, block].astype(np.float64)
-            if weights is None:
-                flat, series = model.project(lines)
-                best = _highest(series)
-                height = np.einsum("ij,ij->j", chebyshev.chebvander(best.t, _DEGREE).T, series)
-            else:
-                shares = weights[:, block] / weights[:, block].max(axis=0)
-                best = _highest(model.weighted_series(lines, shares))
-                flat, height = model.weighted_project(lines, shares, best.t)
-            fits[:, block], sources[:, block] = model.evaluate(flat, height, best.t)
-            flagged[block] = best.at_bound | ~best.converged
-            return best.n_steps, np.count_nonzero(~best.converged)
+            shares = weights[:, block] / weights[:, block].max(axis=0) if by_voxel else weights
+            t, at_bound, converged, n_steps = _highest(model.series(lines, shares))
+            fits[:, block], sources[:, block] = model.fit(lines, shares, t)
+            flagged[block] = at_bound | ~converged
+            return n_steps, converged.all()
 
-        n_steps, n_lost = zip(*in_threads(fit, maps.shape[1], "parametric", _BLOCK), strict=True)
+        n_steps, converged = zip(*in_threads(fit, n_pix, "parametric", _BLOCK), strict=True)
         return Separation(
             low_rank=LowRankCube(spectra=model.spectra, maps=fits),
             means=np.zeros(len(maps)),  # power laws need the total brightness
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,
-            converged=sum(n_lost) == 0,
+            converged=all(converged),
             n_iterations=max(n_steps),
             flagged=flagged,
-        )
-
-
-def _check_total(maps, weights):
-    """Refuse maps whose mean, weighted if there are weights, along some line of sight is not positive."""
-    total = maps.sum(axis=0, dtype=np.float64) if weights is None else np.einsum("ij,ij->j", weights, maps)
-    n_bad = np.count_nonzero(total <= 0)
-    if n_bad:
-        raise InputError(
-            "parametric fits power laws to the total brightness, which is positive, but the mean along "
-            f"{n_bad} of {maps.shape[1]} lines of sight is not; give maps from which no mean was removed."
         )
 
 
@@ -148,54 +139,34 @@ class _TwoPowerLaws:
         norm = np.linalg.norm(second)
         return np.concatenate([second / norm, [overlap / norm, 1 / norm]])
 
-    def project(self, lines):
-        """Coefficient of q1, (n_pix,), and the Chebyshev series of that of q2(beta), (degree + 1, n_pix).
+    def series(self, lines, weights):
+        """Chebyshev series of the coefficient of every line of sight along q2(beta), (degree + 1, n_pix).
 
-        The residual sum of squares is |T|^2 less the squares of both: the best beta has the largest |second|.
+        Along the unit vector that q2(beta) adds to q1 in sum w x y: the weighted squares of the residual are
+        least where the square of this is largest. Lines, (n_channels, n_pix) float64, are finite; weights are
+        of that shape, or (n_channels, 1).
         """
-        return self.q1 @ lines, self.q2 @ (lines - np.outer(self.q1, self.q1 @ lines))
+        nodes = chebyshev.chebvander(chebyshev.chebpts1(_DEGREE + 1), _DEGREE)
+        second = nodes @ self.q2
+        norm, shared = self.q1**2 @ weights, (second * self.q1) @ weights
+        rest = lines - np.outer(self.q1, (self.q1 @ (weights * lines)) / norm)
+        heights = second @ (weights * rest) / np.sqrt(second**2 @ weights - shared**2 / norm)
+        return np.linalg.solve(nodes, heights)
 
-    def weighted_series(self, lines, weights):
-        """The series of `project` of each line of sight where channels have weights, (degree + 1, n_pix).
-
-        It is of the coefficient along the unit vector that q2(beta) adds to q1 in sum w x y, so that again
-        the weighted residual has its minimum where its square is largest. Lines, (n_channels, n_pix) float64,
-        and weights of that shape are finite.
-        """
-        nodes = chebyshev.chebpts1(_DEGREE + 1)
-        second = self.q2.T @ chebyshev.chebvander(nodes, _DEGREE).T
-        norm = self.q1**2 @ weights
-        shared = (self.q1[:, None] * second).T @ weights
-        left = lines - np.outer(self.q1, (self.q1 @ (weights * lines)) / norm)
-        heights = second.T @ (weights * left) / np.sqrt((second**2).T @ weights - shared**2 / norm)
-        return np.linalg.solve(chebyshev.chebvander(nodes, _DEGREE), heights)
-
-    def weighted_project(self, lines, weights, t):
-        """Coefficients of q1 and q2(beta) of the weighted fit at the t, (n_pix,) each."""
-        second = self.q2.T @ chebyshev.chebvander(t, _DEGREE).T
-        norm = self.q1**2 @ weights
-        flat = (self.q1 @ (weights * lines)) / norm
-        shared = (self.q1 @ (weights * second)) / norm
-        alone = weights * (second - np.outer(self.q1, shared))
-        left = lines - np.outer(self.q1, flat)
-        height = np.einsum("ij,ij->j", alone, left) / np.einsum("ij,ij->j", alone, second)
-        return flat - height * shared, height
-
-    def evaluate(self, flat, height, t):
-        """What coefficients of q1 and q2(beta), (n_pix,) each, are at the t, (n_pix,).
-
-        Returns
-        -------
-        tuple
-            The fit along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix).
-        """
+    def fit(self, lines, weights, t):
+        """The fit at the t, (n_pix,), along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix)."""
         powers = chebyshev.chebvander(t, _DEGREE).T
-        fit = np.vstack([flat, (self._along.T @ powers) * height])
+        second = self.q2.T @ powers
+        norm = self.q1**2 @ weights
+        flat, shared = (self.q1 @ (weights * lines)) / norm, (self.q1 @ (weights * second)) / norm
+        alone = weights * (second - np.outer(self.q1, shared))
+        height = np.einsum("ij,ij->j", alone, lines - np.outer(self.q1, flat))
+        height /= np.einsum("ij,ij->j", alone, second)
+        flat -= height * shared
         beta = self.middle + self.half * t
-        slope = height * (self.inverse_norm @ powers)
-        second = slope / (beta - FIXED_INDEX)
-        first = (flat - height * (self.overlap @ powers)) / self.norm - second
-        return fit, np.stack([first, second, beta])
+        steep = height * (self.inverse_norm @ powers) / (beta - FIXED_INDEX)
+        first = (flat - height * (self.overlap @ powers)) / self.norm - steep
+        return np.vstack([flat, (self._along.T @ powers) * height]), np.stack([first, steep, beta])
 
     def derivatives(self, first, second, beta):
         """Derivatives of the model with respect to a1, a2 and beta, (n_channels, 3)."""
@@ -203,21 +174,16 @@ class _TwoPowerLaws:
         return np.stack([np.exp(FIXED_INDEX * self.logx), power, second * power * self.logx], axis=1)
 
 
-@dataclass(frozen=True)
-class _Best:
-    """Where |series| is highest: `t`, whether that is a bound, whether the search converged, its steps."""
-
-    t: np.ndarray
-    at_bound: np.ndarray
-    converged: np.ndarray
-    n_steps: int
-
-
 def _highest(series):
     """Place of the largest |value| in [-1, 1] of Chebyshev series, (degree + 1, n_pix).
 
     A grid finds the highest peak; Newton steps on the derivative, replaced by bisection wherever they leave
     the bracket, polish it.
+
+    Returns
+    -------
+    tuple
+        The places, which of them are a bound, and where the search converged, (n_pix,) each; its steps.
     """
     grid = np.linspace(-1, 1, _N_GRID)
     values = chebyshev.chebvander(grid, _DEGREE) @ series
@@ -225,14 +191,14 @@ def _highest(series):
     series = series * np.sign(values[top, np.arange(len(top))])
     slope, curvature = chebyshev.chebder(series), chebyshev.chebder(series, 2)
     t = grid[top]
-    outward = np.sign(t) * _value(slope, t)
+    outward = np.sign(t) * _value(t, slope)
     at_bound = (np.abs(t) == 1) & (outward >= 0)
     low, high = grid[np.maximum(top - 1, 0)], grid[np.minimum(top + 1, _N_GRID - 1)]
     active = np.flatnonzero(~at_bound)
     n_steps = 0
     while len(active) and n_steps < _MAX_STEPS:
         n_steps += 1
-        gradient, bend = _value(slope[:, active], t[active]), _value(curvature[:, active], t[active])
+        gradient, bend = (_value(t[active], one[:, active]) for one in (slope, curvature))
         low[active] = np.where(gradient > 0, t[active], low[active])
         high[active] = np.where(gradient > 0, high[active], t[active])
         step = -gradient / np.where(bend < 0, bend, -np.inf)
@@ -241,11 +207,5 @@ def _highest(series):
         moved = np.abs(updated - t[active])
         t[active] = updated
         active = active[moved > _TOLERANCE]
-    converged = np.ones(len(t), dtype=bool)
-    converged[active] = False
-    return _Best(t=t, at_bound=at_bound, converged=converged, n_steps=n_steps)
-
-
-def _value(series, t):
-    """Chebyshev series at one point each, (degree + 1, n) and (n,) to (n,)."""
-    return chebyshev.chebval(t, series, tensor=False)
+    converged = ~np.isin(np.arange(len(t)), active)
+    return t, at_bound, converged, n_steps
