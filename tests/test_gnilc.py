@@ -12,7 +12,6 @@ from himap.removal import gnilc, harmonic
 from himap.removal.data import Data
 from himap.removal.gnilc import (
     GNILC,
-    _cell_products,
     foreground_filter,
     local_difference,
     n_foreground,
@@ -266,15 +265,6 @@ def hemispheres(rng):
 
 def whole_filter(maps):
     return foreground_filter(maps @ maps.T / maps.shape[1], PRIOR)
-
-
-def test_sums_over_cells_are_those_of_all_pixels(rng):
-    maps = rng.standard_normal((3, 12 * NSIDE**2))
-    products = _cell_products(maps, 4)
-    assert products.shape == (192, 3, 3)
-    assert products.sum(axis=0) == pytest.approx(maps @ maps.T)
-    cell = sphere.nest_to_ring(NSIDE)[16 * 5 : 16 * 6]
-    assert products[5] == pytest.approx(maps[:, cell] @ maps[:, cell].T)
 
 
 def test_regions_wider_than_the_sky_are_the_sky(hemispheres):

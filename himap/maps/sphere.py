@@ -114,7 +114,7 @@ def synthesise(alm, nside):
     maps = np.empty((len(flat), 12 * nside**2), dtype=real)
     for row, out in zip(flat, maps, strict=True):
         _synthesise(row.astype(np.result_type(real, 1j), copy=False), out, lmax, _geometry(nside))
-    return maps.reshape(*alm.shape[:-1], -1)
+    return maps.reshape(*alm.shape[:-1], 12 * nside**2)
 
 
 def analyse(maps, lmax=None, *, n_iter=N_ITER):

@@ -11,6 +11,7 @@ from scipy import linalg
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.core.progress import progress
+from himap.core.reading import mapped_array
 from himap.maps import sphere
 from himap.maps.low_rank import centred, projection
 from himap.maps.starlets import cosine_needlets
@@ -94,34 +95,33 @@ class GNILC(ForegroundRemover):
             priors = mock_covariances(read_mock(self.prior, maps.shape), windows)
         filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
         spectra, rows = (list(parts) for parts in zip(*filters, strict=True))
+        degrees = harmonic.degrees(lmax)
         sources = [
-            _synthesise(window**2, modes.along(row, lmax), nside)
+            _maps(window[degrees] ** 2 * modes.along(row, lmax), nside)
             for window, row in zip(progress(windows, self.name), rows, strict=True)
         ]
         # Beyond the last l: what is in the maps less what is in their modes.
-        in_modes = _synthesise(np.ones(lmax + 1), modes.along(rows[-1], lmax), nside)
-        sources[-1] += projection(rows[-1], maps) - in_modes
-        local = self._local(modes, windows, priors, filters, nside)
-        if local is not None:
-            spectra.append(np.eye(len(maps)))
-            sources.append(local)
+        sources[-1] += projection(rows[-1], maps) - _maps(modes.along(rows[-1], lmax), nside)
+        if self.bias:
+            local = 0
+            for needlet in zip(windows, priors, filters, strict=True):
+                local = local + self._local(modes, *needlet, nside)
+            if np.ndim(local):
+                spectra.append(np.eye(len(maps)))
+                sources.append(sphere.synthesise(local, nside).astype(np.float64))
         mixing, sources = ordered(np.hstack(spectra), np.concatenate(sources))
         return Separation(mixing=mixing, sources=sources)
 
-    def _local(self, modes, windows, priors, filters, nside):
-        """The `local_difference` of all needlets, (n_channels, n_pix) float64; None if none has regions."""
-        alms = None
-        for window, prior, everywhere in zip(windows, priors, filters, strict=True):
-            n_modes = np.sum((2 * np.arange(len(window)) + 1) * window**2)
-            n_channels = len(prior)
-            if n_channels >= self.bias * n_modes:
-                continue
-            data = _synthesise(window[: _last(window) + 1], modes.upto(_last(window)), nside)
-            more = local_difference(data, prior, everywhere, np.sqrt(n_channels / (self.bias * n_modes)))
-            found = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
-            found *= window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
-            alms = found if alms is None else alms + found
-        return None if alms is None else sphere.synthesise(alms, nside).astype(np.float64)
+    def _local(self, modes, window, prior, everywhere, nside):
+        """Coefficients of the `local_difference` of a needlet, (n_channels, n_alm); 0 without regions."""
+        share = len(prior) / (self.bias * np.sum((2 * np.arange(len(window)) + 1) * window**2))
+        if share >= 1:
+            return 0
+        last = _last(window)
+        data = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
+        more = local_difference(data, prior, everywhere, np.sqrt(share))
+        found = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
+        return found * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
 
 
 def _last(window):
@@ -129,12 +129,9 @@ def _last(window):
     return int(np.flatnonzero(window).max())
 
 
-def _synthesise(weights, modes, nside):
-    """Maps of modes times weights of l, (n, (lmax + 1)^2) to (n, n_pix)."""
-    maps = np.empty((len(modes), 12 * nside**2))
-    for mode, out in zip(modes * weights[harmonic.degrees(len(weights) - 1)], maps, strict=True):
-        out[:] = sphere.synthesise(harmonic.from_modes(mode), nside)
-    return maps
+def _maps(modes, nside):
+    """Maps of real modes, (n, (lmax + 1)^2) to (n, n_pix)."""
+    return sphere.synthesise(harmonic.from_modes(modes), nside)
 
 
 def foreground_filter(covariance, prior):
@@ -182,8 +179,10 @@ def local_difference(maps, prior, everywhere, width):
     """
     nside = sphere.nside_of(maps)
     coarse = 2 ** max(0, int(np.ceil(np.log2(np.sqrt(np.pi / 3) / width))))
-    products = _cell_products(maps, min(2 * coarse, nside))
-    cells = sphere.pixel_vectors(sphere.nside_of(products.T), nest=True)
+    fine = min(2 * coarse, nside)
+    order = sphere.nest_to_ring(nside).reshape(12 * fine**2, -1)
+    products = np.array([maps[:, cell] @ maps[:, cell].T for cell in order])  # of each cell
+    cells = sphere.pixel_vectors(fine, nest=True)
     places, centres = sphere.pixel_vectors(nside), sphere.pixel_vectors(min(coarse, nside))
 
     def weight(vectors, centre):
@@ -204,14 +203,8 @@ def local_difference(maps, prior, everywhere, width):
     return more
 
 
-def _cell_products(maps, nside):
-    """Sums of x x^T over the pixels of each NESTED cell, (n_cells, n_channels, n_channels)."""
-    order = sphere.nest_to_ring(sphere.nside_of(maps)).reshape(12 * nside**2, -1)
-    return np.array([maps[:, cell] @ maps[:, cell].T for cell in order])
-
-
 def read_mock(path, shape):
-    """The maps of a mock, (n_channels, n_pix) float32, mK, from a .npy file.
+    """The maps of a mock, (n_channels, n_pix), mK, from a .npy file.
 
     Raises
     ------
@@ -219,11 +212,11 @@ def read_mock(path, shape):
         There is no such file, it is no array, or not one of finite numbers of that shape.
     """
     try:
-        maps = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError) as problem:
+        maps = mapped_array(path)
+    except InputError as problem:
         raise InputError(
             "prior must be a .npy file with maps of HI and noise, (n_channels, n_pix) in mK, RING, channels "
-            f"ascending; {path}: {problem}."
+            f"ascending; {problem}"
         ) from None
     maps = checked_cube("the mock of prior", maps, min_channels=2)
     if maps.shape != shape:
