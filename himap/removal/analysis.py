@@ -110,8 +110,8 @@ def inpainted_maps(lines, kept, modes):
     modes
         Their `CubeModes` (`analysed` with `kept`).
     """
-    maps, nside = scattered(lines, kept), sphere.nside_of(kept)
-    bright = np.array([sphere.synthesise(harmonic.from_modes(one), nside)[~kept] for one in modes.bright])
+    maps = scattered(lines, kept)
+    bright = sphere.synthesise(harmonic.from_modes(modes.bright), sphere.nside_of(kept))[:, ~kept]
     for spectrum, out in zip(modes.spectra, maps, strict=True):
         out[~kept] = spectrum @ bright
     return maps

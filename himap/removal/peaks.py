@@ -112,15 +112,11 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     flagged = np.empty(maps.shape, dtype=bool)
 
     def fit(block):
-        lines = maps[:, block].astype(np.float64)
-        if weights is None:
-            shares, n_seen = 1.0, len(lines)
-            first[:, block] = basis.T @ lines
-        else:
-            shares = weights[:, block].astype(np.float64)
-            shares /= shares.max(axis=0)
+        lines, shares, n_seen = maps[:, block].astype(np.float64), 1.0, len(maps)
+        if weights is not None:
+            shares = weights[:, block].astype(np.float64) / weights[:, block].max(axis=0)
             n_seen = np.count_nonzero(shares, axis=0)
-            first[:, block] = least_squares(basis, lines, shares)
+        first[:, block] = basis.T @ lines if weights is None else least_squares(basis, lines, shares)
         lines -= basis @ first[:, block]
         pull = np.sqrt(shares) * np.abs(lines)
         deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the fit leaves no mean

@@ -80,99 +80,98 @@ class SmoothSpectra(ForegroundRemover):
         windows = (beams / beams.max(axis=0))[:, : lmax + 1]
         rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
         basis = smooth_basis(freqs, self.n_smooth)
-        bands = [
-            _Band(modes, windows, first, last, basis, freqs, rounding)
-            for first, last in multipole_bands(lmax)
-        ]
-        for band in progress(bands, self.name):
+        edges, bands = multipole_bands(lmax), []
+        for first, last in progress(edges, self.name):
+            data = [modes.at(degree) for degree in range(first, last + 1)]
+            seen = windows.T[first : last + 1, :, None] * basis
             try:
-                band.settle(self.n_sources)
+                bands.append(_settled(data, seen, freqs, rounding, self.n_sources))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
-                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {band.first}; take "
+                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {first}; take "
                     f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
                     "another method."
                 ) from None
+        spectra, estimators, faint, amplitudes, converged, n_turns = zip(*bands, strict=True)
         linear = SpectralFilter(
-            spectra=np.concatenate([band.spectra for band in bands]),
-            estimators=np.concatenate([band.estimators for band in bands]),
-            faint=np.array([band.faint for band in bands]),
-            first=np.array([band.first for band in bands]),
+            spectra=np.concatenate(spectra),
+            estimators=np.concatenate(estimators),
+            faint=np.array(faint),
+            first=np.array(edges)[:, 0],
         )
-        amplitudes = np.hstack([band.amplitudes for band in bands])
+        amplitudes = np.hstack(amplitudes)
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
         mixing, sources = ordered(basis @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
             low_rank=linear.foreground(maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
-            converged=all(band.converged for band in bands),
-            n_iterations=max(band.n_turns for band in bands),
+            converged=all(converged),
+            n_iterations=max(n_turns),
             filter=linear,
         )
 
 
-class _Band:
-    """The data of some multipoles, and the smooth functions seen through the beams.
+def _settled(data, seen, freqs, rounding, n_sources):
+    """One band of multipoles, in turns until the covariance C of HI and noise settles.
 
-    Once it has settled: its part of a `SpectralFilter` and the amplitudes of the foreground in the basis.
+    Parameters
+    ----------
+    data
+        X_l of each l, a list of (n_channels, 2 l + 1).
+    seen
+        diag(H_l) B, (n_l, n_channels, n_smooth).
+    freqs, rounding, n_sources
+        MHz; variance of the rounding of maps, mK^2; the most spectra.
+
+    Returns
+    -------
+    tuple
+        W_l, G_l and C, as in `SpectralFilter`; amplitudes of the foreground in B, (n_smooth, n_modes); if
+        C settled, and in how many turns.
     """
+    _, n_channels, n_smooth = seen.shape
+    n_modes = sum(block.shape[1] for block in data)
 
-    def __init__(self, modes, windows, first, last, basis, freqs, rounding):
-        self.first, self.freqs, self.rounding = first, freqs, rounding
-        self.degrees = range(first, last + 1)
-        self.n_modes = (last + 1) ** 2 - first**2
-        self.seen = windows.T[first : last + 1, :, None] * basis
-        self._modes = modes
+    def faint_of(products, n_removed):
+        return faint_covariance(products + rounding * np.eye(n_channels), freqs, n_removed)
 
-    def settle(self, n_sources):
-        """Turns from what least squares of all smooth functions leave until the covariance C settles."""
-        data = [self._modes.at(degree) for degree in self.degrees]
-        _, n_channels, n_smooth = self.seen.shape
-        orthonormal = np.linalg.qr(self.seen)[0]
-        left = [block - one @ (one.T @ block) for one, block in zip(orthonormal, data, strict=True)]
-        products = sum(block @ block.T for block in left) / self.n_modes
-        faint = self._faint(products * n_channels / (n_channels - n_smooth), n_smooth)
-        self.converged, self.n_turns, n_removed = False, 0, n_smooth
-        while not self.converged and self.n_turns < _MOST_TURNS:
-            self.n_turns += 1
-            turn, self.estimators = self._axes(data, faint, n_sources)
-            self.spectra = self.seen @ turn
-            products = 0  # of HI and noise given the data
-            for one, estimator, block in zip(self.spectra, self.estimators, data, strict=True):
-                rest = block - one @ (estimator @ block)
-                products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
-            # Never more than in the last turn: one that is faint could come and go for ever.
-            n_removed = min(n_removed, int(np.sum(turn.any(axis=0))))
-            self.faint, faint = faint, self._faint((products + products.T) / (2 * self.n_modes), n_removed)
-            change = np.linalg.norm(faint - self.faint)
-            self.converged = bool(change <= _SETTLED * np.linalg.norm(self.faint))
-        self.amplitudes = np.hstack(
-            [turn @ (one @ block) for one, block in zip(self.estimators, data, strict=True)]
-        )
+    rest = [x - q @ (q.T @ x) for q, x in zip(np.linalg.qr(seen)[0], data, strict=True)]
+    products = sum(block @ block.T for block in rest) / n_modes
+    faint = faint_of(products * n_channels / (n_channels - n_smooth), n_smooth)
+    converged, n_turns, n_removed = False, 0, n_smooth
+    while not converged and n_turns < _MOST_TURNS:
+        n_turns += 1
+        axes, estimators = _filter(data, seen, faint, n_sources)
+        spectra, products = seen @ axes, 0  # of HI and noise given the data
+        for one, estimator, block in zip(spectra, estimators, data, strict=True):
+            rest = block - one @ (estimator @ block)
+            products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
+        # Never more than in the last turn: one that is faint could come and go for ever.
+        n_removed = min(n_removed, int(np.sum(axes.any(axis=0))))
+        before, faint = faint, faint_of((products + products.T) / (2 * n_modes), n_removed)
+        converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
+    amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
+    return spectra, estimators, before, np.hstack(amplitudes), converged, n_turns
 
-    def _axes(self, data, faint, n_sources):
-        """Axes of the foreground in the smooth functions, (n_smooth, n_sources), and G_l of each l."""
-        inverse = np.linalg.inv(faint)
-        weighted = inverse @ self.seen
-        known = np.swapaxes(self.seen, 1, 2) @ weighted
-        noise, signal = 0, 0
-        for one, precision, block in zip(weighted, known, data, strict=True):
-            amplitudes = np.linalg.solve(precision, one.T @ block)
-            signal = signal + amplitudes @ amplitudes.T
-            noise = noise + block.shape[1] * np.linalg.inv(precision)
-        root = np.linalg.cholesky(noise / self.n_modes)
-        whitened = np.linalg.solve(root, np.linalg.solve(root, signal / self.n_modes).T)
-        values, axes = np.linalg.eigh(whitened)
-        values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
-        variance = shrunk_variance(values, len(axes) / self.n_modes)
-        turn = root @ (axes * np.sqrt(variance))  # so that its sources have unit variance
-        precision = turn.T @ known @ turn + np.eye(n_sources)
-        return turn, np.linalg.solve(precision, np.swapaxes(weighted @ turn, 1, 2))
 
-    def _faint(self, products, n_removed):
-        return faint_covariance(products + self.rounding * np.eye(len(products)), self.freqs, n_removed)
+def _filter(data, seen, faint, n_sources):
+    """Axes of the foreground in the smooth functions, (n_smooth, n_sources), and G_l of each l."""
+    n_modes = sum(block.shape[1] for block in data)
+    weighted = np.linalg.inv(faint) @ seen
+    known = np.swapaxes(seen, 1, 2) @ weighted
+    noise, signal = 0, 0
+    for one, precision, block in zip(weighted, known, data, strict=True):
+        amplitudes = np.linalg.solve(precision, one.T @ block)
+        signal = signal + amplitudes @ amplitudes.T
+        noise = noise + block.shape[1] * np.linalg.inv(precision)
+    root = np.linalg.cholesky(noise / n_modes)
+    values, axes = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, signal / n_modes).T))
+    values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
+    axes = root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))  # sources of unit variance
+    precision = axes.T @ known @ axes + np.eye(n_sources)
+    return axes, np.linalg.solve(precision, np.swapaxes(weighted @ axes, 1, 2))
 
 
 def smooth_basis(freqs, n_smooth):

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import HarmonicModes, LowRankCube, projection
 from himap.removal import harmonic
@@ -61,9 +60,7 @@ def filtered(spectra, estimators, maps, modes):
     for degree, out in enumerate(harmonic.blocks(more)):
         data = modes.at(degree)
         out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
-    nside = sphere.nside_of(maps)
-    for pixels, mode in zip(progress(foreground, "foreground"), more, strict=True):
-        pixels += sphere.synthesise(harmonic.from_modes(mode), nside)
+    foreground += sphere.synthesise(harmonic.from_modes(more), sphere.nside_of(maps))
     return LowRankCube(spectra=axes, maps=foreground)
 
 
@@ -100,10 +97,9 @@ def seen_through(sources, mixing, beams):
     beams
         b_l, (n_channels, lmax + 1).
     """
-    matrices = beams.T[:, :, None] * mixing
-    blocks = harmonic.blocks(sources)
-    sizes = (np.linalg.qr(block.T, mode="r").T for block in blocks)
-    spectra = common_axes([matrix @ size for matrix, size in zip(matrices, sizes, strict=True)])
+    matrices, blocks = beams.T[:, :, None] * mixing, harmonic.blocks(sources)
+    pairs = zip(matrices, blocks, strict=True)
+    spectra = common_axes([matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs])
     seen = np.empty((spectra.shape[1], sources.shape[1]))
     for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
         np.matmul(matrix, source, out=out)
@@ -112,7 +108,5 @@ def seen_through(sources, mixing, beams):
 
 def on_sky(modes, nside, lmax=None):
     """The `LowRankCube` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
-    maps = np.empty((len(modes.alms), 12 * nside**2))
-    for alm, pixels in zip(progress(modes.alms, "foreground"), maps, strict=True):
-        pixels[:] = sphere.synthesise(alm if lmax is None else sphere.alms_upto(alm, lmax), nside)
-    return LowRankCube(spectra=modes.spectra, maps=maps)
+    alms = modes.alms if lmax is None else sphere.alms_upto(modes.alms, lmax)
+    return LowRankCube(spectra=modes.spectra, maps=sphere.synthesise(alms, nside))
