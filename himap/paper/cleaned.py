@@ -185,6 +185,6 @@ def make_by_case(work):
     for by_case in skies.values():
         with temporary(*pipeline.OF_SKIES):
             for pieces in by_case.values():
-                with temporary(*pipeline.OF_CASES, separation):
+                with temporary(*pipeline.OF_CASES, fit, separation):
                     n_made += make(pieces)
     return n_made

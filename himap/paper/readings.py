@@ -1,5 +1,6 @@
 """The readings of the choices that the paper leaves open about SDecGMCA, and the outcome of each."""
 
+import itertools
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,6 +24,17 @@ BANDS = {f"C/C0, {low} to {high}": ("C/C0", low - 0.5, high + 0.5) for low, high
 NEAR_PLANE = 10.0
 """Galactic latitude below which a line of sight is near the plane, deg."""
 
+DIAGNOSTICS = (
+    "n_warmup",
+    "n_refinement",
+    "warmup_change",
+    "refinement_change",
+    "condition",
+    "cost",
+    "floored",
+)
+"""Those of an SDecGMCA (`himap.removal.separation.Separation`)."""
+
 CURVES = ("C/C0", "P/P0")
 """Quantities with a value for each x: l, or k in 1/MHz."""
 
@@ -33,13 +45,16 @@ QUANTITIES = (
     "largest error",
     "flagged",
     "near the plane",
+    "total error",
     "iterations",
     "converged",
+    *DIAGNOSTICS,
     *CURVES,
 )
 """What is measured of a run besides claims: mean ratios in bands; the highest P/P0 near k = 0.31 / MHz; mean
 and largest |C/C0 - 1| at 10 < l < 200; the share of lines of sight that are flagged, and of these near the
-plane; iterations of both stages; whether the last one converged; and both curves in bins.
+plane; the total MSE of both spectra; iterations of both stages; whether the last one converged; diagnostics
+of the iteration; and both curves in bins.
 """
 
 COLUMNS = {
@@ -119,6 +134,21 @@ def readings():
             if value != default[option]:
                 known[label] = Reading(label=label, options=options, changed=(option, value))
     return known
+
+
+def candidates():
+    """{label: `Reading`}: those with a name, each with every foreground beyond lmax.
+
+    The default is the most charitable of them.
+    """
+    several = {}
+    for name, beyond in itertools.product(READINGS.keys() - {"default"}, OPTIONS["beyond"].choices):
+        if READINGS[name]["beyond"] == beyond:
+            several[name] = Reading(label=name, options=(("reading", name),))
+        else:
+            label, options = f"{name}, beyond = {beyond}", (("reading", name), ("beyond", beyond))
+            several[label] = Reading(label=label, options=options)
+    return {label: several[label] for label in sorted(several)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -73,7 +73,7 @@ class Realisation:
     def assessments(self):
         """The arguments of every `cleaned.assessment` that the claims need, a list of tuples."""
         calls = [call for case in self.cases for call in self.calls(case).values()]
-        return [*calls, *map(self._beyond, BEAMS), *self._scan().values()]
+        return [*calls, *map(self._beyond, BEAMS), *self.scan_calls().values()]
 
     @property
     def facts(self):
@@ -101,7 +101,7 @@ class Realisation:
             further = self._in_place(observed.beam, beyond="projection")
         return observed, further, True, False
 
-    def _scan(self):
+    def scan_calls(self):
         """{n_sources: arguments of `cleaned.assessment`}."""
         case = self.cases["oscillating"][0]
         return {n: (case, self._in_place(case.beam, n_sources=n), True, False) for n in self.n_sources}
@@ -124,7 +124,7 @@ class Realisation:
     @property
     def scan(self):
         """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
-        return {n: self._compare(call) for n, call in self._scan().items()}
+        return {n: self._compare(call) for n, call in self.scan_calls().items()}
 
     def _compare(self, call):
         """`Comparison` of an assessment with the truth, which ends where it does."""

@@ -12,6 +12,7 @@ EXPERIMENTS = {
     "methods": "All methods side by side, through each beam.",
     "n_sources": "How often a criterion finds the right number of sources.",
     "readings": "Every claim under every reading of the paper's SDecGMCA.",
+    "restarts": "SDecGMCA from several starts: spectra, diagnostics and claims.",
     "transfer": "How well transfer functions correct the signal loss.",
 }
 """{name: what is measured}."""

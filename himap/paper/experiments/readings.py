@@ -6,20 +6,12 @@ Each reading is judged on the same skies and from the same restarts.
 import math
 from dataclasses import replace
 
-import numpy as np
-import pandas as pd
-
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP
-from himap.paper.claims.base import angular_band, bump
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments.claims import JudgedSky, judge, prepare, realisations, restarts
-from himap.paper.readings import BANDS, COLUMNS, CURVES, NEAR_PLANE, outcomes, readings
+from himap.paper.experiments.restarts import member_rows
+from himap.paper.readings import COLUMNS, QUANTITIES, outcomes, readings
 from himap.paper.readings_table import summary_table
 from himap.paper.record import Experiment
-
-_N_BINS = 40  # of a curve, at most
-_EDGE = 200  # of l that the paper recovers
 
 
 def skies(*, n_restarts=4, **settings):
@@ -46,48 +38,9 @@ def measure(sky):
             for row in finding_rows(judge(one), one.restart):
                 shared = {name: row[name] for name in ("value", "part", "method", "main", "held")}
                 rows.append(first | shared | {"quantity": row["claim"]})
-            rows += [first | row for row in _ratios(one)]
+            call = one.calls("oscillating")["sdecgmca"]
+            rows += [first | row for row in member_rows(call) if row["quantity"] in QUANTITIES]
     return rows
-
-
-def _ratios(realisation):
-    """The columns quantity, x and value of SDecGMCA on the oscillating case of a `Realisation`."""
-    assessed, comparison = realisation.assessed("sdecgmca"), realisation.of("oscillating")["sdecgmca"]
-    flagged = realisation.flagged("sdecgmca")
-    near = np.abs(sphere.pixel_latitude(realisation.survey.nside)[flagged]) < NEAR_PLANE
-    k = comparison.k
-    curves = dict(
-        zip(
-            CURVES,
-            ((comparison.degrees, comparison.angular_ratio), (k, comparison.frequency_ratio)),
-            strict=True,
-        )
-    )
-    inside = {
-        band: (curve, (curves[curve][0] > low) & (curves[curve][0] < high))
-        for band, (curve, low, high) in BANDS.items()
-    }
-    numbers = {
-        **{band: curves[curve][1][there].mean() for band, (curve, there) in inside.items() if there.any()},
-        "bump": bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
-        "mean error": angular_band("error", 10, _EDGE)(comparison),
-        "largest error": angular_band("deviation", 10, _EDGE)(comparison),
-        "flagged": flagged.mean(),
-        "near the plane": near.mean() if len(near) else math.nan,
-        "iterations": assessed.n_iterations,
-        "converged": assessed.converged,
-    }
-    rows = [{"quantity": name, "value": float(value)} for name, value in numbers.items()]
-    for name, curve in curves.items():
-        rows += [{"quantity": name, "x": x, "value": value} for x, value in _binned(*curve)]
-    return rows
-
-
-def _binned(x, values):
-    """Means of both in logarithmic bins of x, pairs, without the bins that are empty."""
-    place = np.floor(np.log(x / x[0]) / np.log(x[-1] / x[0]) * _N_BINS * (1 - 1e-9))
-    means = pd.DataFrame({"x": x, "value": values}).groupby(place).mean()
-    return list(means.itertuples(index=False, name=None))
 
 
 EXPERIMENT = Experiment(

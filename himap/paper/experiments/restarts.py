@@ -1,0 +1,186 @@
+"""SDecGMCA as an ensemble: skies x restarts x readings, through each beam and with other numbers of sources.
+
+A member is a sky and a restart. Its row has both spectra over the truth, diagnostics of the iteration, and
+every claim. Readings that differ in the last S alone share the fit of A.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from himap.maps import sphere
+from himap.measures.diagnostics import BUMP, Comparison, flagged_lines
+from himap.paper import cleaned, pipeline
+from himap.paper.claims.base import BEAMS, angular_band, bump
+from himap.paper.claims.entries import finding_rows
+from himap.paper.experiments.claims import JudgedSky, judge, prepare, realisations, restarts
+from himap.paper.readings import BANDS, COLUMNS, FAILING, NEAR_PLANE, candidates
+from himap.paper.record import Experiment
+
+_N_BINS = 40  # of a curve, at most
+_EDGE = 200  # of l that the paper recovers
+_SPARSE = (10, 15, 20)  # numbers of sources beyond 8
+
+CASES = (*BEAMS, "dimmed")
+"""Observations that members are shown of."""
+
+SCAN = "scan"
+"""Case of other numbers of sources than Table 1's, through the oscillating beam."""
+
+
+def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **settings):
+    """A list of `JudgedSky`, each with `n_restarts` of every candidate reading.
+
+    Parameters
+    ----------
+    n_restarts
+        Starts of SDecGMCA.
+    reading
+        Of SDecGMCA; "all" for every candidate (`himap.paper.readings.candidates`).
+    n_sources_min, n_sources_max
+        Ends of the scan: each number up to 8, then 10, 15 and 20.
+    settings
+        As of `himap.paper.experiments.claims.realisations`.
+
+    Raises
+    ------
+    InputError
+        A bad value of any of them.
+    """
+    whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
+    scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
+    chosen = candidates() if reading == "all" else {reading: None}
+    options = {label: one.options if one else (("reading", label),) for label, one in chosen.items()}
+    return [
+        JudgedSky(
+            {
+                label: restarts(replace(sky, n_sources=scan, options=given), n_restarts)
+                for label, given in options.items()
+            }
+        )
+        for sky in whole
+    ]
+
+
+def measure(sky):
+    """Claims and numbers of every member on a `JudgedSky`, rows with the columns of a record.
+
+    Of a single reading there are curves too, and other numbers of sources.
+    """
+    empty, rows = dict.fromkeys(EXPERIMENT.columns) | {"n_sources": 0, "x": math.nan}, []
+    single = len(sky.realisations) == 1
+    for label, members in sky.realisations.items():
+        for member in members:
+            first = empty | {"reading": label, "restart": member.restart}
+            for row in finding_rows(judge(member), member.restart):
+                shared = {name: row[name] for name in ("value", "part", "method", "main", "held")}
+                rows.append(first | shared | {"quantity": row["claim"]})
+            for case, n_sources, call in _calls(member, scan=single):
+                shown = first | {"case": case, "n_sources": n_sources}
+                shown_rows = member_rows(call, masks=case == "oscillating")
+                rows += [shown | row for row in shown_rows if single or "x" not in row]
+    return rows
+
+
+def _calls(member, scan):
+    """(case, number of sources, arguments of `cleaned.assessment`) of what is shown of a `Realisation`."""
+    for case in CASES:
+        call = member.calls(case)["sdecgmca"]
+        yield case, call[1].n_sources, call
+    for n_sources, call in member.scan_calls().items() if scan else ():
+        yield SCAN, n_sources, call
+
+
+def member_rows(call, *, masks=False):
+    """The columns quantity, x and value of SDecGMCA, a list of dicts.
+
+    Parameters
+    ----------
+    call
+        Arguments of `cleaned.assessment`.
+    masks
+        Whether curves without the flagged lines of sight, correlation and variance are wanted too.
+    """
+    case, *_ = call
+    result, truth, l_top = cleaned.assessment(*call), pipeline.true_spectra(case), 2 * case.survey.nside
+    comparison = Comparison.of(result.power_spectra, truth, l_top=l_top)
+    curves = _curves(comparison)
+    if masks:
+        without = Comparison.of(result.masked, result.masked_truth, l_top=l_top)
+        curves |= {f"{name}, masked": curve for name, curve in _curves(without).items()}
+        curves["r"] = case.survey.freqs, result.correlation
+    rows = [{"quantity": name, "value": float(value)} for name, value in _numbers(result, comparison).items()]
+    for name, curve in curves.items():
+        rows += [{"quantity": name, "x": x, "value": value} for x, value in _binned(*curve)]
+    return rows
+
+
+def _curves(comparison):
+    """{"C/C0", "P/P0": (x, ratio)} of a `Comparison`."""
+    return {
+        "C/C0": (comparison.degrees, comparison.angular_ratio),
+        "P/P0": (comparison.k, comparison.frequency_ratio),
+    }
+
+
+def _numbers(result, comparison):
+    """{quantity: number} of a member."""
+    curves, flagged, k = _curves(comparison), flagged_lines(result.line_errors), comparison.k
+    near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < NEAR_PLANE
+    inside = {
+        band: (curve, (curves[curve][0] > low) & (curves[curve][0] < high))
+        for band, (curve, low, high) in BANDS.items()
+    }
+    return {
+        **{band: curves[curve][1][there].mean() for band, (curve, there) in inside.items() if there.any()},
+        "bump": bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
+        "mean error": angular_band("error", 10, _EDGE)(comparison),
+        "largest error": angular_band("deviation", 10, _EDGE)(comparison),
+        "total error": comparison.total_error(),
+        "flagged": flagged.mean(),
+        "near the plane": near.mean() if len(near) else math.nan,
+        "iterations": result.n_iterations,
+        "converged": result.converged,
+        **(result.diagnostics or {}),
+    }
+
+
+def _binned(x, values):
+    """Means of both in logarithmic bins of x, pairs, without the bins that are empty."""
+    place = np.floor(np.log(x / x[0]) / np.log(x[-1] / x[0]) * _N_BINS * (1 - 1e-9))
+    means = pd.DataFrame({"x": x, "value": values}).groupby(place).mean()
+    return list(means.itertuples(index=False, name=None))
+
+
+def _summary(rows):
+    """Of each reading, case and number of sources how many members fail, and the median of some numbers."""
+    shown = ("mean error", "C/C0, 2 to 4", "P/P0, k < 0.03", "bump", "flagged", "condition")
+    numbers = rows[rows["quantity"].isin(shown)]
+    table = numbers.pivot_table(
+        index=["reading", "case", "n_sources"],
+        columns="quantity",
+        values="value",
+        aggfunc="median",
+        sort=False,
+    )
+    errors = rows[rows["quantity"] == "mean error"]
+    failing = errors.assign(fails=errors["value"] > FAILING).groupby(list(table.index.names), sort=False)
+    table.insert(0, "failed", [f"{one['fails'].sum()} of {len(one)}" for _, one in failing])
+    return table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
+
+
+EXPERIMENT = Experiment(
+    name="restarts",
+    chapter="15_claims",
+    columns={"case": str, "n_sources": int} | COLUMNS,
+    key=("reading", "case", "n_sources", "restart", "quantity"),
+    skies=skies,
+    measure=measure,
+    summary=_summary,
+    prepare=prepare,
+    defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8, "reading": "all"},
+    without=("method",),
+    stated=("n_realisations", "n_restarts", "reading", "n_sources_max"),
+)
