@@ -125,7 +125,7 @@ def test_weights_are_zero_at_the_edge_and_one_well_inside():
     [
         (CUT[:-1], r"shape \(n_pix,\) = \(3072,\), got \(3071,\)"),
         (0.5 * CUT, "got values between"),
-        (np.full(len(CUT), np.nan), "got values between"),
+        (np.full(len(CUT), np.nan), "got values outside"),
         (~(CUT | ~CUT), "keeps no pixel"),
         (np.array(["yes"] * len(CUT)), "the mask must be real numbers"),
         (LATITUDE > 78, r"keeps 1.* there are 3 modes to l = 32, and 8 channels need as many"),

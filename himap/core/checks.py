@@ -108,6 +108,15 @@ def whole_number(label, value, low, high):
     return int(value)
 
 
+def power_of_two(label, value, low, high):
+    """`value` as an int between `low` and `high`, both included, and a power of two."""
+    value = whole_number(label, value, low, high)
+    if value & (value - 1):
+        below = 2 ** (value.bit_length() - 1)
+        raise InputError(f"{label} must be a power of two, got {value}; try {below} or {2 * below}.")
+    return value
+
+
 def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=()):
     """A dataclass field with a help text, and what it may be.
 

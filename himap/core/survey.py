@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from himap.core.checks import checked_fields, parameter
+from himap.core.checks import checked_fields, parameter, power_of_two
 from himap.core.errors import InputError
 
 
@@ -48,9 +48,7 @@ class Survey:
 
     def __post_init__(self):
         checked_fields(self)
-        if self.nside & (self.nside - 1):
-            below = 2 ** (self.nside.bit_length() - 1)
-            raise InputError(f"nside must be a power of two, got {self.nside}; try {below} or {2 * below}.")
+        power_of_two("nside", self.nside, 4, 4096)
         if self.box_cells % 2:
             raise InputError(
                 "box_cells must be even, because the observer sits where eight cells meet; got "

@@ -13,6 +13,7 @@ import numpy as np
 from himap.core.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
 from himap.core.errors import InputError
 from himap.maps.low_rank import as_float32, centred
+from himap.maps.masks import mask_weights
 from himap.removal.covariance import channel_covariance
 
 
@@ -218,18 +219,12 @@ def checked_mask(mask, n_pix):
     InputError
         Another shape, other values than True and False (or 1 and 0), or nothing kept.
     """
-    kept = np.asarray(mask)
-    if kept.dtype != bool:
-        kept = real_array("the mask", mask)
-    if kept.shape != (n_pix,):
-        raise InputError(f"the mask must have shape (n_pix,) = ({n_pix},), got {kept.shape}.")
+    kept = mask_weights(mask, n_pix)
     if not np.isin(kept, (0, 1)).all():
         raise InputError(
             "the mask of a separation must be True where kept and False elsewhere (or 1 and 0), got values "
             "between; weights are for power spectra: give mask > 0.5 or the like."
         )
-    if not kept.any():
-        raise InputError("the mask keeps no pixel; True (or 1) means kept.")
     return kept.astype(bool)
 
 

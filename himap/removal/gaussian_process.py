@@ -107,35 +107,32 @@ class _Kernels:
         self.distance = np.abs(freqs[:, None] - freqs)
         self.place = freqs - 0.5 * (freqs[0] + freqs[-1])
 
+    def _terms(self, logs):
+        """Roots of K_smooth and K_mix with their derivatives; K_HI, its derivative in ln L, and K_noise."""
+        roots = [squared_exponential(self.place, *pair) for pair in (logs[:2], logs[2:4])]
+        ratio = self.distance / np.exp(logs[5])
+        kernel = np.exp(logs[4] - ratio)
+        return roots, (kernel, kernel * ratio, np.exp(logs[6]) * np.eye(len(ratio)))
+
     def parts(self, logs):
         """(F, K_HI + noise) with K_foreground = F F^T, (n_channels, n_terms) and (n_channels, n_channels)."""
-        smooth, mix = (squared_exponential(self.place, *pair)[0] for pair in (logs[:2], logs[2:4]))
-        hi, _, noise = self._rest(*logs[4:])
-        return np.hstack([smooth, mix]), hi + noise
-
-    def _rest(self, variance, length, noise):
-        """K_HI, its derivative with respect to the logarithm of its length, and K_noise."""
-        ratio = self.distance / np.exp(length)
-        kernel = np.exp(variance - ratio)
-        return kernel, kernel * ratio, np.exp(noise) * np.eye(len(ratio))
+        roots, (hi, _, noise) = self._terms(logs)
+        return np.hstack([root for root, _ in roots]), hi + noise
 
     def cost(self, logs, covariance):
         """-ln L / n but for a constant, and its gradient, (7,)."""
-        roots = [squared_exponential(self.place, *pair) for pair in (logs[:2], logs[2:4])]
-        rest = self._rest(*logs[4:])
-        _, rows, power = _whitened(np.hstack([root for root, _ in roots]), rest[0] + rest[2])
+        (roots, terms), (root, rest) = self._terms(logs), self.parts(logs)
+        _, rows, power = _whitened(root, rest)
         # K^-1 = rows^T rows, and ln det K is that of its parts.
         rows /= np.sqrt(1 + power)[:, None]
         found = rows @ covariance @ rows.T
-        _, log_det = np.linalg.slogdet(rest[0] + rest[2])
-        value = 0.5 * (log_det + np.log1p(power).sum() + np.trace(found))
-        left = np.eye(len(found)) - found
-        slope = []
+        value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(found))
+        excess, slope = np.eye(len(found)) - found, []
         for root, derivative in roots:
-            seen = left @ (rows @ root)
+            seen = excess @ (rows @ root)
             slope += [0.5 * np.vdot(seen, rows @ root), np.vdot(seen, rows @ derivative)]
-        change = 0.5 * rows.T @ left @ rows
-        return value, np.array(slope + [np.vdot(change, term) for term in rest])
+        change = 0.5 * rows.T @ excess @ rows
+        return value, np.array(slope + [np.vdot(change, term) for term in terms])
 
 
 def squared_exponential(place, variance, length):

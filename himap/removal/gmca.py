@@ -62,10 +62,7 @@ class GMCA(ForegroundRemover):
             last = step
         mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), data.centred))
         return Separation(
-            mixing=mixing,
-            sources=sources,
-            converged=last.converged,
-            n_iterations=last.n_iterations,
+            mixing=mixing, sources=sources, converged=last.converged, n_iterations=last.n_iterations
         )
 
     def iterate(self, maps, image=None):
@@ -81,12 +78,8 @@ class GMCA(ForegroundRemover):
             share = min(1, n_iterations / self.n_falling)
             sources = starlets.details(cube.projection(_inverse(mixing)))
             limits = thresholds(sources, share, self.n_sigma)
-            for index, limit in np.ndenumerate(limits):
-                row = sources[index]
-                if self.penalty == "l1":
-                    row -= np.clip(row, -limit, limit)
-                else:
-                    row[np.abs(row) <= limit] = 0
+            for row, limit in zip(sources.reshape(limits.size, -1), limits.flat, strict=True):
+                row -= np.clip(row, -limit, limit) if self.penalty == "l1" else row * (np.abs(row) <= limit)
             updated = _updated(mixing, cube, sources, starlets)
             converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
             mixing = updated

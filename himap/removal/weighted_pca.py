@@ -6,7 +6,7 @@ from scipy import linalg
 from himap.core.progress import progress
 from himap.maps.low_rank import centred, in_threads, projection
 from himap.removal.covariance import principal_axes
-from himap.removal.separation import Separation
+from himap.removal.separation import Separation, ordered
 
 _SETTLED = 1e-7  # relative change of the squares of the residual at which the turns end
 _ROUGHLY = 1e-2  # the same while there are fewer components than asked for
@@ -189,6 +189,4 @@ def _principal(mixing, sources):
     axes, triangle = linalg.qr(mixing, mode="economic")
     sources = triangle @ sources
     turn = principal_axes(sources @ sources.T, len(sources))
-    mixing, sources = axes @ turn, turn.T @ sources
-    signs = np.sign(mixing[np.abs(mixing).argmax(axis=0), np.arange(len(sources))])
-    return mixing * signs, sources * signs[:, None]
+    return ordered(axes @ turn, turn.T @ sources)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.core.checks import whole_number
+from himap.core.checks import power_of_two
 from himap.core.errors import InputError
 from himap.core.files import complete_abandoned, whole_files
 from himap.core.reading import regular_file
@@ -305,10 +305,7 @@ def write_templates(folder, nside):
     InputError
         An nside that cannot be, a folder that holds something or cannot be written, or as `pysm_templates`.
     """
-    nside = whole_number("nside", nside, 4, PYSM_NSIDE)
-    if nside & (nside - 1):
-        below = 2 ** (nside.bit_length() - 1)
-        raise InputError(f"nside must be a power of two, got {nside}; try {below} or {2 * below}.")
+    nside = power_of_two("nside", nside, 4, PYSM_NSIDE)
     folder = _free_folder(folder)
     synchrotron, free_free = pysm_templates(nside)
     if np.any(np.not_equal(free_free.index, FREE_FREE_INDEX)):
