@@ -16,6 +16,7 @@ from himap.core.checks import checked_fields, checked_noise, parameter
 from himap.core.errors import InputError
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data, check_channels, scattered
+from himap.removal.restarts import remarks_on_one
 from himap.removal.separation import Cleaned, Separation
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
@@ -109,6 +110,8 @@ class ForegroundRemover(ABC):
         cleaning = Cleaning(data=data, method=self, basis=basis)
         vars(cleaning)["separation"] = separation = self._separation_of(basis)
         cleaned = Cleaned(maps=cleaning.maps, residual=cleaning.residual, separation=separation)
+        if remarks := remarks_on_one(cleaning):
+            warnings.warn(" ".join(remarks), SeparationWarning, stacklevel=2)
         kept = data.grid if data.image is None else data.image[given["image"]]
         return cleaned if kept is None else cleaned.moved(lambda lines: scattered(lines, kept))
 

@@ -1,0 +1,151 @@
+"""Ensembles of restarts: distances, the medoid, and flags that need no truth."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sparse_problem import BEAMS, make_problem, noisy
+
+from himap.core.errors import InputError
+from himap.removal.base import SeparationWarning
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data
+from himap.removal.pca import PCA
+from himap.removal.restarts import Ensemble, contrast, remarks_on_one
+from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal.separation import Separation
+
+N_CHANNELS, N_PIX = 12, 3072
+FREQS = np.linspace(900, 1400, N_CHANNELS)
+QUICK = {"n_sources": 4, "n_warmup": 3, "n_refinement": 1, "noise": 0.5, "n_scales": 3}
+
+
+@pytest.fixture
+def planted(rng):
+    """A function that makes a `Cleaning` of one sky that subtracts its foreground less some error maps."""
+    signal = rng.standard_normal((N_CHANNELS, N_PIX))
+    sources = 1e5 * np.exp(rng.standard_normal((1, N_PIX)))
+    mixing = (FREQS[:, None] / 1000) ** -2.7
+    data = Data.of(signal + mixing @ sources, freqs=FREQS)
+
+    def plant(restart=0, error=0.0, floored=0.0):
+        method = SimpleNamespace(name="chaotic", restart=restart)
+        one = Cleaning(data=data, method=method)
+        vars(one)["separation"] = Separation(
+            mixing=mixing,
+            sources=sources - error,
+            means=np.zeros(N_CHANNELS),
+            diagnostics={"floored": floored},
+        )
+        return one
+
+    plant.follows = 3 * sources / sources.std()
+    plant.anywhere = rng.standard_normal((1, N_PIX))
+    return plant
+
+
+def planted_ensemble(plant):
+    """Restart 2 is between the others; 4 has foreground in it, 5 an error that is the same everywhere."""
+    small = [0.1 * k * plant.anywhere for k in (0, 2, 1)]
+    return Ensemble(
+        members=(
+            *(plant(restart, error) for restart, error in enumerate(small)),
+            plant(3, small[2], floored=0.2),
+            plant(4, plant.follows),
+            plant(5, 2 * plant.anywhere),
+        )
+    )
+
+
+class TestEnsemble:
+    def test_distances_are_those_of_the_residuals(self, planted):
+        ensemble = planted_ensemble(planted)
+        residuals = [member.residual.astype(float) for member in ensemble.members]
+        for i, j in ((0, 1), (2, 3), (0, 4), (5, 1)):
+            rms = np.sqrt(np.mean((residuals[i] - residuals[j]) ** 2))
+            assert ensemble.distances[i, j] == ensemble.distances[j, i] == pytest.approx(rms, abs=1e-4)
+
+    def test_the_medoid_is_among_those_that_agree(self, planted):
+        """Restarts 2 and 3 are the same, and the first of two is taken."""
+        assert planted_ensemble(planted).medoid_index == 2
+
+    def test_flags(self, planted):
+        flags = planted_ensemble(planted).flags
+        assert [set(one) for one in flags] == [
+            set(),
+            set(),
+            set(),
+            {"floor"},
+            {"contrast", "distance"},
+            {"distance"},
+        ]
+        assert flags[3]["floor"] == 0.2
+        assert flags[5]["distance"] == pytest.approx(1.9 * rms_of(planted), rel=0.1)
+
+    def test_what_is_said(self, planted):
+        """The way out comes with a medoid that is flagged, or as many that are as are not."""
+        ensemble = planted_ensemble(planted)
+        said = ensemble.remarks
+        assert "restart 2, the medoid of 6, of which 3 look failed; restart 3: its last S" in said[0]
+        assert "beam_subspace" in said[1]
+        assert len(Ensemble(members=ensemble.members[:3]).remarks) == 1
+
+    def test_no_cube_of_a_member_is_kept(self, planted):
+        ensemble = planted_ensemble(planted)
+        _ = ensemble.flags
+        kept = ["residual" in vars(member) for member in ensemble.members]
+        assert kept == [k == ensemble.medoid_index for k in range(6)]
+
+
+def rms_of(plant):
+    """Of the error that is the same everywhere, in units of the residual's."""
+    return np.sqrt(np.mean((FREQS / 1000) ** -5.4))
+
+
+def test_contrast(rng, planted):
+    """1 of noise, whatever the foreground; of a change the residual with it counts."""
+    one = planted(error=planted.follows)
+    foreground = one.separation.foreground
+    assert contrast(planted().residual, foreground) == pytest.approx(1, abs=0.1)
+    found = contrast(one.residual, foreground)
+    assert found > 2
+    change = planted().separation.foreground + -foreground
+    assert contrast(planted().residual, foreground, change) == pytest.approx(found, rel=1e-3)
+
+
+def test_one_run_says_that_it_is_one(planted):
+    assert "--restarts" in remarks_on_one(planted())[0] and len(remarks_on_one(planted())) == 1
+    assert "20% of the multipoles. Take beam_subspace" in remarks_on_one(planted(floored=0.2))[1]
+    assert remarks_on_one(Cleaning(data=planted().data, method=PCA(n_sources=1))) == []
+
+
+@pytest.fixture
+def sparse(rng):
+    seen = noisy(make_problem(rng)[0], 10, rng)
+    return Data.of(seen, freqs=np.linspace(900, 1400, 8), beams=BEAMS)
+
+
+def test_ensemble_of_sdecgmca(sparse):
+    """Its starts follow that of the method, members are what they are by themselves, and all differ."""
+    cleaning = Cleaning(data=sparse, method=SDecGMCA(**QUICK, restart=2))
+    ensemble = Ensemble.of(cleaning, 3)
+    assert ensemble.members[0] is cleaning
+    assert [member.method.restart for member in ensemble.members] == [2, 3, 4]
+    alone = cleaning.with_restart(4).separation
+    assert np.array_equal(ensemble.members[2].separation.mixing, alone.mixing)
+    assert (ensemble.distances[np.triu_indices(3, 1)] > 0).all()
+
+
+def test_no_restarts_of_what_has_none(sparse):
+    with pytest.raises(InputError, match="pca does not depend on its start"):
+        Ensemble.of(Cleaning(data=sparse, method=PCA(n_sources=2)), 8)
+    with pytest.raises(InputError, match="restarts must be a whole number between 1"):
+        Ensemble.of(Cleaning(data=sparse, method=SDecGMCA(**QUICK)), 0)
+
+
+def test_cleaning_once_warns(sparse):
+    method, given = SDecGMCA(**QUICK), {"freqs": sparse.freqs, "beams": BEAMS}
+    with pytest.warns(SeparationWarning, match="one run is one draw") as caught:
+        method.clean(sparse.maps, **given)
+    assert all(one.filename == __file__ for one in caught)
+    method.separate(sparse)  # which products call: no warning
