@@ -25,11 +25,11 @@
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
 # What {cite:t}`gkogkou2025` conclude, and what comes out when it is done again: on the real Galaxy, at the paper's own size (`nside` 256, 500 channels), on one sky; next to that, the spread over {glue:text}`answer_skies` skies at half that
-# resolution (`laptop`). Each conclusion rests on claims of the ledger, whose readings were written down before their numbers were known ({doc}`15_claims`). It is *reproduced* if all of them are, *not reproduced* if none is even in part,
-# and *in part* otherwise.
+# resolution (`laptop`). Each conclusion rests on claims of the ledger, whose readings were written down before their numbers were known ({doc}`15_claims`). It is *reproduced* if all of them are, *in part* if one is at least in part,
+# *not reproduced* if all are that, and *undecided* otherwise.
 #
 # $C/C_0$ and $P/P_0$ are what a method leaves over the truth (HI plus noise), across the sky and along the line of sight, $k$ is in MHz$^{-1}$; SD is SDecGMCA, PAR and POL are the two fits. A claim may have several parts and its row shows one
-# number: it can lie on the paper's side of the limit while another part fails, and the parts that fail on half of the skies or more stand below it.
+# number: it can lie on the paper's side of the limit while another part fails, and the main parts that hold in less than 84 % of the members are below it, with the share in which they do.
 #
 # What to use on data of your own: [a table by what you have](what-to-use).
 
@@ -64,7 +64,7 @@ def percent(ledger, claim):
 
 
 quote(
-    answer_skies=len(ledgers[0][0][0].findings),
+    answer_skies=ledgers[0][0][0].n_skies,
     answer_evolving=percent(1, "E2"),
     answer_evolving_several=percent(0, "E2"),
     answer_oscillating=percent(1, "O3"),

@@ -51,7 +51,7 @@ from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.paper import readings_table
 from himap.paper.authors_code import ITERATIONS, VARIANTS, AuthorsCode
-from himap.paper.claims import CLAIMS
+from himap.paper.claims import CLAIMS, UNDECIDED
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import BANDS, FAILING, readings
 from himap.paper.readings import outcomes as outcomes_of
@@ -80,7 +80,7 @@ Markdown(f"*{made.footer()}*")
 # ## The answer
 #
 # These are verdicts on the small maps that the line above names, and differ from those at `laptop` in {doc}`15_claims`: what counts here is which of them a reading changes. A claim *holds* if it is reproduced, at
-# least in part (all that the paper's sentence is about is there), on most skies; of two skies, on both. Of {glue:text}`readings_claims` claims
+# least in part. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
@@ -89,15 +89,15 @@ Markdown(f"*{made.footer()}*")
 #   {glue:text}`readings_one`.
 #
 # {glue:text}`readings_deciders_n` of the choices turn the verdict on some claim when they alone are changed in the default: {glue:text}`readings_deciders`. The others turn none:
-# {glue:text}`readings_idle`. {glue:text}`readings_unmoved_n` of the claims are not about SDecGMCA at all, and every reading gives the same number: {glue:text}`readings_unmoved`. Under the default, the verdicts on
-# {glue:text}`readings_split` differ from sky to sky: there a difference between readings may be one between runs.
+# {glue:text}`readings_idle`. {glue:text}`readings_unmoved_n` of the claims are not about SDecGMCA at all, and every reading gives the same number: {glue:text}`readings_unmoved`. Under the default, {glue:text}`readings_split` are
+# undecided: there a difference between readings may be one between runs.
 
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
 unmoved = readings_table.insensitive_claims(outcomes)
 skies = list(dict.fromkeys(run.seed for several in runs.values() for run in several))
 judged = outcomes["default"].entries if "default" in outcomes else {}
-split = [claim for claim, entry in judged.items() if entry.agreeing < len(entry.findings)]
+split = [claim for claim, entry in judged.items() if entry.verdict == UNDECIDED]
 
 
 def listed(names):
@@ -160,7 +160,7 @@ Table(["claim", "what it says", *READINGS, "the choice that turns the default's 
 # Read it by rows: a row of one shade is a claim that no reading changes. Then by columns: a column that differs from the first is a choice that
 # matters. Rows of claims about other methods must be of one shade.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "The verdict on every claim (rows) under every reading (columns), grouped by where the claim stands. The default is at the left, then the other readings with a name, then the default with one choice changed. A cell is divided where the skies disagree. The darker, the more holds; signs say the same."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "The verdict on every claim (rows) under every reading (columns), grouped by where the claim stands. The default is at the left, then the other readings with a name, then the default with one choice changed. The darker, the more holds; signs say the same."}}
 plotting.stamp(claims_figure(outcomes), made)
 
 # %% [markdown]

@@ -69,8 +69,8 @@ for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
 # (ledgers)=
 # ## The claims
 #
-# The sign says ✓ reproduced, ≈ in part (all that the sentence of the paper is about, but not all of it), ✗ not reproduced, – does not apply; the number is the one that the row describes, with its
-# range over realisations. A claim can have other parts, which this number does not show: those that fail on half of the skies or more are named below it. {doc}`15_claims` has the words of the paper and how they are read.
+# The sign says ✓ reproduced, ≈ in part (for some of the methods that the claim is about), ? undecided, ✗ not reproduced, – does not apply; the number is the one that the row describes, with its
+# range from 16 to 84 % of the members. A claim can have several main parts: those that do not hold in 84 % of the members are named below it, with the share in which they do. {doc}`15_claims` has the words of the paper and how they are read.
 
 # %% tags=["hide-input"]
 told = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."
@@ -91,7 +91,7 @@ Markdown(ledgers_table(ledgers, differing) if len(ledgers) > 1 else several)
 size = PRESETS["paper"]
 far = Cosmology().comoving_distance(redshift(np.array([size.freq_min])))[0]
 quote(
-    paper_size_realisations=len(ledgers[0][0][0].findings),
+    paper_size_realisations=ledgers[0][0][0].n_skies,
     paper_size_cell=(size.box_size / size.box_cells, 0.1, "Mpc/h"),
     paper_size_pixel=(far * np.sqrt(4 * np.pi / size.n_pix), 1, "Mpc/h"),
 )

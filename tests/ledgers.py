@@ -5,23 +5,34 @@ import math
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, Finding, Part
 from himap.paper.claims.entries import Entry
 
-A, NOT_A = Part(name="a", held=True), Part(name="a", held=False)
-B, NOT_B = Part(name="b", held=True, main=False), Part(name="b", held=False, main=False)
-PARTS = {REPRODUCED: (A, B), IN_PART: (A, NOT_B), FAILED: (NOT_A, B), INAPPLICABLE: ()}
+PCA, NOT_PCA = Part("PCA/ICA a", True, True, "PCA/ICA"), Part("PCA/ICA a", False, True, "PCA/ICA")
+SD, NOT_SD = Part("SD a", True, True, "SD"), Part("SD a", False, True, "SD")
+PARTS = {REPRODUCED: (PCA, SD), IN_PART: (PCA, NOT_SD), FAILED: (NOT_PCA, NOT_SD), INAPPLICABLE: ()}
 
 
 def finding(verdict, value=0.5, sentence=""):
+    """The `Finding` of a member in which a claim about two methods holds for both, one, or none."""
     return Finding(value=math.nan if value is None else value, parts=PARTS[verdict], sentence=sentence)
 
 
 def entry(*verdicts, values=None, id="D1", first=0):
-    """An `Entry` of seeds `first`, `first` + 1, ..., each with one start."""
+    """An `Entry` of seeds `first`, `first` + 1, ..., each with one restart."""
     values = values or [0.5] * len(verdicts)
     findings = {
         (seed, 0): finding(verdict, value, f"{seed}.")
         for seed, (verdict, value) in enumerate(zip(verdicts, values, strict=True), first)
     }
     return Entry(claim=CLAIMS[id], findings=findings)
+
+
+def judged(*skies, value=0.5):
+    """An `Entry` of skies, each a list of tuples of `Part`, one for each restart."""
+    findings = {
+        (seed, restart): Finding(value, parts, "")
+        for seed, restarts in enumerate(skies)
+        for restart, parts in enumerate(restarts)
+    }
+    return Entry(claim=CLAIMS["D1"], findings=findings)
 
 
 def luminance(colour):

@@ -8,7 +8,7 @@ from ledgers import entry
 
 from himap.app.stored_tables import angular_ratios, picture, stored_curves
 from himap.core.errors import InputError
-from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.conclusions import CONCLUSIONS, verdict
 
 
@@ -26,13 +26,16 @@ class TestConclusions:
             ([REPRODUCED, INAPPLICABLE], REPRODUCED),
             ([REPRODUCED, FAILED], IN_PART),
             ([FAILED, FAILED, INAPPLICABLE], FAILED),
+            ([FAILED, UNDECIDED], UNDECIDED),
+            ([REPRODUCED, UNDECIDED], IN_PART),
             ([FAILED, IN_PART], IN_PART),
             ([IN_PART, IN_PART], IN_PART),
             ([INAPPLICABLE], INAPPLICABLE),
         ],
     )
     def test_verdict(self, verdicts, expected):
-        assert verdict([entry(one) for one in verdicts]) == expected
+        made = [(REPRODUCED, FAILED) if one == UNDECIDED else (one,) for one in verdicts]
+        assert verdict([entry(*one) for one in made]) == expected
 
 
 FIGURES = {

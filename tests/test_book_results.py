@@ -34,7 +34,6 @@ from himap.paper.record import Record
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures
-SIGNS = {"reproduced": "✓", "in part": "≈", "not reproduced": "✗", "does not apply": "–"}
 LARGER = {"nside": 512, "n_channels": 2000, "box_cells": 2048}
 
 
@@ -207,7 +206,10 @@ def test_ledgers_stand_side_by_side():
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky", "ci, letter, 1 sky"]
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
-    assert rows[0][3:] == ["✗ 0.25<br>fails: a", "✓ 0.25"] and rows[2][3:] == 2 * ["– does not apply"]
+    assert rows[0][3:] == [
+        "✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
+        "✓ 0.25",
+    ] and rows[2][3:] == 2 * ["– does not apply"]
     assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
 
 
@@ -230,24 +232,27 @@ def test_what_ledgers_have_in_common_is_said_once():
     assert head[3:] == ["ci, synthetic Galaxy, 1 sky", "half size, real Galaxy, 1 sky"]
 
 
-def test_parts_that_fail_on_few_skies_are_not_named():
-    entries = [entry(FAILED, FAILED, REPRODUCED), entry(FAILED, REPRODUCED, REPRODUCED, id="O3")]
+def test_parts_that_do_not_hold_are_named_with_their_share():
+    entries = [entry(IN_PART, IN_PART), entry(*[REPRODUCED] * 9, FAILED, id="O3")]
     ((_, *rows, _),) = tables(
         ledgers_table([(entries, MADE | {"overrides": [], "version": "1", "packages": []})])
     )
-    assert [row[3].partition("<br>")[2] for row in rows] == ["fails: a", ""]
+    assert [row[3].partition("<br>")[2] for row in rows] == ["holds in: SD a 0%", ""]
 
 
 def test_verdicts_of_ledgers_are_counted():
     ((_, *rows),) = tables(verdicts_table([ledger_of(FAILED), ledger_of(IN_PART)]))
-    assert [row[1:] for row in rows] == [["1", "1", "0", "1", "1"], ["1", "1", "1", "0", "1"]]
+    assert [row[1:] for row in rows] == [
+        ["1 sky", "1", "0", "0", "1", "1"],
+        ["1 sky", "1", "1", "0", "0", "1"],
+    ]
 
 
 def test_what_does_not_hold_has_a_row():
-    entries = [entry(FAILED, FAILED, REPRODUCED), entry(REPRODUCED, id="O3"), entry(INAPPLICABLE, id="M2")]
+    entries = [entry(IN_PART, REPRODUCED), entry(REPRODUCED, id="O3"), entry(INAPPLICABLE, id="M2")]
     ((head, *rows),) = tables(failed_table(entries))
-    assert head[2] == "Does not hold (in how many of 3)"
-    assert rows == [["**D1**", "✗", "a (2)", "0."]]
+    assert head[2] == "Holds in what share of the members"
+    assert rows == [["**D1**", "?", "SD a 50% (0% to 100%)", "0."]]
 
 
 def test_every_figure_is_shown_with_what_made_it():
@@ -267,7 +272,7 @@ def test_every_figure_is_shown_with_what_made_it():
 def test_stored_readings_can_be_read(path):
     """They are of one size and are small; every claim is judged under every reading that is there."""
     outcomes = outcomes_of(Record.load(find_experiment("readings"), path).rows)
-    assert "default" in outcomes
+    assert "letter" in outcomes
     assert all(set(one.entries) == set(CLAIMS) for one in outcomes.values())
     assert path.stat().st_size < 6e5
 

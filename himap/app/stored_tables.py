@@ -9,8 +9,8 @@ from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, read_stored, stored_figure
 from himap.figures import styles
 from himap.figures.tables import Table
-from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE
-from himap.paper.ledger_table import BADGES, measured, summary
+from himap.paper.claims import INAPPLICABLE
+from himap.paper.ledger_table import BADGES, measured, members_text, shares_text, summary
 from himap.store.provenance import Provenance
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
@@ -121,8 +121,7 @@ def ledgers_table(ledgers, only=None):
     """
     names = []
     for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
-        n_skies = len(entries[0].findings)
-        names.append(f"{name}, {n_skies} sk{'y' if n_skies == 1 else 'ies'}")
+        names.append(f"{name}, {members_text(entries[0])}")
     rows = []
     for entries in zip(*(entries for entries, _ in ledgers), strict=True):
         if only is None or only(entries):
@@ -158,25 +157,23 @@ def differing(entries):
 def verdicts_table(ledgers):
     """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
     rows = [
-        [name, f"{len(entries[0].findings)}", *summary(entries).values()]
+        [name, members_text(entries[0]), *summary(entries).values()]
         for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True)
     ]
     signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
-    return _markdown(["", "skies", *signs], rows)
+    return _markdown(["", "members", *signs], rows)
 
 
 def failed_table(entries):
-    """The parts that do not hold of each claim, and the numbers of its first realisation, as Markdown.
+    """The parts of each claim that hold in too few members, and the numbers of the first, as Markdown.
 
-    Claims of which every part holds in every realisation, and those that do not apply, have no row.
+    Claims of which every part holds, and those that do not apply, have no row.
     """
     rows = []
     for entry in entries:
-        parts = [f"{part} ({n})" for part, n in entry.failed_parts().items()]
-        if parts:
-            rows.append([f"**{entry.claim.id}**", _signed(entry), "; ".join(parts), entry.sentence])
-    most = max(len(entry.findings) for entry in entries)
-    return _markdown(["Claim", "", f"Does not hold (in how many of {most})", "Numbers"], rows)
+        if shares := entry.failed_parts().values():
+            rows.append([f"**{entry.claim.id}**", _signed(entry), shares_text(shares), entry.sentence])
+    return _markdown(["Claim", "", "Holds in what share of the members", "Numbers"], rows)
 
 
 def _ledger_names(ledgers):
@@ -194,21 +191,22 @@ def _ledger_names(ledgers):
 
 
 def _cell(entry):
-    """Sign and number of an entry, and the parts that fail on half of the skies or more.
+    """Sign and number of an entry, and the main parts that do not hold, or not in enough members.
 
     In words where sign and number would both be a dash.
     """
     number = measured(entry)
     if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
         number = entry.verdict
-    often = [part for part, n in entry.failed_parts().items() if 2 * n >= len(entry.findings)]
-    often = often if entry.verdict in (FAILED, IN_PART) else []
-    more = f"; and {len(often) - _PARTS} more" if len(often) > _PARTS else ""
-    return f"{_signed(entry)} {number}" + (f"<br>fails: {'; '.join(often[:_PARTS])}{more}" if often else "")
+    failing = [share for share in entry.main_shares if not share.holds]
+    more = f"; and {len(failing) - _PARTS} more" if len(failing) > _PARTS else ""
+    return f"{_signed(entry)} {number}" + (
+        f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if failing else ""
+    )
 
 
 def _signed(entry):
-    """The sign of the verdict, and of one in part how many parts hold."""
+    """The sign of the verdict, and of one in part for how many parts it holds."""
     return f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
 
 

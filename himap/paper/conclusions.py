@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,18 +61,15 @@ CONCLUSIONS = (
 def verdict(entries):
     """The verdict on a conclusion, from those on its claims.
 
-    It is "reproduced" if all of them are, "not reproduced" if all are that, and "in part" otherwise. Claims
-    that do not apply do not count.
+    It is "reproduced" if all of them are, "in part" if one of them is at least in part, "not reproduced" if
+    all are that, and else "undecided". Claims that do not apply do not count.
 
     Parameters
     ----------
     entries
         `himap.paper.claims.entries.Entry` of each of its claims.
     """
-    verdicts = [entry.verdict for entry in entries if entry.verdict != INAPPLICABLE]
-    if not verdicts:
-        return INAPPLICABLE
-    for same in (REPRODUCED, FAILED):
-        if all(one == same for one in verdicts):
-            return same
-    return IN_PART
+    verdicts = {entry.verdict for entry in entries} - {INAPPLICABLE}
+    if len(verdicts) < 2:
+        return verdicts.pop() if verdicts else INAPPLICABLE
+    return IN_PART if verdicts & {REPRODUCED, IN_PART} else UNDECIDED

@@ -6,7 +6,8 @@ from collections import Counter
 import pandas as pd
 
 from himap.figures.tables import HTML, Table
-from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
+from himap.paper.claims.verdicts import PLACE
 
 _SECTIONS = {
     "1": "Sect. 1: the sky",
@@ -21,6 +22,7 @@ _SECTIONS = {
 BADGES = {
     REPRODUCED: ("✓", "#00664b"),
     IN_PART: ("≈", "#8a5a00"),
+    UNDECIDED: ("?", "#4b4b9b"),
     FAILED: ("✗", "#a33c00"),
     INAPPLICABLE: ("–", "#666666"),
 }
@@ -42,7 +44,7 @@ def plain_table(entries):
             "claim": entry.claim.id,
             "beam": entry.claim.beam,
             "verdict": entry.label,
-            "in": f"{entry.agreeing}/{len(entry.findings)}",
+            "parts": shares_text(entry.main_shares),
             "measured": measured(entry),
             "paper": entry.claim.paper,
             "what is measured": entry.claim.number,
@@ -86,27 +88,45 @@ class LedgerTable:
         page, figure = entry.claim.notebook, entry.claim.figure
         name = self.links.get(page, {}).get(figure, "")
         link = f'<a href="{page}.html{name and "#"}{name}">{f"Fig. {figure}" if figure else "chapter"}</a>'
-        parts = "; ".join(f"{html.escape(part)} ({n})" for part, n in entry.failed_parts().items())
-        total = len(entry.findings)
-        failed = f"<br>Does not hold (in how many of {total} realisations): {parts}" if parts else ""
+        parts = html.escape(shares_text(entry.shares.values()))
+        shares = f"<br>Holds in what share of the members: {parts}" if parts else ""
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
             # As wide as can be read: on a phone the table scrolls.
             f'<div style="min-width:16em">{claim["statement"]} <em>({claim["beam"]})</em> '
             f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
-            f"{html.escape(entry.sentence)}{failed}</details></div>",
-            f"{badge}<br>{entry.agreeing} of {total} realisations",
+            f"{html.escape(entry.sentence)}{shares}</details></div>",
+            f"{badge}<br>{members_text(entry)}",
             f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>",
             claim["paper"],
         )
         return [HTML(cell) for cell in cells]
 
 
+def share_text(share):
+    """A `Share` in words, with its interval, and how often the premise is absent."""
+    text = f"{share.mean:.0%}"
+    if share.low < share.high:
+        text += f" ({share.low:.0%} to {share.high:.0%})"
+    return text + (f", premise absent in {share.absent:.0%}" if share.absent else "")
+
+
+def shares_text(shares):
+    """The `Share` of some parts, one after the other."""
+    return "; ".join(f"{share.part.name.replace(PLACE, ' ')} {share_text(share)}" for share in shares)
+
+
+def members_text(entry):
+    """On how many members an entry rests."""
+    skies = f"{entry.n_skies} sk{'y' if entry.n_skies == 1 else 'ies'}"
+    return skies if entry.n_restarts == 1 else f"{skies}, {entry.n_restarts} restarts"
+
+
 def measured(entry):
-    """Median, and the range over realisations where there are several."""
+    """Median, and the range from 16 to 84 % of the members where there are several."""
     median, low, high = entry.values
     if median != median:
         return "–"
-    if len(entry.findings) == 1 or low == high:
+    if low == high:
         return f"{median:.3g}"
     return f"{median:.3g} ({low:.3g} to {high:.3g})"

@@ -192,7 +192,7 @@ class Outcome:
     runs: tuple
 
     def verdict(self, claim):
-        """That of most seeds, as in the ledger; None if it was not judged."""
+        """As in the ledger; None if it was not judged."""
         return self.entries[claim].verdict if claim in self.entries else None
 
     def holds(self, claim):

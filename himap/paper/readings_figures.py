@@ -19,12 +19,12 @@ _LOOKS = dict(zip(READINGS, styles.sequence(list(READINGS)), strict=True))
 
 
 def claims_figure(outcomes):
-    """Claims by readings, {label: `Outcome`}: verdicts of all seeds, claims grouped by their robustness."""
+    """Claims by readings, {label: `Outcome`}: verdicts, claims grouped by their robustness."""
     known = readings()
 
     def verdicts(claim):
         entries = [one.entries.get(claim) for one in outcomes.values()]
-        return [[finding.verdict for finding in one.findings.values()] if one else [] for one in entries]
+        return [[one.verdict] if one else [] for one in entries]
 
     groups = {
         name: {f"{CLAIMS[claim].number}  {claim}": verdicts(claim) for claim in claims}

@@ -4,7 +4,7 @@ import math
 
 import pandas as pd
 
-from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.readings import BANDS, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
@@ -12,9 +12,10 @@ EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "unde
 """How robust a claim is: under which readings it holds, at least in part."""
 
 MARKS = {
-    REPRODUCED: ("✓", "#00553f", "white"),
-    IN_PART: ("≈", "#6fb89f", "black"),
-    FAILED: ("✗", "#f7d7bd", "#7a2b00"),
+    REPRODUCED: ("✓", "#00382a", "white"),
+    IN_PART: ("≈", "#3f9c82", "black"),
+    UNDECIDED: ("?", "#a8bfe6", "black"),
+    FAILED: ("✗", "#fbe0ca", "#7a2b00"),
     INAPPLICABLE: ("–", "#ffffff", "#666666"),
 }
 """{verdict: (sign, colour, colour of the sign)}, from dark to light, so that they differ in grey too."""
@@ -87,12 +88,8 @@ def insensitive_claims(outcomes):
     versions = {}
     for outcome in outcomes.values():
         for claim, entry in outcome.entries.items():
-            # Of a verdict in part how many parts hold, and numbers as texts, in which NaN is equal to itself.
-            version = [
-                (seed, one.verdict, one.verdict == IN_PART and (one.n_held, len(one.parts)), f"{one.value}")
-                for seed, one in entry.findings.items()
-            ]
-            versions.setdefault(claim, set()).add(tuple(version))
+            numbers = [f"{one.value}" for one in entry.findings.values()]  # in which NaN is equal to itself
+            versions.setdefault(claim, set()).add((entry.label, *numbers))
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
 

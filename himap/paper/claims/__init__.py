@@ -1,9 +1,9 @@
 """The claims of the paper as checks: one function for each, on one `Realisation` of the sky.
 
 A claim is broken into parts that hold or do not; those that its sentence in the paper is about are *main*.
-It is reproduced if all parts hold, reproduced in part if all main ones do, not reproduced otherwise, and does
-not apply where what it speaks of does not occur (`himap.paper.claims.verdicts`). How the words of the paper
-are read is in the docstring of each function, which is shown with its verdict.
+Its verdict follows from the share of skies and restarts in which these hold (`himap.paper.claims.verdicts`);
+it does not apply to maps that do not hold what it is about. How the words of the paper are read is in the
+docstring of each function, which is shown with its verdict.
 """
 
 from himap.paper.claims import (  # noqa: F401 - each enters its claims
@@ -14,7 +14,16 @@ from himap.paper.claims import (  # noqa: F401 - each enters its claims
     smooth_beams,
 )
 from himap.paper.claims.base import REGISTRY, Claim
-from himap.paper.claims.verdicts import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, VERDICTS, Finding, Part
+from himap.paper.claims.verdicts import (
+    FAILED,
+    IN_PART,
+    INAPPLICABLE,
+    REPRODUCED,
+    UNDECIDED,
+    VERDICTS,
+    Finding,
+    Part,
+)
 
 __all__ = [
     "CLAIMS",
@@ -22,6 +31,7 @@ __all__ = [
     "INAPPLICABLE",
     "IN_PART",
     "REPRODUCED",
+    "UNDECIDED",
     "VERDICTS",
     "Claim",
     "Finding",

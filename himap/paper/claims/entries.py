@@ -1,13 +1,15 @@
 """The ledger: each claim of the paper with its verdict over several skies, from the rows of a record."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from himap.core.errors import InputError
 from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim, Finding, Part
-from himap.paper.claims.verdicts import most_common
+from himap.paper.claims.verdicts import HOLDS, HOLDS_NOT, PLACE, Share, judge_shares
 
 COLUMNS = {
     "restart": int,
@@ -24,7 +26,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A claim, and what was found on every sky.
+    """A claim, and the findings of every member.
 
     Attributes
     ----------
@@ -37,10 +39,32 @@ class Entry:
     claim: Claim
     findings: dict
 
+    @cached_property
+    def shares(self):
+        """{part: `Share`} over the members in which the claim applies; skies weigh the same.
+
+        A part that a member does not have does not hold there.
+        """
+        applying = {member: one for member, one in self.findings.items() if one.parts}
+        parts = {part.name: part for one in applying.values() for part in one.parts}
+        shares = {}
+        for name, part in parts.items():
+            held = {}
+            for (seed, _), one in applying.items():
+                here = [found.held for found in one.parts if found.name == name]
+                held.setdefault(seed, []).append(here[0] if here else False)
+            shares[name] = Share.of(part, held)
+        return shares
+
+    @cached_property
+    def main_shares(self):
+        """Those of the main parts, a list."""
+        return [share for share in self.shares.values() if share.part.main]
+
     @property
     def verdict(self):
-        """That of most skies; of two with equal counts the worse, in the order of `VERDICTS`."""
-        return most_common(finding.verdict for finding in self.findings.values())
+        """One of `himap.paper.claims.VERDICTS`, from the shares of the main parts."""
+        return judge_shares(self.main_shares)[0]
 
     @property
     def holds(self):
@@ -49,43 +73,52 @@ class Entry:
 
     @property
     def label(self):
-        """The verdict; *in part* with how many parts hold, the least and the most over its skies."""
-        if self.verdict != IN_PART:
-            return self.verdict
-        partly = [finding for finding in self.findings.values() if finding.verdict == IN_PART]
-        held = sorted({finding.n_held for finding in partly})
-        totals = sorted({len(finding.parts) for finding in partly})
-        return f"{IN_PART} ({_span(held)} of {_span(totals)})"
+        """The verdict; with the methods that a claim in part holds for, or that its premise is absent."""
+        verdict, why = judge_shares(self.main_shares)
+        return f"{verdict} ({why})" if why else verdict
 
     @property
-    def agreeing(self):
-        """How many skies have the verdict of the entry."""
-        return sum(finding.verdict == self.verdict for finding in self.findings.values())
+    def about_sd(self):
+        """Whether a main part is about SDecGMCA."""
+        return any(share.part.method == "SD" for share in self.main_shares)
 
     @property
     def values(self):
-        """The measured number: median, lowest and highest over skies; NaN if there is none."""
-        values = [finding.value for finding in self.findings.values() if math.isfinite(finding.value)]
-        return (float(np.median(values)), min(values), max(values)) if values else (math.nan,) * 3
+        """The measured number: median, and the range from 16 to 84 % of the members; NaN if there is none."""
+        skies = {}
+        for (seed, _), one in self.findings.items():
+            if math.isfinite(one.value):
+                skies.setdefault(seed, []).append(one.value)
+        if not skies:
+            return (math.nan,) * 3
+        often = math.lcm(*map(len, skies.values()))  # so that skies weigh the same
+        values = [value for several in skies.values() for value in several * (often // len(several))]
+        return tuple(np.quantile(values, (0.5, HOLDS_NOT, HOLDS)).tolist())
+
+    @property
+    def places(self):
+        """{place: share of the members} of what the claim locates, such as a minimum; empty for others."""
+        found = {name: share.mean for name, share in self.shares.items() if PLACE in name}
+        return {name.replace(PLACE, " "): share for name, share in found.items()}
 
     @property
     def sentence(self):
-        """The numbers behind it, of the first sky."""
+        """The numbers behind it, of the first member."""
         return next(iter(self.findings.values())).sentence
 
+    @property
+    def n_skies(self):
+        """How many skies there are."""
+        return len({seed for seed, _ in self.findings})
+
+    @property
+    def n_restarts(self):
+        """The most restarts of a sky."""
+        return max(Counter(seed for seed, _ in self.findings).values())
+
     def failed_parts(self):
-        """{part: on how many skies it does not hold}, of the parts that fail on some."""
-        count = {}
-        for finding in self.findings.values():
-            for part in finding.parts:
-                if not part.held:
-                    count[part.name] = count.get(part.name, 0) + 1
-        return count
-
-
-def _span(numbers):
-    """One number, or the first and the last of several."""
-    return f"{numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
+        """{part: `Share`} of the parts that do not hold, or not in enough members."""
+        return {name: share for name, share in self.shares.items() if not share.holds and PLACE not in name}
 
 
 def finding_rows(findings, restart):
@@ -99,7 +132,7 @@ def finding_rows(findings, restart):
             "part": part and part.name,
             "method": part and part.method,
             "main": part and part.main,
-            "held": part and bool(part.held),
+            "held": part and part.held,
         }
         for claim, finding in findings.items()
         for part in finding.parts or (None,)

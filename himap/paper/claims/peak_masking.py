@@ -1,5 +1,7 @@
 """Claims on masks before and after the separation (Sects. 4.1 and 5.1, Appendix B)."""
 
+import math
+
 import numpy as np
 
 from himap.maps import sphere
@@ -28,13 +30,14 @@ from himap.paper.claims.base import (
 from himap.paper.claims.verdicts import (
     CLEAR,
     CONSISTENT,
+    EQUAL,
     MOST,
     NOTABLE,
     RECOVERED,
     STRONG,
     Finding,
     Part,
-    not_applicable,
+    is_smaller,
     parts_of,
 )
 from himap.paper.methods import BSS
@@ -42,17 +45,17 @@ from himap.paper.methods import BSS
 _PEAKS = {"section": "4.1, B", "notebook": "03_peak_masking"}
 _POST = {"section": "5.1", "notebook": "12_post_masking"}
 _PLANE = 15.0  # deg of latitude
-
-
-def _masked_beams(realisation):
-    """{beam: {what stands out in masked voxels: how many}}, of the beams with which any is masked."""
-    counts = {beam: realisation.masked_voxels(beam) for beam in BEAMS}
-    return {beam: row for beam, row in counts.items() if sum(row.values())}
+_IN_PLANE = "most lie in the plane"
 
 
 def _with_and_without(realisation, beam, measure, methods):
     """A measure of some methods with the masking of peaks, and without it, each {method: value}."""
     return [each(case, measure, methods)(realisation) for case in (beam, LEFT_IN.format(beam))]
+
+
+def _worst(values, extreme):
+    """The `extreme`, min or max, of the numbers in {name: number or None}, NaN if there is none."""
+    return extreme((value for value in values.values() if value is not None), default=math.nan)
 
 
 @claim(
@@ -66,26 +69,32 @@ def _with_and_without(realisation, beam, measure, methods):
     notebook="10_results",
 )
 def excess_of_masking(realisation):
-    """For the methods that have the excess of O2: without peak masking more than half of their mean C/C0 - 1
-    at l < 10 is gone. What stands out of the first baseline in a masked voxel is HI, noise and foreground,
-    each less its own baseline; it is ripple if the foreground has the largest part in it. A notable share of
-    the masked voxels is, more than a fifth: most of them cannot be, for B3 says that they are HI. Main parts:
-    PCA/ICA, GMCA and SD as far as they have the excess; the voxels. It does not apply if no method has it.
+    """Without peak masking more than half of the mean C/C0 - 1 at l < 10 is gone, for each method that has
+    the excess of O2; the premise is absent for one that has none. What stands out of the first baseline in a
+    masked voxel is HI, noise and foreground, each less its own baseline; it is ripple if the foreground has
+    the largest part in it. A notable share of the masked voxels is, more than a fifth: most of them cannot
+    be, for B3 says that they are HI. Main parts: PCA/ICA, GMCA and SD; the voxels, without premise where no
+    method has the excess. The sigma of the clipping is that of each line of sight, with which a sine can
+    never pass 5 sigma; others are not judged here.
     """
     masked, unmasked = _with_and_without(realisation, "oscillating", angular_band("mean", 1, 10), BSS)
-    numbers = f"Mean C/C0 at l < 10: {listing(masked)}; without masking: {listing(unmasked)}."
-    excess = {name: value - 1 for name, value in masked.items() if value > STRONG}
-    if not excess:
-        return not_applicable(f"No BSS method has a strong excess. {numbers}")
-    gone = {name: 1 - (unmasked[name] - 1) / value for name, value in excess.items()}
+    gone = {
+        name: 1 - (unmasked[name] - 1) / (value - 1) if value > STRONG else None
+        for name, value in masked.items()
+    }
     counts = realisation.masked_voxels("oscillating")
     n_masked = sum(counts.values())
     share = counts["foreground"] / max(n_masked, 1)
+    there = any(value is not None for value in gone.values())
     parts = (
         *parts_of(gone, above(MOST), "excess gone without masking"),
-        Part("ripple among the masked voxels", share > NOTABLE),
+        Part("ripple among the masked voxels", share > NOTABLE if there else None),
     )
-    return Finding(share, parts, f"{numbers} Of {n_masked} masked voxels {share:.0%} are ripple.")
+    sentence = (
+        f"Mean C/C0 at l < 10: {listing(masked)}; without masking: {listing(unmasked)}. Of {n_masked} masked "
+        f"voxels {share:.0%} are ripple."
+    )
+    return Finding(share if there else math.nan, parts, sentence)
 
 
 @claim(
@@ -98,23 +107,19 @@ def excess_of_masking(realisation):
     **_PEAKS,
 )
 def unmasked_peaks(realisation):
-    """Worse is a larger total MSE of both spectra, a ratio above 1: a main part for each beam and method,
-    PCA/ICA by the worse of the two, as far as voxels are masked with that beam; it does not apply if none is
-    with any. After a first ledger had been recorded this mark was moved from 1 to 1.001 once; it is back at
-    1, as the paper has it.
+    """Worse is a larger total MSE of both spectra, by more than 1 %: a main part for each beam and method,
+    PCA/ICA by the worse of the two. The premise is absent for a beam with which no voxel is masked.
     """
     parts, ratios = (), {}
-    for beam in _masked_beams(realisation):
+    for beam in BEAMS:
         masked, unmasked = _with_and_without(realisation, beam, total, tuple(METHODS))
+        any_masked = sum(realisation.masked_voxels(beam).values())
         ratios[beam] = over_each(unmasked, masked)
-        parts += parts_of(ratios[beam], above(1), f"worse, {beam} beam")
-    if not ratios:
-        return not_applicable("No voxel is masked.")
-    return Finding(
-        min(map(smallest, ratios.values())),
-        parts,
-        f"Total MSE without peak masking over that with it: {listing_by_beam(ratios, '{:.4g}')}.",
-    )
+        judged = {name: value if any_masked else None for name, value in ratios[beam].items()}
+        parts += parts_of(judged, above(1 + EQUAL), f"worse, {beam} beam")
+    least = min(map(smallest, ratios.values())) if any(part.held is not None for part in parts) else math.nan
+    sentence = f"Total MSE without peak masking over that with it: {listing_by_beam(ratios, '{:.4g}')}."
+    return Finding(least, parts, sentence)
 
 
 @claim(
@@ -127,29 +132,25 @@ def unmasked_peaks(realisation):
     **_PEAKS,
 )
 def broadband_bias(realisation):
-    """The bias is the distance of the median P/P0 at k > 0.1 from 1, which no peak of a few k moves. There is
-    one where it is above 10 % without the masking; it is removed if more than half of it goes with the
-    masking. A main part for each beam and BSS method that has one, PCA/ICA by the worse of the two, as far as
-    voxels are masked with that beam. It does not apply if none has.
+    """The bias is the distance of the median P/P0 at k > 0.1 from 1, which no peak of a few k moves. It is
+    removed if more than half of it goes with the masking: a main part for each beam and BSS method, PCA/ICA
+    by the worse of the two. The premise is absent where the bias is below 10 % without the masking.
     """
     median, parts, masked, unmasked = frequency_band("median", LOW_K), (), {}, {}
-    for beam in _masked_beams(realisation):
+    for beam in BEAMS:
         masked[beam], unmasked[beam] = _with_and_without(realisation, beam, median, BSS)
         bias = {name: abs(value - 1) for name, value in unmasked[beam].items()}
         gone = {
-            name: 1 - abs(masked[beam][name] - 1) / value for name, value in bias.items() if value > RECOVERED
+            name: 1 - abs(masked[beam][name] - 1) / value if value > RECOVERED else None
+            for name, value in bias.items()
         }
         parts += parts_of(gone, above(MOST), f"less biased, {beam} beam")
-    if not unmasked:
-        return not_applicable("No voxel is masked.")
     sentence = (
         f"Median P/P0 at k > 0.1 without masking: {listing_by_beam(unmasked, '{:.4g}')}; "
         f"with it: {listing_by_beam(masked, '{:.4g}')}."
     )
-    if not parts:
-        return not_applicable(f"No BSS method is off by 10 % without masking. {sentence}")
     worst = max(abs(value - 1) for row in masked.values() for value in row.values())
-    return Finding(worst, parts, sentence)
+    return Finding(worst if any(part.held is not None for part in parts) else math.nan, parts, sentence)
 
 
 @claim(
@@ -164,14 +165,14 @@ def broadband_bias(realisation):
 def masked_peaks(realisation):
     """What stands out of the first baseline in a masked voxel is HI, noise and foreground (point sources
     included), each less its own baseline. The voxel lies on an HI peak if HI has the largest part in it; more
-    than half of the voxels do. A main part for each beam where any is masked; it does not apply if none is.
+    than half of the voxels do. A main part for each beam, without premise where no voxel is masked.
     """
-    shares = {beam: row["HI"] / sum(row.values()) for beam, row in _masked_beams(realisation).items()}
-    if not shares:
-        return not_applicable("No voxel is masked.")
     counts = {beam: realisation.masked_voxels(beam) for beam in BEAMS}
+    shares = {
+        beam: row["HI"] / sum(row.values()) if sum(row.values()) else None for beam, row in counts.items()
+    }
     return Finding(
-        smallest(shares),
+        _worst(shares, min),
         parts_of(shares, above(MOST), "beam: most on HI peaks"),
         f"Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}.",
     )
@@ -187,17 +188,17 @@ def masked_peaks(realisation):
     **_POST,
 )
 def flagged_in_plane(realisation):
-    """More than half of those that SD leaves lie within 15 deg of the plane, which is 26 % of the sky. One
-    part; the share of the sky that is flagged is told. It does not apply where none is.
+    """More than half of the flagged lines of sight of SD lie within 15 deg of the plane, which is 26 % of the
+    sky. One part, without premise where none is flagged; the share of the sky that is flagged is shown.
     """
     flagged = realisation.flagged("sdecgmca")
     if not flagged.any():
-        return not_applicable("No line of sight is flagged.")
+        return Finding(math.nan, (Part(_IN_PLANE, None, method="SD"),), "No line of sight is flagged.")
     latitude = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged])
     share = float(np.mean(latitude < _PLANE))
     return Finding(
         share,
-        (Part("most lie in the plane", share > MOST, method="SD"),),
+        (Part(_IN_PLANE, share > MOST, method="SD"),),
         f"{flagged.mean():.2%} of all are flagged; {share:.0%} of these lie within 15 deg of the plane, "
         f"their median |b| is {np.median(latitude):.0f} deg.",
     )
@@ -213,14 +214,16 @@ def flagged_in_plane(realisation):
     **_POST,
 )
 def masked_sdecgmca(realisation):
-    """The highest P/P0 near k = 0.31 is lower. One part. It does not apply where SD has no peak, which is a
-    P/P0 above 1.1 there.
+    """The highest P/P0 near k = 0.31 is lower, by more than 1 %. One part, without premise where SD has no
+    peak, which is a P/P0 above 1.1 there.
     """
     before, after = bump(realisation.of("oscillating")["sdecgmca"]), bump(realisation.masked("sdecgmca"))
-    numbers = f"highest P/P0 goes from {before:.4g} to {after:.4g}."
-    if before <= CLEAR:
-        return not_applicable(f"SD has no peak: the {numbers}")
-    return Finding(after, (Part("lower peak", after < before, method="SD"),), f"The {numbers}")
+    peak = before > CLEAR
+    held = is_smaller(after, before) if peak else None
+    sentence = (
+        f"{'The' if peak else 'SD has no peak: the'} highest P/P0 goes from {before:.4g} to {after:.4g}."
+    )
+    return Finding(after if peak else math.nan, (Part("lower peak", held, method="SD"),), sentence)
 
 
 def _masked_over_unmasked(measure, unmasked, methods):
@@ -283,8 +286,7 @@ number_claim(
 def masked_range(realisation):
     """A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to
     k = 0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
-    lower, in the same bins. Two parts, both main, as far as there is something to gain: a range that is
-    whole without the mask is no part.
+    lower, in the same bins. Two parts, both main, without premise where a range is complete without the mask.
     """
     both = realisation.unmasked("sdecgmca"), realisation.masked("sdecgmca")
     lowest_l, lowest_k = both[0].degrees[0], both[0].k[0]
@@ -292,11 +294,11 @@ def masked_range(realisation):
     in_k = [_recovered_from(one.k, one.frequency_ratio, BUMP[0]) for one in both]
     parts, words = [], []
     for name, (before, after), lowest in (("smaller l", in_l, lowest_l), ("lower k", in_k, lowest_k)):
-        if before > lowest:
-            parts.append(Part(f"SD recovered to {name}", after < before, method="SD"))
+        held = is_smaller(after, before) if before > lowest else None
+        parts.append(Part(f"SD recovered to {name}", held, method="SD"))
         words.append(f"{name[-1]} from {before:.3g} without and {after:.3g} with the mask")
     sentence = f"SD is recovered in {', '.join(words)} (the lowest are {lowest_l:.3g} and {lowest_k:.3g})."
-    return Finding(in_l[1], tuple(parts), sentence) if parts else not_applicable(sentence)
+    return Finding(in_l[1] if in_l[0] > lowest_l else math.nan, tuple(parts), sentence)
 
 
 def _recovered_from(x, ratios, top):

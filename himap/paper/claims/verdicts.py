@@ -5,7 +5,6 @@ as about, such as l ~ 40, is that number itself.
 """
 
 import math
-from collections import Counter
 from dataclasses import dataclass
 
 METHODS = {
@@ -50,12 +49,22 @@ CONSISTENT = 0.95
 NOTABLE = 0.2
 """*Notable*: more than this share of the whole, or of what it was."""
 
+EQUAL = 0.01
+"""Two numbers within this of each other are equal, where a part compares two."""
+
 REPRODUCED = "reproduced"
 IN_PART = "in part"
-INAPPLICABLE = "does not apply"
+UNDECIDED = "undecided"
 FAILED = "not reproduced"
-VERDICTS = (REPRODUCED, IN_PART, INAPPLICABLE, FAILED)
-"""From the best to the worst."""
+INAPPLICABLE = "does not apply"
+VERDICTS = (REPRODUCED, IN_PART, UNDECIDED, FAILED, INAPPLICABLE)
+"""From the best to the worst; and where maps or scan do not hold what the claim is about."""
+
+HOLDS = 0.84
+"""Share of the members from which a part holds."""
+
+HOLDS_NOT = 0.16
+"""Share of the members up to which it does not."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +76,22 @@ class Part:
     name
         What it says, in a few words.
     held
-        Whether it holds.
+        Whether it holds; None where its premise is absent, such as a peak to lower, which counts as False.
     main
-        Whether it is what the paper's sentence is about; the claim is not reproduced without it.
+        Whether it is what the paper's sentence is about: the verdict follows from the main parts.
     method
         Short name of the method that it is about, "PCA/ICA" for both; empty if it is about several or none.
     """
 
     name: str
-    held: bool
+    held: bool | None
     main: bool = True
     method: str = ""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What one realisation says of one claim.
+    """The parts of a claim in one member: a sky, and a restart of SDecGMCA.
 
     Attributes
     ----------
@@ -98,38 +107,119 @@ class Finding:
     parts: tuple
     sentence: str
 
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """In what share of the members a part holds.
+
+    Attributes
+    ----------
+    part
+        One `Part` of that name.
+    mean
+        Mean over skies of the share of each sky's restarts.
+    low, high
+        Least and largest share of a sky; of one sky the Wilson interval of its restarts, 1 sigma.
+    absent
+        Share of the members in which its premise is absent.
+    """
+
+    part: Part
+    mean: float
+    low: float
+    high: float
+    absent: float
+
+    @classmethod
+    def of(cls, part, held):
+        """Of {sky: values of `Part.held`, one for each restart}."""
+        skies = [[bool(one) for one in several] for several in held.values()]
+        shares = [sum(several) / len(several) for several in skies]
+        low, high = (min(shares), max(shares)) if len(skies) > 1 else wilson(sum(skies[0]), len(skies[0]))
+        absent = [sum(one is None for one in several) / len(several) for several in held.values()]
+        return cls(part=part, mean=_mean(shares), low=low, high=high, absent=_mean(absent))
+
     @property
-    def verdict(self):
-        """One of `VERDICTS`.
-
-        Reproduced if all parts hold, in part if all main parts do and another does not, not reproduced if a
-        main part does not hold. Without parts it does not apply.
-        """
-        if not self.parts:
-            return INAPPLICABLE
-        if all(part.held for part in self.parts):
-            return REPRODUCED
-        return IN_PART if all(part.held for part in self.parts if part.main) else FAILED
-
-    @property
-    def n_held(self):
-        """How many parts hold."""
-        return sum(part.held for part in self.parts)
+    def holds(self):
+        """Whether it holds: True, False, or None where it is undecided."""
+        if self.mean >= HOLDS - _ROUNDING:
+            return True
+        return False if self.mean <= HOLDS_NOT + _ROUNDING else None
 
 
-def most_common(verdicts):
-    """The verdict of most realisations; of two that as many have, the worse, in the order of `VERDICTS`."""
-    count = Counter(verdicts)
-    return max(count, key=lambda verdict: (count[verdict], VERDICTS.index(verdict)))
+_ROUNDING = 1e-9  # of a share
+
+
+def _mean(values):
+    return sum(values) / len(values)
+
+
+def wilson(count, total, z=1.0):
+    """Wilson interval of a probability, (low, high), `z` sigma, from a count of `total`."""
+    share, spread = count / total, z * z / total
+    middle = (share + spread / 2) / (1 + spread)
+    half = math.sqrt(share * (1 - share) * spread + spread * spread / 4) / (1 + spread)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def judge_shares(shares):
+    """(verdict, what it says of the methods) of the `Share` of the main parts of a claim, a list.
+
+    A method holds if all its parts do, and fails if one of them does; parts about no single method are each
+    by themselves. A claim about several methods is *in part* if it holds for one and fails for another.
+    """
+    if not shares:
+        return INAPPLICABLE, ""
+    groups = {}
+    for share in shares:
+        groups.setdefault(share.part.method or share.part.name, []).append(share.holds)
+    outcome = {
+        name: False if False in held else None if None in held else True for name, held in groups.items()
+    }
+    if all(outcome.values()):
+        return REPRODUCED, ""
+    methods = {share.part.method for share in shares} - {""}
+    by_method = [outcome[name] for name in methods]
+    if len(methods) > 1 and True in by_method:
+        return (IN_PART, _which(shares, outcome)) if False in outcome.values() else (UNDECIDED, "")
+    if any(one is not False for one in by_method) if len(methods) > 1 else False not in outcome.values():
+        return UNDECIDED, ""
+    failing = [share for share in shares if share.holds is False]
+    absent = all(share.absent >= HOLDS - _ROUNDING for share in failing)
+    return FAILED, "premise absent" if absent else ""
+
+
+def _which(shares, outcome):
+    """For how many parts a claim about several methods holds, and for which methods not."""
+    n_held = sum(share.holds is True for share in shares)
+    words = [f"for {n_held} of {len(shares)} parts"]
+    for held, word in ((False, "not for"), (None, "undecided for")):
+        if names := [name for name, one in outcome.items() if one is held]:
+            words.append(f"{word} {', '.join(names)}")
+    return "; ".join(words)
+
+
+def is_smaller(one, other):
+    """Whether a number is smaller than another, by more than the dead band `EQUAL`."""
+    return bool(one < other * (1 - EQUAL if other > 0 else 1 + EQUAL))
+
+
+PLACE = ": place "
+"""In the name of a part that is a place, which is not main and holds in those members that have it there."""
+
+
+def places_of(best, *, method="SD"):
+    """A `Part` for the place of each of {name: place}, such as the number of sources with the least error."""
+    return tuple(Part(f"{name}{PLACE}{place}", True, False, method) for name, place in best.items())
 
 
 def not_applicable(sentence):
-    """The `Finding` where what a claim speaks of does not occur; the sentence says what is missing."""
+    """The `Finding` where maps or scan do not hold what a claim is about, which the sentence says."""
     return Finding(math.nan, (), sentence)
 
 
 def parts_of(values, test, words, *, main=True, method=""):
-    """A `Part` for each of {name: value}: whether `test(value)` is true.
+    """A `Part` for each of {name: value}: whether `test(value)` is true; absent where the value is None.
 
     PCA and ICA leave the same foreground, and are one part: that of the worse of the two, so that it holds if
     it does for both. A part is about the method that it has the name of, otherwise about `method`.
@@ -137,6 +227,14 @@ def parts_of(values, test, words, *, main=True, method=""):
     held = {}
     for name, value in values.items():
         joint = "PCA/ICA" if name in ("PCA", "ICA") else name
-        held[joint] = held.get(joint, True) and bool(test(value))
+        held.setdefault(joint, []).append(None if value is None else bool(test(value)))
     about = {name: name if name in _ALONE else method for name in held}
-    return tuple(Part(f"{name} {words}", one, main, about[name]) for name, one in held.items())
+    return tuple(
+        Part(
+            f"{name} {words}",
+            False if False in several else None if None in several else True,
+            main,
+            about[name],
+        )
+        for name, several in held.items()
+    )
