@@ -51,7 +51,7 @@ def _with_peaks(case, monkeypatch, hi, noise, foreground):
     for place in {**hi, **noise, **foreground}:
         flagged[place] = True
     masked = PeakMasked(maps=observed.maps, flagged=flagged)
-    monkeypatch.setattr(pipeline, "peak_masked", lambda case: masked)
+    monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
     monkeypatch.setattr(evidence, "_hi_through_beam", lambda case, lines: parts[0][:, lines])
 
 
@@ -86,7 +86,7 @@ def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     observed = SimpleNamespace(maps=cube + 1, truth=cube, freqs=np.linspace(900, 920, 20))
     monkeypatch.setattr(pipeline, "observation", lambda case: observed)
     masked = PeakMasked(maps=observed.maps, flagged=rng.random(shape) < 0.2)
-    monkeypatch.setattr(pipeline, "peak_masked", lambda case: masked)
+    monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
     monkeypatch.setattr(evidence, "_hi_through_beam", lambda case, lines: cube[:, lines])
     tracemalloc.start()
     counts = evidence.masked_voxels.compute(None)

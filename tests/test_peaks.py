@@ -47,6 +47,40 @@ def test_both_fits_are_those_of_numpy(peaked):
     assert found.flagged.sum() > 30 and (found.flagged <= where).all()
 
 
+@pytest.mark.parametrize(
+    "spread, deviation",
+    [
+        ("channel", lambda rest: rest.std(axis=1, keepdims=True)),
+        ("cube", lambda rest: rest.std()),
+        ("mad", lambda rest: 1.4826 * np.median(np.abs(rest), axis=0)),
+    ],
+)
+def test_the_spread_of_channel_cube_and_median(peaked, spread, deviation):
+    lines, _ = peaked
+    rest = lines - np.array([twin(line, np.full(len(FREQS), True)) for line in lines.T]).T
+    rest -= rest.mean(axis=1, keepdims=True) if spread == "channel" else 0
+    flagged = smooth_baselines(lines, FREQS, spread=spread).flagged
+    assert np.mean(flagged == (np.abs(rest) > 5 * deviation(rest))) > 0.999
+    assert flagged.any() and not np.array_equal(flagged, smooth_baselines(lines, FREQS).flagged)
+
+
+def test_a_ripple_is_a_peak_of_the_cube_but_never_of_its_line(smooth, rng):
+    """A sine of amplitude 1 is sqrt(2) of its own deviations, whatever its amplitude."""
+    lines = smooth + 0.05 * rng.standard_normal(smooth.shape)
+    lines[:, 7] += 10 * np.sin(np.arange(100))
+    assert not smooth_baselines(lines, FREQS).flagged[:, 7].any()
+    found = smooth_baselines(lines, FREQS, spread="cube")
+    assert found.flagged[:, 7].mean() > 0.5 and not np.delete(found.flagged, 7, axis=1).any()
+    assert np.array_equal(found.second[:, 7], found.first[:, 7]) or found.flagged[:, 7].mean() < 0.93
+
+
+def test_bad_spreads(smooth):
+    with pytest.raises(InputError, match="one of line, channel, cube, mad, got 'sky'"):
+        smooth_baselines(smooth, FREQS, spread="sky")
+    with pytest.raises(InputError, match="weights the spread is that of the line, got 'cube'"):
+        smooth_baselines(smooth, FREQS, spread="cube", weights=np.ones(smooth.shape))
+
+
 def test_many_channels_left_out_at_one_end():
     """The worst case for the normal equations: 15 of 100 channels at the end of the band are flagged."""
     line = np.where(np.arange(100) < 15, 50.0, 0.0) + 1e4 * (FREQS / 1150) ** -2.7

@@ -29,10 +29,10 @@ from himap.store.store import product, temporary
 def cleaning(case, remover, mask_peaks=True):
     """The `Cleaning` of a case by `remover`, from the products that there are; what it finds is not kept.
 
-    With `mask_peaks` the foreground is found in the peak-masked maps.
+    With `mask_peaks` the foreground is found in the peak-masked maps, as in `pipeline.basis`.
     """
     data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
-    basis = replace(data, maps=pipeline.basis(case, True)) if mask_peaks else data
+    basis = replace(data, maps=pipeline.basis(case, mask_peaks)) if mask_peaks else data
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
     if isinstance(remover, SDecGMCA):
         basis.known[remover.iteration] = lambda: fit(case, remover.iteration, mask_peaks)

@@ -35,14 +35,16 @@ def sky_brightness(survey, galaxy):
 
 
 @product
-def masked_voxels(case):
+def masked_voxels(case, spread="line"):
     """How many voxels of a `Case` the peak masking replaces, by what stands out there most, (3,) int.
+
+    `spread` is as in `pipeline.peak_masked`.
 
     A baseline is linear in the maps, so what stands out of the first one (paper, App. B) is the sum of what
     HI, noise and foreground leave of themselves, each through the beam and less its own baseline. A voxel
     belongs to the one that adds most to it; the order is that of `STANDING_OUT`.
     """
-    observed, flagged = pipeline.observation(case), pipeline.peak_masked(case).flagged
+    observed, flagged = pipeline.observation(case), pipeline.peak_masked(case, spread).flagged
     lines = np.flatnonzero(flagged.any(axis=0))
     counts = np.zeros(len(STANDING_OUT), dtype=int)
     whole = _hi_through_beam(case, lines)

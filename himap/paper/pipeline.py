@@ -130,10 +130,10 @@ def observation(case):
 
 
 @product
-def peak_masked(case):
-    """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1)."""
+def peak_masked(case, spread="line"):
+    """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1); see `peaks.SPREADS`."""
     observed = observation(case)
-    return peaks.mask_peaks(observed.maps, observed.freqs)
+    return peaks.mask_peaks(observed.maps, observed.freqs, spread=spread)
 
 
 @product
@@ -143,8 +143,13 @@ def analysis(case, mask_peaks=True):
 
 
 def basis(case, mask_peaks):
-    """The maps that the foreground is found in, (n_channels, n_pix), mK: peak-masked, or as observed."""
-    return peak_masked(case).maps if mask_peaks else observation(case).maps
+    """The maps that the foreground is found in, (n_channels, n_pix), mK.
+
+    `mask_peaks` is False for those observed, True for the peak-masked, or a name in `peaks.SPREADS`.
+    """
+    if not mask_peaks:
+        return observation(case).maps
+    return peak_masked(case, "line" if mask_peaks is True else mask_peaks).maps
 
 
 @product

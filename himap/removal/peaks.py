@@ -12,11 +12,20 @@ import numpy as np
 
 from himap.core.checks import checked_cube, checked_freqs, whole_number
 from himap.core.errors import InputError
-from himap.maps.low_rank import in_threads
+from himap.maps.low_rank import blocks, in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_pca import least_squares
 
 _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
+_NORMAL = 1.4826  # standard deviation over median absolute deviation
+
+SPREADS = {
+    "line": "of the line of sight over its channels",
+    "channel": "of the channel over the sky",
+    "cube": "of the cube",
+    "mad": "of the line of sight, by its median absolute deviation",
+}
+"""Whose standard deviation a peak is measured in, which the paper does not say."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,25 +65,26 @@ class PeakMasked:
     flagged: np.ndarray
 
 
-def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
+def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
     """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
     A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` is left as it is.
     """
-    baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, weights=weights)
+    baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, spread=spread, weights=weights)
     smooth = np.array(maps, dtype=np.float32)
     for row, replaced, polynomials in zip(smooth, baselines.flagged, baselines.basis, strict=True):
         row[replaced] = polynomials @ baselines.second[:, replaced]
     return PeakMasked(maps=smooth, flagged=baselines.flagged)
 
 
-def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
+def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
     """Fit a polynomial in frequency to each line of sight, clip, and fit again what was clipped (Eq. 18).
 
     A channel is flagged where it is further than `n_sigma` standard deviations, above or below, from the
-    first fit. The deviation is that of this line of sight over all its channels, peaks included, once the fit
-    is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that up to n_sigma^2
-    channels (25 by default) never show a peak. Lines of sight without a flag keep the first fit.
+    first fit. By default the deviation is that of this line of sight over all its channels, peaks included,
+    once the fit is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that up to
+    n_sigma^2 channels (25 by default) never show a peak, and no sine ever does. Lines of sight without a
+    flag, and those with too few channels without one for another fit, keep the first.
 
     Parameters
     ----------
@@ -86,6 +96,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
         Order of the polynomial.
     n_sigma
         Threshold in standard deviations.
+    spread
+        Whose deviation that is, a name in `SPREADS`.
     weights
         (n_channels, n_pix), 0 where a voxel is missing, and that is finite. Fits and deviation are weighted,
         and a channel stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
@@ -98,7 +110,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     ------
     InputError
         Maps that are not finite or do not fit the frequencies; an order that leaves no channel to spare; a
-        threshold so low that a line of sight could keep too few channels; one with too few that have weight.
+        threshold so low that a line of sight could keep too few channels; one with too few that have weight;
+        an unknown spread, or weights with one that is not that of the line.
     """
     maps = checked_cube("maps", maps, min_channels=2)
     freqs = checked_freqs(freqs, len(maps))
@@ -107,6 +120,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
     if weights is not None:
         check_channels(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
     basis = _polynomials(freqs, order)
+    given = _deviation_of_sky(maps, basis, spread, weights)
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
     flagged = np.empty(maps.shape, dtype=bool)
@@ -119,16 +133,39 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, weights=None):
         first[:, block] = basis.T @ lines if weights is None else least_squares(basis, lines, shares)
         lines -= basis @ first[:, block]
         pull = np.sqrt(shares) * np.abs(lines)
-        deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the fit leaves no mean
+        deviation = given
+        if spread == "line":
+            deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the fit leaves no mean
+        elif spread == "mad":
+            deviation = _NORMAL * np.median(pull, axis=0)
         out = np.greater(pull, n_sigma * deviation, out=flagged[:, block])
         second[:, block] = first[:, block]
-        clipped = out.any(axis=0)
+        clipped = out.any(axis=0) & (np.count_nonzero(~out, axis=0) >= order + 2)
         if clipped.any():  # of residuals alone, so that the bright baseline costs no digits
             rest = np.where(out, 0, shares)[:, clipped]
             second[:, block][:, clipped] += least_squares(basis, lines[:, clipped], rest)
 
     in_threads(fit, maps.shape[1], "peak masking", _BLOCK)
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
+
+
+def _deviation_of_sky(maps, basis, spread, weights):
+    """Deviation from the fits of each channel, (n_channels, 1), or of the cube; None of a line of sight."""
+    if spread not in SPREADS:
+        raise InputError(f"spread must be one of {', '.join(SPREADS)}, got {spread!r}.")
+    if spread == "line":
+        return None
+    if weights is not None:
+        raise InputError(f"where voxels have weights the spread is that of the line, got {spread!r}.")
+    if spread == "mad":
+        return None
+    squares = np.zeros((len(maps), 1))
+    for block in blocks(maps.shape[1], _BLOCK):
+        lines = maps[:, block].astype(np.float64)
+        lines -= basis @ (basis.T @ lines)
+        squares += np.sum(lines**2, axis=1, keepdims=True)
+    variance = squares / maps.shape[1]
+    return np.sqrt(variance.mean() if spread == "cube" else variance)
 
 
 def check_clipping(n_channels, order, n_sigma):
