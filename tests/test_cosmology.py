@@ -5,7 +5,6 @@ import camb
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.sky.cosmology import FREQ_21CM, Cosmology, HIModel, redshift
 
 Z = np.array([0.0, 0.1, 0.3, 0.58, 1.0])
@@ -61,14 +60,3 @@ def test_hi_model_of_the_paper():
     assert model.omega(0.0) == pytest.approx(4e-4)
     assert model.bias(0.5) == pytest.approx(1.05)
     assert model.omega(0.5) == pytest.approx(4e-4 * 1.5**0.6)
-
-
-@pytest.mark.parametrize(("call", "value"), [("comoving_distance", 7.0), ("redshift_at", 9000.0)])
-def test_beyond_the_tables_is_an_error(call, value):
-    with pytest.raises(InputError, match="must be between 0 and"):
-        getattr(Cosmology(), call)(value)
-
-
-def test_open_universe_is_an_error():
-    with pytest.raises(InputError, match="omega_b < omega_m"):
-        Cosmology(omega_m=0.04)

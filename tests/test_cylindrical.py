@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
-from himap.measures.cylindrical import cell_of, cylindrical_power
+from himap.measures.cylindrical import cylindrical_power
 
 CELL = np.array([3.0, 2.0, 2.5])
 SHAPE = (24, 18, 20)
@@ -70,33 +69,3 @@ def test_a_smooth_foreground_stays_at_small_k_par_with_a_taper(rng):
     powers = (cylindrical_power(lines, CELL, taper=taper).power for taper in (True, False))
     leaks = [np.nansum(power[-1]) / np.nansum(power[0]) for power in powers]
     assert leaks[0] < 1e-6 < 1e-3 < leaks[1]
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"maps": np.zeros((4, 9))}, "shape"),
-        ({"maps": np.zeros((4, 1, 9))}, "shape"),
-        ({"cell": (1, 2)}, "three sides"),
-        ({"cell": (1, 2, 0)}, "three sides"),
-        ({"mask": np.zeros((5, 6), dtype=bool)}, "True somewhere"),
-        ({"mask": np.ones((6, 5), dtype=bool)}, "of shape"),
-        ({"maps": np.full((4, 5, 6), np.nan)}, "finite where"),
-    ],
-)
-def test_bad_input(given, said):
-    with pytest.raises(InputError, match=said):
-        cylindrical_power(**({"maps": np.zeros((4, 5, 6)), "cell": CELL} | given))
-
-
-@pytest.mark.parametrize(
-    ("freqs", "said"),
-    [
-        ([900.0, 901, 905], "evenly spaced"),
-        ([1410.0, 1420, 1430], "below 1420.4"),
-        ([100.0, 101, 102], "between 0 and"),
-    ],
-)
-def test_cells_that_show_no_hydrogen(freqs, said):
-    with pytest.raises(InputError, match=said):
-        cell_of(np.array(freqs), (0.01, 0.01))

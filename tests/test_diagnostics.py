@@ -49,14 +49,6 @@ def test_within_two_ends():
         diagnostics.band_max(x, values, 4, 9)
 
 
-@pytest.mark.parametrize(
-    ("pair", "message"), [(([1.0], [1.0, 2.0]), "one shape"), (([1.0], [0.0]), "must be positive")]
-)
-def test_bad_spectra(pair, message):
-    with pytest.raises(InputError, match=message):
-        diagnostics.ratio(*pair)
-
-
 class TestBands:
     K = np.arange(1, 20) * 0.0126
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from gmca_twin import mixing_error, plain_gmca, similarity
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import starlet_filters, starlets
 from himap.removal import gmca
@@ -136,17 +135,6 @@ def test_not_converging_is_a_warning(sky):
     with pytest.warns(SeparationWarning, match="stopped after 5 iterations"):
         cleaned = clean(sky, max_iterations=5)
     assert not cleaned.separation.converged
-
-
-def test_bad_input(sky):
-    with pytest.raises(InputError, match="penalty must be l0 or l1, got 'l2'"):
-        GMCA(penalty="l2")
-    with pytest.raises(InputError, match="n_scales .* at most 12, got 13"):
-        GMCA(n_scales=13)
-    with pytest.raises(InputError, match="n_sigma .* at least 0"):
-        GMCA(n_sigma=-1)
-    with pytest.raises(InputError, match="nside a power of two"):
-        clean(sky[:, :-12])
 
 
 def test_as_many_sources_as_channels(sky):

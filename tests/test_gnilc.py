@@ -151,18 +151,6 @@ def test_result_in_the_cache_is_that_of_the_mock(mock):
     assert GNILC().digest() == ""
 
 
-def test_what_it_refuses(sky, mock):
-    foreground, _ = sky
-    with pytest.raises(InputError, match="prior must be the path"):
-        GNILC(prior=3)
-    with pytest.raises(InputError, match="first_peak .* must be at least 2"):
-        GNILC(first_peak=1)
-    with pytest.raises(InputError, match="must have the shape of the maps"):
-        GNILC(prior=mock).clean(foreground[:-1], freqs=FREQS[:-1])
-    with pytest.raises(InputError, match="HI is expected below"):
-        GNILC().clean(foreground, freqs=FREQS + 100)
-
-
 def test_the_line_is_where_the_simulations_have_it():
     assert gnilc.LINE == FREQ_21CM
 

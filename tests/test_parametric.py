@@ -5,8 +5,6 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.optimize import least_squares
 
-from himap import removal
-from himap.core.errors import InputError
 from himap.removal import parametric
 from himap.removal.base import SeparationWarning
 from himap.removal.data import Data
@@ -176,31 +174,6 @@ def test_mixing_is_the_derivative_at_the_median(truth):
         down[n] -= step
         slope = (model(*up[:, None]) - model(*down[:, None]))[:, 0] / (2 * step)
         assert separation.mixing[:, n] == pytest.approx(slope, rel=1e-6, abs=1e-6)
-
-
-def test_maps_without_their_mean_are_refused(truth):
-    maps = model(*truth)
-    with pytest.raises(InputError, match="total brightness.*give maps from which no mean was removed"):
-        clean(maps - maps.mean(axis=1, keepdims=True))
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"beta_min": -7}, "beta_min .* must be at least -6"),
-        ({"beta_max": -2.13}, "beta_max .* must be at most -2.14"),
-        ({"beta_min": -2.5, "beta_max": -2.5}, "beta_min must be below beta_max"),
-        ({"nu0": 0}, "nu0 .* must be above 0"),
-    ],
-)
-def test_bad_parameters(options, message):
-    with pytest.raises(InputError, match=message):
-        removal.create("parametric", **options)
-
-
-def test_too_few_channels(truth):
-    with pytest.raises(InputError, match="fits 3 parameters"):
-        Parametric().clean(model(*truth)[:2], freqs=FREQS[:2])
 
 
 def test_no_second_power_law(truth):

@@ -140,24 +140,6 @@ def test_high_orders_keep_their_digits(rng):
     assert found.basis @ found.first == pytest.approx(lines, abs=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"order": 0}, "order must be a whole number between 1 and 98, got 0"),
-        ({"order": 99}, "between 1 and 98, got 99"),
-        ({"order": 2.0}, "between 1 and 98, got 2.0"),
-        ({"n_sigma": 0}, "n_sigma must be a positive number of standard deviations, got 0"),
-        ({"n_sigma": np.nan}, "got nan"),
-        ({"n_sigma": "5"}, "got '5'"),
-        ({"n_sigma": True}, "got True"),
-        ({"n_sigma": 1.0}, "could flag 99 of 100 channels, too many to fit order 6"),
-    ],
-)
-def test_bad_options(smooth, options, message):
-    with pytest.raises(InputError, match=message):
-        mask_peaks(smooth, FREQS, **options)
-
-
 def test_the_lowest_threshold_that_is_allowed_leaves_enough_channels(rng):
     """Nine channels, order 1: what can be flagged at the lowest threshold is at most six of them."""
     noise = rng.standard_t(1, (9, 5000))
@@ -167,15 +149,3 @@ def test_the_lowest_threshold_that_is_allowed_leaves_enough_channels(rng):
     found = smooth_baselines(noise, freqs, order=1, n_sigma=1.14)
     assert found.flagged.sum(axis=0).max() <= 6
     assert np.isfinite(found.second).all()
-
-
-def test_bad_cubes(smooth):
-    with pytest.raises(InputError, match="2 or more channels"):
-        mask_peaks(smooth[:1], FREQS[:1])
-    with pytest.raises(InputError, match="one MHz value per channel"):
-        mask_peaks(smooth[:-1], FREQS)
-    with pytest.raises(InputError, match="ascending"):
-        mask_peaks(smooth, FREQS[::-1])
-    smooth[3, 5] = np.nan
-    with pytest.raises(InputError, match="got 1 NaN"):
-        mask_peaks(smooth, FREQS)

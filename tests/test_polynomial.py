@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from himap import removal
-from himap.core.errors import InputError
 from himap.removal.polynomial import Polynomial
 
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -44,16 +42,3 @@ def test_sources_are_coefficients_of_the_mixing(sextic):
     assert separation.mixing.T @ separation.mixing == pytest.approx(np.eye(7), abs=1e-13)
     model = separation.mixing @ separation.sources
     assert separation.foreground.cube() == pytest.approx(model, rel=1e-7)
-
-
-def test_too_few_channels_for_the_order(sextic):
-    with pytest.raises(InputError, match="order must be a whole number between 1 and 5, got 6"):
-        Polynomial().clean(sextic[:7], freqs=FREQS[:7])
-    with pytest.raises(InputError, match="could flag"):
-        Polynomial(n_sigma=0.5).check(100)
-
-
-@pytest.mark.parametrize(("name", "value"), [("order", 0), ("order", 2.5), ("n_sigma", 0), ("n_sigma", "x")])
-def test_bad_parameters(name, value):
-    with pytest.raises(InputError, match=f"{name} \\(.*got"):
-        removal.create("polynomial", **{name: value})

@@ -160,19 +160,6 @@ class TestResult:
         assert not found.separation.converged
 
 
-@pytest.mark.parametrize(
-    ("options", "n_channels", "message"),
-    [
-        ({"n_sources": 9}, 40, "n_sources must be at most n_smooth, 8, got 9; give a larger n_smooth"),
-        ({"n_smooth": 40}, 40, "n_smooth must be below the number of channels, 40, got 40"),
-        ({"n_sources": 41}, 40, "at most the number of channels, 40, got 41"),
-    ],
-)
-def test_what_does_not_fit(options, n_channels, message):
-    with pytest.raises(InputError, match=message):
-        SmoothSpectra(**options).check(n_channels)
-
-
 def test_a_band_too_narrow_for_so_many_functions(rng):
     """HI that is as smooth over the band as the functions themselves: an error that says what to do."""
     freqs = np.linspace(1000, 1060, 20)

@@ -4,7 +4,6 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.maps import masks, sphere
 from himap.measures.spectra import angular_power, frequency_power
 
@@ -150,18 +149,3 @@ def test_parseval_along_the_line_of_sight(rng, n_channels):
     variance = maps.var(axis=1).mean()
     assert (twice * power.power).sum() / (n_channels * width) == pytest.approx(variance)
     assert power.power == pytest.approx(9 * width, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"mask": np.ones(12)}, "must have shape"),
-        ({"mask": np.zeros(N_PIX)}, "keeps no pixel"),
-        ({"mask": np.full(N_PIX, 2.0)}, "between 0 and 1"),
-        ({"mask": np.full(N_PIX, np.nan)}, "between 0 and 1"),
-        ({"bin_width": 0}, "bin_width"),
-    ],
-)
-def test_bad_options(options, message):
-    with pytest.raises(InputError, match=message):
-        angular_power(np.ones((2, N_PIX)), **options)

@@ -124,14 +124,6 @@ class TestTransferFunction:
         found = TransferFunction(mocks=(made_up(1.0), made_up(0.8)))
         assert found.errors("frequency")[:, 0] == pytest.approx([1 / 0.8 - 1, 0.8 - 1])
 
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [({"mocks": ()}, "got none"), ({"definition": "both"}, "cross or auto"), ({}, "two mocks or more")],
-    )
-    def test_refused(self, given, message):
-        with pytest.raises(InputError, match=message):
-            TransferFunction(**({"mocks": (made_up(1.0),)} | given)).errors("angular")
-
 
 class TestRatios:
     def test_of_output_and_cross(self):

@@ -1,0 +1,229 @@
+"""What the library refuses, in one table: a call, what is wrong in it, and what is said."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from himap import removal
+from himap.core.checks import checked_cube, whole_number
+from himap.core.errors import InputError
+from himap.core.survey import Survey
+from himap.instrument.beams import named
+from himap.measures.cylindrical import cell_of, cylindrical_power
+from himap.measures.diagnostics import ratio
+from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
+from himap.removal.peaks import mask_peaks
+from himap.removal.smooth_spectra import SmoothSpectra
+from himap.sky.cosmology import Cosmology
+from himap.sky.galaxy import Dimming, Galaxy
+
+N_PIX = 192
+FREQS = np.linspace(902.5, 1397.5, 100)
+SKY = 1e4 * (FREQS[:, None] / 1150) ** np.linspace(-3.2, -2.1, N_PIX)
+ONES = np.ones((16, N_PIX))
+BROKEN = np.where(np.indices(SKY.shape).sum(axis=0) == 0, np.nan, SKY)
+ONE = HarmonicPower(power=np.ones((5, 4)), n_channels=6, channel_width=1.0)
+CELL = np.array([3.0, 2.0, 2.5])
+
+
+def changed(value, where=(3, 5)):
+    """Weights of one everywhere else."""
+    out = ONES.copy()
+    out[where] = value
+    return out
+
+
+def clean(name, n_channels=100, maps=SKY, parameters=(), **given):
+    method = removal.create(name, **dict(parameters))
+    return method.clean(maps[:n_channels], **{"freqs": FREQS[:n_channels]} | given)
+
+
+def errors_of_transfer(**given):
+    return TransferFunction(**({"mocks": (MockPower(ONE, ONE, ONE),)} | given)).errors("angular")
+
+
+def power_of_box(**given):
+    return cylindrical_power(**({"maps": np.zeros((4, 5, 6)), "cell": CELL} | given))
+
+
+method = partial(partial, removal.create)
+weighted = partial(clean, "pca", 16)
+BETWEEN = "must be between 0 and"
+TABLE = [
+    (Survey, "nside", 65, "power of two, got 65; try 64 or 128"),
+    (Survey, "nside", 64.5, "whole number"),
+    (Survey, "nside", "64", "whole number"),
+    (Survey, "nside", True, "whole number"),
+    (Survey, "n_channels", 1, "at least 2"),
+    (Survey, "freq_min", 1400.0, "freq_min < freq_max"),
+    (Survey, "freq_min", float("nan"), "must be a number"),
+    (Survey, "freq_max", 1500.0, "at most 1420"),
+    (Survey, "f_sky", 0.0, "above 0 and at most 1"),
+    (Survey, "seed", -1, "at least 0"),
+    (Survey, "box_cells", 65, "box_cells must be even.*got 65, try 66"),
+    (Survey, "noise_reading", "power", "noise_reading must be deviation or variance, got 'power'"),
+    (Galaxy, "source", "haslam", "there are synthetic, templates, pysm3"),
+    (Galaxy, "source", "templates", "needs template_dir.*one synchrotron index map"),
+    (partial(Galaxy, source="templates"), "template_dir", "no/such", "no/such cannot be read"),
+    (Galaxy, "template_dir", ".", "leave it out or say source='templates'"),
+    (partial(Galaxy, source="pysm3"), "template_dir", ".", "with 'pysm3'"),
+    (Galaxy, "small_scales", "yes", "True or False"),
+    (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 0, "power of two"),
+    (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 48, "power of two"),
+    (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 16.5, "power of two"),
+    (Dimming, "weight", 1.1, "at most 1"),
+    (Dimming, "weight", -0.1, "at least 0"),
+    (Dimming, "edge", 0, "above 0"),
+    (Dimming, "edge", 91, "90"),
+    (Cosmology().comoving_distance, "z", 7.0, BETWEEN),
+    (Cosmology().redshift_at, "distance", 9000.0, BETWEEN),
+    (Cosmology, "omega_m", 0.04, "omega_b < omega_m"),
+    (
+        named,
+        "text",
+        "square",
+        "unknown beam 'square': it is neither one of degraded, evolving, .* nor a file",
+    ),
+    (named, "text", "evolving:width=3", "evolving has no parameter 'width'; its parameters are none"),
+    (named, "text", "oscillating:riple=additive", r"did you mean ripple\?"),
+    (named, "text", "oscillating:ripple=wobble", "ripple must be bracket, additive or additive_strong"),
+    (named, "text", "degraded:noise=none", "noise must be smoothed or white, got 'none'"),
+    (named, "text", "misjudged:beam=square", "unknown beam 'square'"),
+    (named, "text", "misjudged:width=0.6", "width .* must be .* at most 0.5, got 0.6"),
+    (named, "text", "misjudged:period=0", "period .* must be above 0, got 0"),
+    (named, "text", "misjudged:width=wide", "width .* must be a number, got 'wide'"),
+    (named, "text", 3, "a beam is told by its name or the path of a file, got 3"),
+    (method("parametric"), "beta_min", -7, "beta_min .* must be at least -6"),
+    (method("parametric"), "beta_max", -2.13, "beta_max .* must be at most -2.14"),
+    (method("parametric", beta_max=-2.5), "beta_min", -2.5, "beta_min must be below beta_max"),
+    (method("parametric"), "nu0", 0, "nu0 .* must be above 0"),
+    (partial(clean, "parametric"), "n_channels", 2, "fits 3 parameters"),
+    (partial(clean, "parametric"), "maps", SKY - SKY.mean(axis=1)[:, None], "give maps from which no mean"),
+    (method("gmca"), "penalty", "l2", "penalty must be l0 or l1, got 'l2'"),
+    (method("gmca"), "n_scales", 13, "n_scales .* at most 12, got 13"),
+    (method("gmca"), "n_sigma", -1, "n_sigma .* at least 0"),
+    (partial(clean, "gmca"), "maps", SKY[:, 1:], "nside a power of two"),
+    (method("fastica"), "contrast", "tanh", "contrast must be logcosh, exp or cube, got 'tanh'"),
+    (method("fastica"), "max_iterations", 0, "max_iterations .* at least 1, got 0"),
+    (method("fastica"), "tolerance", 0, "tolerance .* above 0"),
+    (partial(clean, "fastica"), "rng", None, "random rotation: pass rng="),
+    (method("gaussian_process"), "shortest", 0, "shortest .* must be above 0"),
+    (method("gaussian_process"), "longest_hi", 0, "longest_hi .* must be above 0"),
+    (partial(clean, "gaussian_process"), "n_channels", 6, "7 parameters .* got 6"),
+    (partial(clean, "gaussian_process"), "maps", np.ones(SKY.shape), "maps that vary over the sky"),
+    (method("gnilc"), "prior", 3, "prior must be the path"),
+    (method("gnilc"), "first_peak", 1, "first_peak .* must be at least 2"),
+    (partial(clean, "gnilc"), "freqs", FREQS + 100, "HI is expected below"),
+    (method("polynomial"), "order", 0, r"order \(.*got"),
+    (method("polynomial"), "order", 2.5, r"order \(.*got"),
+    (method("polynomial"), "n_sigma", 0, r"n_sigma \(.*got"),
+    (method("polynomial"), "n_sigma", "x", r"n_sigma \(.*got"),
+    (partial(clean, "polynomial"), "n_channels", 7, "order must be a whole number between 1 and 5, got 6"),
+    (partial(clean, "polynomial"), "parameters", {"n_sigma": 0.5}, "could flag"),
+    (
+        SmoothSpectra(n_sources=9).check,
+        "n_channels",
+        40,
+        "at most n_smooth, 8, got 9; give a larger n_smooth",
+    ),
+    (SmoothSpectra(n_smooth=40).check, "n_channels", 40, "below the number of channels, 40, got 40"),
+    (SmoothSpectra(n_sources=41).check, "n_channels", 40, "at most the number of channels, 40, got 41"),
+    (partial(mask_peaks, SKY, FREQS), "order", 0, "order must be a whole number between 1 and 98, got 0"),
+    (partial(mask_peaks, SKY, FREQS), "order", 99, "between 1 and 98, got 99"),
+    (partial(mask_peaks, SKY, FREQS), "order", 2.0, "between 1 and 98, got 2.0"),
+    (partial(mask_peaks, SKY, FREQS), "n_sigma", 0, "n_sigma must be a positive number .*, got 0"),
+    (partial(mask_peaks, SKY, FREQS), "n_sigma", np.nan, "got nan"),
+    (partial(mask_peaks, SKY, FREQS), "n_sigma", "5", "got '5'"),
+    (partial(mask_peaks, SKY, FREQS), "n_sigma", True, "got True"),
+    (
+        partial(mask_peaks, SKY, FREQS),
+        "n_sigma",
+        1.0,
+        "could flag 99 of 100 channels, too many to fit order 6",
+    ),
+    (partial(mask_peaks, SKY[:1]), "freqs", FREQS[:1], "2 or more channels"),
+    (partial(mask_peaks, SKY), "freqs", FREQS[1:], "one MHz value per channel"),
+    (partial(mask_peaks, SKY), "freqs", FREQS[::-1], "ascending"),
+    (partial(mask_peaks, BROKEN), "freqs", FREQS, "got 1 NaN"),
+    (weighted, "weights", changed(-1), "finite and 0 or more, got 1 that are not"),
+    (weighted, "weights", changed(np.nan), "finite and 0 or more, got 1 that are not"),
+    (weighted, "weights", changed(np.inf, (slice(2), 0)), "finite and 0 or more, got 2 that are not"),
+    (
+        weighted,
+        "weights",
+        ONES[0, :-1],
+        r"or \(n_channels, n_pix\), that of the maps, \(16, 192\); got \(191,",
+    ),
+    (weighted, "weights", ONES.T, r"got \(192, 16\)"),
+    (weighted, "weights", ONES[:3], r"got \(3, 192\)"),
+    (weighted, "weights", 0 * ONES[0], "0 in all pixels that are kept"),
+    (weighted, "weights", changed(0, 4), "0 in all pixels of channel 4 and 0 more; leave these channels out"),
+    (weighted, "weights", np.full(N_PIX, "many"), "weights must be real numbers"),
+    (weighted, "weights", changed(0, (slice(3, None), 7)), "pca needs 4 channels .* 1 of 192 have fewer"),
+    (
+        partial(clean, "polynomial", 16),
+        "weights",
+        changed(0, (slice(7, None), 7)),
+        "needs 8 channels .* 1 of",
+    ),
+    (partial(checked_cube, "maps"), "maps", [[1, 2], [3]], "one array, got rows of unequal length"),
+    (partial(checked_cube, "maps"), "maps", 1j * ONES, "maps must be real numbers, got complex128"),
+    (partial(checked_cube, "maps"), "maps", np.array([["a"]]), "real numbers, got <U1"),
+    (partial(checked_cube, "maps"), "maps", ONES > 0, "real numbers, got bool"),
+    (partial(checked_cube, "maps"), "maps", np.ones(3), r"\(n_channels, n_pix\), got \(3,\)"),
+    (partial(checked_cube, "maps"), "maps", np.ones((3, 0)), r"got \(3, 0\)"),
+    (partial(checked_cube, "maps"), "maps", np.full((2, 3), -1.6375e30), "got 6 NaN, infinite or UNSEEN"),
+    *(
+        (
+            partial(whole_number, "n", low=1, high=4),
+            "value",
+            value,
+            "n must be a whole number between 1 and 4",
+        )
+        for value in (0, 5, 2.5, "2", True, None)
+    ),  # fmt: skip
+    (partial(angular_power, ONES), "mask", np.ones(12), "must have shape"),
+    (partial(angular_power, ONES), "mask", np.zeros(N_PIX), "keeps no pixel"),
+    (partial(angular_power, ONES), "mask", np.full(N_PIX, 2.0), "between 0 and 1"),
+    (partial(angular_power, ONES), "mask", np.full(N_PIX, np.nan), "between 0 and 1"),
+    (
+        partial(angular_power, ONES),
+        "mask",
+        np.ma.masked_less(np.ones(N_PIX), 2),
+        "the mask has masked values",
+    ),
+    (angular_power, "maps", np.ma.masked_greater(ONES, 0), "maps has masked values"),
+    (partial(angular_power, ONES), "bin_width", 0, "bin_width"),
+    *(
+        (
+            partial(frequency_power, ONES),
+            "channel_width",
+            width,
+            "channel_width must be a positive number of MHz",
+        )
+        for width in (0, -1, np.nan, np.inf, "4", 1j)
+    ),  # fmt: skip
+    (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
+    (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
+    (errors_of_transfer, "mocks", (), "got none"),
+    (errors_of_transfer, "definition", "both", "cross or auto"),
+    (errors_of_transfer, "mocks", (MockPower(ONE, ONE, ONE),), "two mocks or more"),
+    (power_of_box, "maps", np.zeros((4, 9)), "shape"),
+    (power_of_box, "maps", np.zeros((4, 1, 9)), "shape"),
+    (power_of_box, "cell", (1, 2), "three sides"),
+    (power_of_box, "cell", (1, 2, 0), "three sides"),
+    (power_of_box, "mask", np.zeros((5, 6), dtype=bool), "True somewhere"),
+    (power_of_box, "mask", np.ones((6, 5), dtype=bool), "of shape"),
+    (power_of_box, "maps", np.full((4, 5, 6), np.nan), "finite where"),
+    (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([900.0, 901, 905]), "evenly spaced"),
+    (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([1410.0, 1420, 1430]), "below 1420.4"),
+    (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([100.0, 101, 102]), BETWEEN),
+]
+
+
+@pytest.mark.parametrize(("call", "name", "value", "message"), TABLE)
+def test_refused(call, name, value, message):
+    with pytest.raises(InputError, match=message):
+        call(**{name: value})
