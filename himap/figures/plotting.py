@@ -115,12 +115,21 @@ def spectrum(panels):
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many_curves = max(len(panel["curves"]) for panel in panels) > 2
-    limits = ratio_limits([ratio for panel in panels for *_, ratio in _ratios(panel)], least=2 * _BAND)
+    shown = [_shown(panel) for panel in panels]
+    limits = ratio_limits([ratio for _, curves in shown for *_, ratio in curves], least=2 * _BAND)
     share = {"sharex": "col", "sharey": "row" if one_scale else "none"}
     figure, grid = plt.subplots(2, len(panels), figsize=(_WIDTH, 6.2), squeeze=False, **share)
     points = []
-    for (top, bottom), panel in zip(grid.T, panels, strict=True):
-        _draw_spectrum(top, bottom, panel, limits)
+    for (top, bottom), panel, ((x, y), curves) in zip(grid.T, panels, shown, strict=True):
+        top.loglog(x, y, **_TRUTH)
+        _mark_one(bottom, "0.9")
+        for style, at, recovered, ratio in curves:
+            top.plot(at, recovered, **style)
+            bottom.plot(at, ratio, **style)
+        top.set_title(panel["title"])
+        bottom.set(xlabel=panel["xlabel"], xscale="log")
+        set_ratio_axis(bottom, limits)
+        set_plain_ticks(bottom.xaxis, x[0], x[-1])
         if not many_curves:
             top.legend()
         if panel is panels[0] or not one_scale:
@@ -136,34 +145,22 @@ def spectrum(panels):
     return with_curves(figure, points)
 
 
-def _ratios(panel):
-    """[(style, x, ratio)] of the curves of a panel of `spectrum`, where they are shown."""
-    return [
-        (style, x[_shown(panel, x)], (recovered / true)[_shown(panel, x)])
-        for style, x, recovered, true in panel["curves"]
-    ]
-
-
-def _shown(panel, x):
-    """Which of `x` a panel of `spectrum` shows."""
+def _shown(panel):
+    """What a panel of `spectrum` shows: the true (x, y), and [(style, x, recovered, ratio)] of its curves."""
     low, high = panel.get("x_limits", (0, np.inf))
-    return (x > 0) & (x >= low) & (x <= high)
+
+    def cut(x, *values):
+        inside = (x > 0) & (x >= low) & (x <= high)
+        return [one[inside] for one in (x, *values)]
+
+    curves = [(style, *cut(x, found, found / true)) for style, x, found, true in panel["curves"]]
+    return cut(*panel["true"]), curves
 
 
-def _draw_spectrum(top, bottom, panel, limits):
-    x, y = (values[_shown(panel, panel["true"][0])] for values in panel["true"])
-    top.loglog(x, y, **_TRUTH)
-    for style, at, recovered, _ in panel["curves"]:
-        inside = _shown(panel, at)
-        top.plot(at[inside], recovered[inside], **style)
-    top.set_title(panel["title"])
-    bottom.axhspan(1 - _BAND, 1 + _BAND, color="0.9", zorder=0)
-    bottom.axhline(1, color="black", linewidth=0.8)
-    for style, at, ratio in _ratios(panel):
-        bottom.plot(at, ratio, **style)
-    bottom.set(xlabel=panel["xlabel"], xscale="log")
-    set_ratio_axis(bottom, limits)
-    set_plain_ticks(bottom.xaxis, x[0], x[-1])
+def _mark_one(axes, grey):
+    """A grey band and a line where ratios are 1."""
+    axes.axhspan(1 - _BAND, 1 + _BAND, color=grey, zorder=0)
+    axes.axhline(1, color="black", linewidth=0.8)
 
 
 def comparison_panel(kind, curves, *, title="", true=None):
@@ -269,8 +266,7 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     figure, grid = panels_of(len(panels), columns, size, room=0.5, sharey=True)
     points = []
     for axes, panel in zip(grid, panels, strict=True):
-        axes.axhspan(1 - _BAND, 1 + _BAND, color="0.93", zorder=0)
-        axes.axhline(1, color="black", linewidth=0.8)
+        _mark_one(axes, "0.93")
         for x, mean, low, high, style in panel["curves"]:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
             axes.plot(x, mean, **style)
