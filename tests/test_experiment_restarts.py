@@ -1,0 +1,89 @@
+"""The ensemble of SDecGMCA: its candidates, and what is recorded of a member."""
+
+import numpy as np
+import pytest
+
+from himap.core.errors import InputError
+from himap.paper.experiments import restarts
+from himap.paper.readings import DIAGNOSTICS, candidates
+from himap.removal.sdecgmca.readings import READINGS, resolved
+
+SURVEY = {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0}
+TINY = {"preset": "ci", "survey": SURVEY, "n_realisations": 1, "n_restarts": 2, "n_sources_max": 3}
+
+
+@pytest.fixture(scope="module")
+def sky():
+    (sky,) = restarts.skies(**TINY, reading="code")
+    return sky
+
+
+@pytest.fixture(scope="module")
+def table(sky):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(restarts, "judge", lambda member: {})  # tested with the claims
+        return restarts.EXPERIMENT.table([sky])
+
+
+def test_candidates_are_the_named_readings_with_every_end():
+    values = [tuple(sorted(map(str, one.values.items()))) for one in candidates().values()]
+    assert len(set(values)) == len(values) == 3 * (len(READINGS) - 1)
+    default = resolved("default", dict.fromkeys(READINGS["default"]))
+    assert default in [one.values for one in candidates().values()]
+
+
+def test_members_of_all_candidates_share_a_fit():
+    (sky,) = restarts.skies(**TINY | {"n_restarts": 1})
+    methods = [member.calls("oscillating")["sdecgmca"][1] for (member,) in sky.realisations.values()]
+    assert len({method.iteration for method in methods}) == 4  # code and code-rounding are one
+
+
+def test_the_scan_is_sparse_beyond_eight():
+    (sky,) = restarts.skies(**TINY | {"n_sources_max": 11}, reading="code")
+    assert sky.realisations["code"][0].n_sources == (2, 3, 4, 5, 6, 7, 8, 10)
+    with pytest.raises(InputError, match="reading must be one of"):
+        restarts.skies(**TINY, reading="words")
+
+
+def test_rows_of_each_case_and_member(table):
+    numbers = table[table["quantity"] == "mean error"]
+    assert numbers.groupby("restart").size().tolist() == [len(restarts.CASES) + 2] * 2
+    assert set(numbers["case"]) == {*restarts.CASES, restarts.SCAN}
+    assert set(DIAGNOSTICS) <= set(table["quantity"])
+
+
+def test_a_member_is_what_its_assessment_says(sky, table):
+    member = sky.realisations["code"][1]
+    comparison = member.of("oscillating")["sdecgmca"]
+    rows = table[(table["case"] == "oscillating") & (table["restart"] == 1)].set_index("quantity")
+    inside = comparison.degrees > 10
+    assert rows.loc["mean error", "value"] == pytest.approx(
+        np.abs(comparison.angular_ratio[inside] - 1).mean()
+    )
+    assert rows.loc["total error", "value"] == pytest.approx(comparison.total_error())
+    assert rows.loc["flagged", "value"] == pytest.approx(member.flagged("sdecgmca").mean())
+    curve = rows.loc["P/P0"]
+    assert curve["x"].iloc[0] == pytest.approx(comparison.k[0]) and curve["x"].is_monotonic_increasing
+    weights = np.histogram(comparison.k, np.append(curve["x"] * 0.999, np.inf))[0]
+    assert np.average(curve["value"], weights=weights) == pytest.approx(
+        comparison.frequency_ratio.mean(), rel=0.05
+    )
+    masked = member.masked("sdecgmca")
+    assert rows.loc["P/P0, masked", "value"].iloc[0] == pytest.approx(masked.frequency_ratio[0])
+    assert rows.loc["r", "value"].between(-1, 1).all()
+
+
+def test_many_readings_have_claims_and_numbers_but_no_curves(sky, monkeypatch):
+    monkeypatch.setattr(restarts, "judge", lambda member: {})
+    members = sky.realisations["code"][:1]
+    several = restarts.JudgedSky({"code": members, "letter": members})
+    rows = restarts.measure(several)
+    assert {row["reading"] for row in rows} == {"code", "letter"}
+    assert not [row for row in rows if row["quantity"] == "C/C0"]
+    assert {row["case"] for row in rows} == set(restarts.CASES)
+
+
+def test_the_summary_counts_failures(table):
+    summary = restarts.EXPERIMENT.summary(table)
+    assert len(summary) == len(restarts.CASES) + 2
+    assert summary["failed"].str.fullmatch(r"[0-2] of 2").all()
