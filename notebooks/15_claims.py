@@ -140,10 +140,21 @@ Markdown(failed_table(recorded))
 # (changed-readings)=
 # ### Readings of claims that were changed
 #
-# A reading that moves after its number is known proves nothing, so every change is told.
+# A reading that moves after its number is known proves nothing, so every change is listed. The rules at the head of this page, and these readings with them, were rewritten on 25 November 2026, after ledgers of single runs of SDecGMCA and before
+# any ensemble was measured:
 #
-# - **B1**, that every method is worse without the masking of peaks: its mark had been moved from a ratio of errors above 1 to one above 1.001, after a ledger had been recorded. It is back at 1, as the paper has it.
-# - **B1** again, after a trial of these rules on a tiny sky (`nside` 32): where no voxel is masked, with and without are the same, and the claim does not apply. It had been *not reproduced*.
+# - **Within x %** over a range (D1, D2, E2, E4, E5, O3), and D3's loss of power, are judged at 95 % of the $\ell$ or $k$; they had been at every one, or within 1.5 times "about 10 %" (E2).
+# - **Two numbers within 1 % are equal** (D3, E4, O3, O4, O5, N2, N5, B1, M2, M4, M5, G1, G3, G4, S1, A1, A2): any difference had counted. Of A1 the 1 % is of $1 - r$, since $r$ is close to 1.
+# - **F1**: above 4 orders over the sky, from 3 to 5 at high latitude, since "up to five" is an upper bound; both had been from 4 to 5.
+# - **E1**: the median factor is above 100 and the least above 10; the least had been above 100. **E4**: that the deviation grows below is a main part now. **O1**: to fail is the same everywhere, a mean deviation above 10 %; it had been a factor of 2 at half of
+#   the $\ell$ or $k$. **O4**: three parts, PCA/ICA and GMCA are one. **R1**: that the matrix cannot be inverted is a main part now.
+# - **A premise that is absent** (O8, B1, B2, B3, M1, M2, M5) counts as not reproduced; the claim, or the part, had been left out.
+# - **One truth**: SDecGMCA is compared with the truth at every multipole, as the others are. It had been compared with one cut at $\ell = 200$.
+#
+# Before that:
+#
+# - **B1**, that every method is worse without the masking of peaks: its mark had been moved from a ratio of errors above 1 to one above 1.001, after a ledger had been recorded. It went back to 1, and is 1.01 now, as wherever two numbers are compared.
+# - **B1** again, after a trial of these rules on a tiny sky (`nside` 32): where no voxel is masked, with and without are the same, and the claim did not apply. It had been *not reproduced*, and is so again, with its premise absent.
 # - **G4**, that SDecGMCA gains most from dimming, after the same trial: it now needs a gain above 0. It had been *reproduced* with a gain of 0, which was more than that of the others.
 # - **The default reading of SDecGMCA**, after a ledger of one sky and readings at `ci` had been recorded with the letter whose sign of $\mathbf{A}$ is free: in those readings that one failed in a run, and the letter with the noise of the instrument in its
 #   thresholds, which had not been tried at `laptop`, turned out to fail in none of six runs there and to speak against no word of the text. All numbers here are of the new one.

@@ -93,6 +93,11 @@ def band_max(x, values, low, high):
     return float(_inside(x, values, low, high).max())
 
 
+def band_quantile(x, values, low, high, share):
+    """The least value that a share of `values` does not exceed where low < x < high."""
+    return float(np.quantile(_inside(x, values, low, high), share, method="inverted_cdf"))
+
+
 def largest_deviation(x, ratios, low, high):
     """Largest |ratio - 1| where low < x < high, and the x it is at."""
     deviation = np.abs(_inside(x, ratios, low, high) - 1)

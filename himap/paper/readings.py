@@ -9,10 +9,8 @@ from himap.core.errors import InputError
 from himap.measures.diagnostics import ANGULAR_BANDS
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
+from himap.paper.claims.verdicts import FAILING
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
-
-FAILING = 0.1
-"""Mean |C/C0 - 1| at 10 < l < 200 above which a run fails: twice the paper's 5 %."""
 
 BANDS = {f"C/C0, {low} to {high}": ("C/C0", low - 0.5, high + 0.5) for low, high in ANGULAR_BANDS} | {
     "P/P0, k < 0.03": ("P/P0", 0, 0.03),

@@ -5,8 +5,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.measures.diagnostics import BUMP, band_max, band_mean, band_median, largest_deviation
-from himap.paper.claims.verdicts import METHODS, RECOVERED, Finding, Part, parts_of
+from himap.measures.diagnostics import (
+    BUMP,
+    band_max,
+    band_mean,
+    band_median,
+    band_quantile,
+    largest_deviation,
+)
+from himap.paper.claims.verdicts import (
+    CONSISTENT,
+    METHODS,
+    RECOVERED,
+    Finding,
+    Part,
+    is_smaller,
+    parts_of,
+)
 
 BLIND = ("pca", "fastica", "gmca")
 BEAMS = ("degraded", "evolving", "oscillating")
@@ -111,14 +126,24 @@ def smallest(values):
     return min(values.values())
 
 
-def sd_is(extreme):
-    """Function from {name: number} to whether SD has the smallest, `min`, or the largest, `max`."""
-    return lambda values: extreme(values, key=values.get) == "SD"
+def sd_least(values):
+    """Whether SD has the smallest of {name: number}, by more than the dead band."""
+    return is_smaller(values["SD"], min(value for name, value in values.items() if name != "SD"))
 
 
 def below(limit):
     """Function from a number to whether it is below a limit."""
     return lambda value: value < limit
+
+
+def smaller(value):
+    """Whether a ratio of two numbers says that the first is smaller, by more than the dead band."""
+    return is_smaller(value, 1)
+
+
+def larger(value):
+    """Whether it says that the first is larger."""
+    return is_smaller(1, value)
 
 
 def above(limit):
@@ -151,8 +176,12 @@ STATISTICS = {
     "highest": band_max,
     "error": lambda x, ratios, low, high: band_mean(x, np.abs(ratios - 1), low, high),
     "deviation": lambda x, ratios, low, high: largest_deviation(x, ratios, low, high)[0],
+    "within": lambda x, ratios, low, high: band_quantile(x, np.abs(ratios - 1), low, high, CONSISTENT),
+    "below": lambda x, ratios, low, high: band_quantile(x, ratios, low, high, CONSISTENT),
 }
-"""{name: function} of the ratios in a band: "error" is the mean |ratio - 1|, "deviation" the largest."""
+"""{name: function} of the ratios in a band: "error" is the mean |ratio - 1|, "deviation" the largest, and
+"within" what 95 % of them do not exceed; "below" is what 95 % of the ratios do not exceed.
+"""
 
 
 def angular_band(statistic, low, high):

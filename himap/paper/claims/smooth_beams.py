@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from himap.measures.diagnostics import largest_deviation
 from himap.paper.claims.base import (
     METHODS,
+    STATISTICS,
     above,
     angular_band,
-    below,
     claim,
     each,
     frequency_band,
@@ -15,16 +14,18 @@ from himap.paper.claims.base import (
     listing,
     number_claim,
     recovered,
+    smaller,
 )
 from himap.paper.claims.verdicts import (
     CLEAR,
+    LEAST_ORDER,
     ORDERS,
-    RECOVERED,
-    ROUGHLY,
     Finding,
+    is_smaller,
     parts_of,
 )
 
+_WITHIN = STATISTICS["within"]
 _ANGULAR = {"section": "4.2", "figure": "1", "notebook": "10_results"}
 _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
 
@@ -33,44 +34,45 @@ number_claim(
     "D1",
     "degraded",
     "All six methods recover C/C0 to 10 % for 3 < l < 200.",
-    values=each("degraded", angular_band("deviation", 3, 200)),
+    values=each("degraded", angular_band("within", 3, 200)),
     test=recovered,
     words="within 10 %",
-    sentence="Largest |C/C0 - 1|",
-    number="largest |C/C0 - 1|",
+    sentence="|C/C0 - 1| at 95 % of the l is below",
+    number="|C/C0 - 1| of the worst method, at 95 % of the l",
     paper="< 0.1",
     **_ANGULAR,
-    reading="Every l between 3 and 200 (or 2 nside). A main part for each method, PCA/ICA by the worse of "
-    "both.",
+    reading="Within 10 % at 95 % of the l between 3 and 200 (or 2 nside). A main part for each method, "
+    "PCA/ICA by the worse of the two.",
 )
 
 number_claim(
     "D2",
     "degraded",
     "All six methods recover P/P0 to 10 % for k > 0.03.",
-    values=each("degraded", frequency_band("deviation", 0.03)),
+    values=each("degraded", frequency_band("within", 0.03)),
     test=recovered,
     words="within 10 %",
-    sentence="Largest |P/P0 - 1|",
-    number="largest |P/P0 - 1|",
+    sentence="|P/P0 - 1| at 95 % of the k is below",
+    number="|P/P0 - 1| of the worst method, at 95 % of the k",
     paper="< 0.1",
     **_FREQUENCY,
-    reading="Every k above 0.03. A main part for each method, PCA/ICA by the worse of the two.",
+    reading="Within 10 % at 95 % of the k above 0.03. A main part for each method, PCA/ICA by the worse of "
+    "the two.",
 )
 
 number_claim(
     "D3",
     "degraded",
     "All six methods lose power at k < 0.03.",
-    values=each("degraded", frequency_band("highest", 0, 0.03)),
-    test=below(1),
+    values=each("degraded", frequency_band("below", 0, 0.03)),
+    test=smaller,
     words="loses power",
-    sentence="Largest P/P0 below k = 0.03",
-    number="largest P/P0",
+    sentence="P/P0 at 95 % of the k below 0.03 is at most",
+    number="P/P0 of the method that loses least, at 95 % of the k",
     paper="< 1",
     **_FREQUENCY,
-    reading="P/P0 below 1 at every k below 0.03. A main part for each method, PCA/ICA by the worse of the "
-    "two.",
+    reading="P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03. A main part for each method, "
+    "PCA/ICA by the worse of the two.",
 )
 
 
@@ -78,32 +80,38 @@ number_claim(
     "E1",
     "evolving",
     "The parametric fit is too high in C/C0 by orders of magnitude at every l.",
-    number="lowest C/C0 of PAR",
+    number="median C/C0 of PAR",
     paper="> 100",
     **_ANGULAR,
 )
 def evolving_parametric(realisation):
-    """Orders of magnitude are two or more: a factor above 100 at every l from 2 to 200. One part."""
+    """Orders of magnitude are two or more: the median of C/C0 over 2 <= l <= 200 is above 100. Across all
+    scales: the least is above 10. Two main parts.
+    """
     comparison = realisation.of("evolving")["parametric"]
     ratios = comparison.angular_ratio[comparison.degrees <= 200]
-    lowest, highest = float(ratios.min()), ratios.max()
-    parts = parts_of({"PAR": lowest}, above(ORDERS), "100 times at every l")
-    return Finding(lowest, parts, f"C/C0 goes from {lowest:.3g} to {highest:.3g}.")
+    median, lowest, highest = float(np.median(ratios)), float(ratios.min()), ratios.max()
+    parts = (
+        *parts_of({"PAR": median}, above(ORDERS), "100 times in the median"),
+        *parts_of({"PAR": lowest}, above(LEAST_ORDER), "10 times at every l"),
+    )
+    sentence = f"C/C0 goes from {lowest:.3g} to {highest:.3g}, its median is {median:.3g}."
+    return Finding(median, parts, sentence)
 
 
 number_claim(
     "E2",
     "evolving",
     "PCA, ICA and SD recover C/C0 to about 10 % for 4 <= l <= 200.",
-    values=each("evolving", angular_band("deviation", 3, 201), ("pca", "fastica", "sdecgmca")),
-    test=below(ROUGHLY * RECOVERED),
+    values=each("evolving", angular_band("within", 3, 201), ("pca", "fastica", "sdecgmca")),
+    test=recovered,
     words="within about 10 %",
-    sentence="Largest |C/C0 - 1|",
-    number="largest |C/C0 - 1|",
+    sentence="|C/C0 - 1| at 95 % of the l is below",
+    number="|C/C0 - 1| of the worst method, at 95 % of the l",
     paper="about 0.1",
     **_ANGULAR,
-    reading="About 10 % is less than 15 %, at every l. Two main parts: PCA/ICA by the worse of the two, "
-    "and SD.",
+    reading="Within about 10 % is within 10 % at 95 % of the l. Two main parts: PCA/ICA by the worse of the "
+    "two, and SD.",
 )
 
 
@@ -141,47 +149,47 @@ def evolving_gmca(realisation):
     "E4",
     "evolving",
     "All but PAR recover P/P0 down to k of about 0.1, and deviate more below.",
-    number="largest |P/P0 - 1| at k > 0.1",
+    number="|P/P0 - 1| of the worst method, at 95 % of the k above 0.1",
     paper="< 0.1",
     **_FREQUENCY,
 )
 def evolving_frequency(realisation):
-    """Recovered is to 10 % at every k above 0.1: a main part for each method, PCA/ICA by the worse of the
-    two. That its largest deviation below is larger than that above is another part of each, not main. Of GMCA
-    this cannot hold together with its excess at 0.1 < k < 0.2 (E3).
+    """Recovered is to 10 % at 95 % of the k above 0.1; the deviation grows if 95 % of the k below are within
+    a larger one, by more than 1 %. Two main parts for each method, PCA/ICA by the worse of the two. Of GMCA
+    this hardly holds together with its excess at 0.1 < k < 0.2 (E3).
     """
     methods = tuple(name for name in METHODS if name != "parametric")
-    over = each("evolving", frequency_band("deviation", 0.1), methods)(realisation)
-    under = each("evolving", frequency_band("deviation", 0, 0.1), methods)(realisation)
-    growth = {name: under[name] - over[name] for name in over}
+    over = each("evolving", frequency_band("within", 0.1), methods)(realisation)
+    under = each("evolving", frequency_band("within", 0, 0.1), methods)(realisation)
     parts = parts_of(over, recovered, "recovered above")
-    parts += parts_of(growth, above(0), "deviates more below", main=False)
-    return Finding(
-        largest(over), parts, f"Largest |P/P0 - 1| above 0.1: {listing(over)}; below: {listing(under)}."
-    )
+    pairs = {name: (over[name], under[name]) for name in over}
+    parts += parts_of(pairs, lambda pair: is_smaller(*pair), "deviates more below")
+    sentence = f"|P/P0 - 1| at 95 % of the k above 0.1: {listing(over)}; below: {listing(under)}."
+    return Finding(largest(over), parts, sentence)
 
 
 @claim(
     "E5",
     "evolving",
     "POL does not feel this beam.",
-    number="largest change of C/C0 from the degraded to the evolving beam",
+    number="change of C/C0 from the degraded to the evolving beam, at 95 % of the l",
     paper="small",
     **_FREQUENCY,
 )
 def evolving_polynomial(realisation):
-    """Both ratios are within 10 % of those of the degraded beam, for 3 < l < 200 and for k > 0.03, below
-    which it loses power in any case (D3). Two parts, both main.
+    """Both ratios are within 10 % of those of the degraded beam, at 95 % of the l with 3 < l < 200 and of the
+    k above 0.03, below which it loses power in any case (D3). Two parts, both main.
     """
     evolving, degraded = (realisation.of(beam)["polynomial"] for beam in ("evolving", "degraded"))
     ratio_l = evolving.angular_ratio / degraded.angular_ratio
     ratio_k = evolving.frequency_ratio / degraded.frequency_ratio
     change = {
-        "C/C0": largest_deviation(evolving.degrees, ratio_l, 3, 200)[0],
-        "P/P0": largest_deviation(evolving.k, ratio_k, 0.03, np.inf)[0],
+        "C/C0": _WITHIN(evolving.degrees, ratio_l, 3, 200),
+        "P/P0": _WITHIN(evolving.k, ratio_k, 0.03, np.inf),
     }
     return Finding(
         change["C/C0"],
         parts_of(change, recovered, "the same", method="POL"),
-        f"C/C0 of POL changes by up to {change['C/C0']:.2g}, its P/P0 by up to {change['P/P0']:.2g}.",
+        f"C/C0 of POL changes by up to {change['C/C0']:.2g} at 95 % of the l, its P/P0 by up to "
+        f"{change['P/P0']:.2g} at 95 % of the k.",
     )

@@ -1,7 +1,7 @@
 """How a claim is judged: its parts, the verdict that follows from them, and what the paper's words mean.
 
-A word of the paper stands for one number, the same in every claim that uses it. An edge that the paper gives
-as about, such as l ~ 40, is that number itself.
+A word of the paper is one number, the same in every claim that uses it. An edge that the paper gives as
+about, such as l ~ 40, is that number itself.
 """
 
 import math
@@ -22,9 +22,6 @@ _ALONE = ("PCA/ICA", *METHODS.values())  # what a part can be about
 RECOVERED = 0.1
 """|ratio - 1| below which a spectrum counts as recovered: the 10 % of the paper."""
 
-ROUGHLY = 1.5
-"""Within *about* x: below 1.5 x, so that about 10 % is below 15 %."""
-
 CLEAR = 1.1
 """Ratio to the truth above which there is an excess, or a peak."""
 
@@ -34,17 +31,20 @@ STRONG = 1.5
 MUCH = 2
 """*Much larger*: at least this many times as large."""
 
-FAILS = 2
-"""To *fail* is to be off by this factor, up or down, at half of all multipoles or k."""
+FAILING = 0.1
+"""To *fail* is to be off by more than this in the mean |ratio - 1|: of C/C0 for 10 < l < 200 or 2 nside."""
 
 ORDERS = 100
-"""Too high *by orders of magnitude*: two of them or more."""
+"""Too high *by orders of magnitude*: two of them or more, in the median."""
+
+LEAST_ORDER = 10
+"""Too high *across all scales*: by this factor at every multipole."""
 
 MOST = 0.5
-"""*Most*: more than this share."""
+"""*Most* of some voxels or lines of sight, or of an excess: more than this share."""
 
 CONSISTENT = 0.95
-"""*Consistently*: at this share, or more, of the multipoles, k or channels."""
+"""*Consistently*, *within x %* or *about x %* over a range: this share or more of its l, k or channels."""
 
 NOTABLE = 0.2
 """*Notable*: more than this share of the whole, or of what it was."""
