@@ -175,7 +175,8 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     by_id = {one.claim.id: one for one in found}
     empty = {id for id, one in by_id.items() if one.verdict == INAPPLICABLE}
     assert {"O6", "R1", "N1", "N2", "N3", "N4", "N5"} <= empty
-    assert all(math.isfinite(one.values[0]) for one in found if one.verdict != INAPPLICABLE)
+    without = {id for id, one in by_id.items() if not math.isfinite(one.values[0])}
+    assert without == empty | {id for id, one in by_id.items() if "premise absent" in one.label}
     assert by_id["F1"].verdict == REPRODUCED  # holds by far even here
     assert by_id["N1"].sentence == "The scan does not hold n_s = 5."
     assert {tuple(one.findings) for one in found} == {((sky.survey.seed, 0),)}
