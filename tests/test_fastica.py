@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gmca_twin import similarity
 from sklearn.decomposition import FastICA as SklearnFastICA
 from sklearn.decomposition import fastica
 
@@ -32,11 +33,6 @@ def sky(mixing, sources, rng):
 
 def clean(maps, seed=1, **parameters):
     return FastICA(**parameters).clean(maps, freqs=FREQS, rng=np.random.default_rng(seed))
-
-
-def similarity(one, two):
-    """Largest absolute correlation of every row of `one` with a row of `two`."""
-    return np.abs(np.corrcoef(one, two)[: len(one), len(one) :]).max(axis=1)
 
 
 @pytest.mark.parametrize("contrast", ["logcosh", "exp", "cube"])

@@ -24,17 +24,14 @@ def test_presets(name, nside, n_channels, width, cells):
     assert len(survey.freq_edges) == n_channels + 1
 
 
-def test_default_preset_is_quick():
-    assert Survey() == Survey.preset() == PRESETS["quick"]
-
-
 def test_channels_sample_the_ripple():
     """A 20 MHz wave keeps its mean square on the channels; round frequencies 10 MHz apart would see none."""
     for survey in PRESETS.values():
         assert np.mean(np.sin(2 * np.pi * survey.freqs / 20) ** 2) == pytest.approx(0.5)
 
 
-def test_overrides():
+def test_default_and_overrides():
+    assert Survey() == Survey.preset() == PRESETS["quick"]
     survey = Survey.preset("ci", nside=16, seed=3)
     assert (survey.nside, survey.seed, survey.n_channels) == (16, 3, 100)
 

@@ -43,19 +43,14 @@ def flags(rng):
     return rng.random((len(FREQS), N_PIX)) < 0.2
 
 
-def squares(maps, weights, separation):
-    """sum w (x - m - A s)^2, by explicit loops."""
-    total = 0.0
-    for channel, mean in enumerate(separation.means):
-        for pixel in range(maps.shape[1]):
-            model = mean + separation.mixing[channel] @ separation.sources[:, pixel]
-            total += weights[channel, pixel] * (maps[channel, pixel] - model) ** 2
-    return total
-
-
 def model_of(found):
     """m + A S of what `weighted_components` found in voxels with weights of their own."""
-    return found.foreground.lines(slice(None)) + found.means[:, None]
+    return found.mixing @ found.sources + found.means[:, None]
+
+
+def clean(name, maps, weights=None, **given):
+    method = create(name, **OPTIONS.get(name, {}))
+    return method.clean(maps, freqs=FREQS, weights=weights, **given)
 
 
 class TestPixelWeights:
@@ -85,27 +80,21 @@ class TestPixelWeights:
 class TestAll:
     @pytest.mark.parametrize("shape", [(N_PIX,), (len(FREQS), N_PIX)])
     def test_equal_weights_are_none(self, name, sky, shape):
-        method = create(name, **OPTIONS.get(name, {}))
-        plain = method.clean(sky, freqs=FREQS)
+        plain = clean(name, sky)
         for weights in (np.full(shape, 3.0), np.ones(shape, bool)):
-            weighted = method.clean(sky, freqs=FREQS, weights=weights)
+            weighted = clean(name, sky, weights)
             assert np.array_equal(weighted.residual, plain.residual)
             assert np.array_equal(weighted.separation.mixing, plain.separation.mixing)
 
     def test_only_ratios_matter(self, name, sky, hits, flags):
         weights = np.where(flags, 0, hits)
-        one, two = (
-            create(name, **OPTIONS.get(name, {})).clean(sky, freqs=FREQS, weights=w)
-            for w in (weights, 1e-9 * weights)
-        )
+        one, two = (clean(name, sky, w) for w in (weights, 1e-9 * weights))
         assert one.residual == pytest.approx(two.residual, abs=1e-3)
 
     def test_what_is_missing_may_be_anything(self, name, sky, hits, flags):
         """It counts nothing, is 0 in the residual, and the foreground there is what was found."""
-        weights, method = np.where(flags, 0, hits), create(name, **OPTIONS.get(name, {}))
-        one, two = (
-            method.clean(np.where(flags, value, sky), freqs=FREQS, weights=weights) for value in (7, np.nan)
-        )
+        weights = np.where(flags, 0, hits)
+        one, two = (clean(name, np.where(flags, value, sky), weights) for value in (7, np.nan))
         assert np.array_equal(one.residual, two.residual) and np.array_equal(one.foreground, two.foreground)
         assert not one.residual[flags].any() and one.residual[~flags].all()
         found = one.separation.foreground.cube() + one.separation.means[:, None]
@@ -116,17 +105,16 @@ class TestAll:
         """As if the lines of sight that are kept were alone; whole pixels without hits are not kept."""
         weights, kept = np.where(flags, 0, hits), np.arange(N_PIX) > 40
         weights[:, 100:110] = 0
-        method = create(name, **OPTIONS.get(name, {}))
-        both = method.clean(sky, freqs=FREQS, weights=weights, mask=kept)
+        both = clean(name, sky, weights, mask=kept)
         seen = kept & weights.any(axis=0)
-        alone = method.clean(sky[:, seen], freqs=FREQS, weights=weights[:, seen])
+        alone = clean(name, sky[:, seen], weights[:, seen])
         assert np.array_equal(both.residual[:, seen], alone.residual)
         assert not both.residual[:, ~seen].any() and not both.foreground[:, ~seen].any()
 
     def test_separating_on_other_maps(self, name, sky, foreground, hits, flags):
-        weights, method = np.where(flags, 0, hits), create(name, **OPTIONS.get(name, {}))
-        other = method.clean(sky + 50, freqs=FREQS, weights=weights, separate_on=foreground)
-        alone = method.clean(foreground, freqs=FREQS, weights=weights)
+        weights = np.where(flags, 0, hits)
+        other = clean(name, sky + 50, weights, separate_on=foreground)
+        alone = clean(name, foreground, weights)
         assert other.separation.sources == pytest.approx(alone.separation.sources, rel=1e-9)
         assert other.residual[~flags] == pytest.approx(
             (sky + 50 - alone.foreground)[~flags], abs=6e-7 * float(sky.max())
@@ -177,12 +165,12 @@ class TestVoxelWeights:
             return np.sum(weights * left**2), slope
 
         plain = PCA(n_sources=1).separate(Data.of(maps, freqs=FREQS[:6]))
-        own = squares(maps, weights, found)
+        own, unweighted = (np.sum(weights * (maps - model_of(one)) ** 2) for one in (found, plain))
         for start in (found, plain):
             x = np.concatenate([start.means, start.mixing[:, 0], start.sources[0]])
             least = minimize(cost, x, jac=True, method="BFGS", options={"maxiter": 5000})
             assert own == pytest.approx(least.fun, rel=1e-5)
-        assert squares(maps, weights, plain) > 1.01 * own
+        assert unweighted > 1.01 * own
 
     def test_weights_of_pixels_times_those_of_channels(self, sky, hits):
         """One eigenproblem: of the maps times the roots of the weights of channels."""
