@@ -28,14 +28,13 @@ def planted(rng):
     mixing = (FREQS[:, None] / 1000) ** -2.7
     data = Data.of(signal + mixing @ sources, freqs=FREQS)
 
-    def plant(restart=0, error=0.0, floored=0.0):
+    def plant(restart=0, error=0.0):
         method = SimpleNamespace(name="chaotic", restart=restart)
         one = Cleaning(data=data, method=method)
         vars(one)["separation"] = Separation(
             mixing=mixing,
             sources=sources - error,
             means=np.zeros(N_CHANNELS),
-            diagnostics={"floored": floored},
         )
         return one
 
@@ -50,7 +49,7 @@ def planted_ensemble(plant):
     return Ensemble(
         members=(
             *(plant(restart, error) for restart, error in enumerate(small)),
-            plant(3, small[2], floored=0.2),
+            plant(3, small[2]),
             plant(4, plant.follows),
             plant(5, 2 * plant.anywhere),
         )
@@ -70,25 +69,18 @@ class TestEnsemble:
         assert planted_ensemble(planted).medoid_index == 2
 
     def test_flags(self, planted):
-        flags = planted_ensemble(planted).flags
-        assert [set(one) for one in flags] == [
-            set(),
-            set(),
-            set(),
-            {"floor"},
-            {"contrast", "distance"},
-            {"distance"},
-        ]
-        assert flags[3]["floor"] == 0.2
-        assert flags[5]["distance"] == pytest.approx(1.9 * rms_of(planted), rel=0.1)
+        ensemble = planted_ensemble(planted)
+        assert ensemble.flags == [[], [], [], [], ["contrast", "distance"], ["distance"]]
+        assert [one["distance"] for one in ensemble.values[2:4]] == pytest.approx([0, 0], abs=1e-9)
+        assert ensemble.values[5]["distance"] == pytest.approx(1.9 * rms_of_error(), rel=0.1)
 
     def test_what_is_said(self, planted):
-        """The way out comes with a medoid that is flagged, or as many that are as are not."""
+        """The way out comes where half look failed, or the medoid does."""
         ensemble = planted_ensemble(planted)
-        said = ensemble.remarks
-        assert "restart 2, the medoid of 6, of which 3 look failed; restart 3: its last S" in said[0]
-        assert "beam_subspace" in said[1]
-        assert len(Ensemble(members=ensemble.members[:3]).remarks) == 1
+        (said,) = ensemble.remarks
+        assert "restart 2, the medoid of 6, of which 2 look failed: the residual is strong where" in said
+        assert "brightest (restart 4), the residual is far from that of the medoid (restart 4, 5)." in said
+        assert "beam_subspace" in Ensemble(members=ensemble.members[3:]).remarks[1]
 
     def test_no_cube_of_a_member_is_kept(self, planted):
         ensemble = planted_ensemble(planted)
@@ -97,7 +89,7 @@ class TestEnsemble:
         assert kept == [k == ensemble.medoid_index for k in range(6)]
 
 
-def rms_of(plant):
+def rms_of_error():
     """Of the error that is the same everywhere, in units of the residual's."""
     return np.sqrt(np.mean((FREQS / 1000) ** -5.4))
 
@@ -115,7 +107,7 @@ def test_contrast(rng, planted):
 
 def test_one_run_says_that_it_is_one(planted):
     assert "--restarts" in remarks_on_one(planted())[0] and len(remarks_on_one(planted())) == 1
-    assert "20% of the multipoles. Take beam_subspace" in remarks_on_one(planted(floored=0.2))[1]
+    assert "is brightest. Take beam_subspace" in remarks_on_one(planted(error=planted.follows))[1]
     assert remarks_on_one(Cleaning(data=planted().data, method=PCA(n_sources=1))) == []
 
 

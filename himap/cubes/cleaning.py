@@ -1,6 +1,7 @@
 """Foregrounds removed from a cube by any method, with its beams, and the cleaned cube."""
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,10 +11,11 @@ from himap.cubes.cube import Cube
 from himap.instrument import beams as all_beams
 from himap.instrument.beams.base import DISH, Beam
 from himap.removal import available, create
-from himap.removal.base import REGISTRY, ForegroundRemover
+from himap.removal.base import REGISTRY, ForegroundRemover, SeparationWarning
 from himap.removal.cleaning import Cleaning, without_peaks
 from himap.removal.data import Data
 from himap.removal.peaks import least_channels
+from himap.removal.restarts import Ensemble, checked_restarts, has_restarts, remarks_on_one
 
 _LEAST_FOR_PEAKS = 8
 
@@ -26,9 +28,12 @@ class CleanedCube(Cleaning):
     ----------
     cube
         The `Cube`.
+    ensemble
+        The `Ensemble` of restarts of which this is the medoid, or None.
     """
 
     cube: Cube
+    ensemble: Ensemble | None = field(init=False, default=None)
 
     @property
     def residual_with_nan(self):
@@ -44,8 +49,9 @@ class CleanedCube(Cleaning):
     @property
     def remarks(self):
         """What the user should know of the result, a list of sentences."""
-        lmax, remarks = self.separation.lmax, []
-        if not self.separation.converged:
+        lmax = self.separation.lmax
+        remarks = remarks_on_one(self) if self.ensemble is None else self.ensemble.remarks
+        if not (self.separation.converged or has_restarts(self.method)):
             remarks.append(f"{self.method.name} stopped before it converged.")
         if lmax is not None:
             remarks.append(
@@ -54,8 +60,15 @@ class CleanedCube(Cleaning):
             )
         return remarks
 
+    def with_restarts(self, n):
+        """The medoid of `n` restarts, from this one on, with the `Ensemble` of all; errors as of it."""
+        ensemble = Ensemble.of(self, n)
+        medoid, _ = replace(ensemble.medoid), ensemble.medoid.residual  # made once
+        vars(medoid).update(vars(ensemble.medoid), ensemble=ensemble)
+        return medoid
 
-def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters):
+
+def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025, **parameters):
     """Remove the foregrounds of a cube.
 
     Parameters
@@ -68,6 +81,8 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
         b_l, (n_channels, lmax + 1), for methods that use them (`beams_of`).
     peaks
         Whether the foreground is looked for in maps whose peaks are masked (paper, Sect. 4.1).
+    restarts
+        From how many starts a chaotic method, SDecGMCA, cleans it; 4 unless given. The result is the medoid.
     seed
         Of the random numbers of methods that draw some.
     parameters
@@ -76,16 +91,21 @@ def clean_cube(cube, method, *, beams=None, peaks=True, seed=2025, **parameters)
     Returns
     -------
     CleanedCube
+        Of several restarts with its `ensemble`.
 
     Raises
     ------
     InputError
-        An unknown method or parameter, or what the method itself refuses, such as too small a part of the
-        sky.
+        Restarts of a method that has none, an unknown method or parameter, or what the method itself
+        refuses, such as too small a part of the sky.
     """
     remover = method_for(cube, method, beams=beams, **parameters)
+    n = checked_restarts(remover, restarts)
     cleaned = cleaning_of(cube, remover, beams, peaks=peaks, seed=seed)
+    cleaned = cleaned if n == 1 else cleaned.with_restarts(n)
     _ = cleaned.residual  # the work is done now, and kept
+    if has_restarts(remover) and (n == 1 or len(cleaned.ensemble.remarks) > 1):
+        warnings.warn(" ".join(cleaned.remarks), SeparationWarning, stacklevel=2)
     return cleaned
 
 

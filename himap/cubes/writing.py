@@ -110,7 +110,7 @@ def write_cleaned(cleaned, paths):
             file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
             parameters = json.dumps(asdict(cleaned.method))
             about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
-            file.attrs.update(layout.pixels.attributes() | about)
+            file.attrs.update(layout.pixels.attributes() | about | _restarts(cleaned))
         return
     *targets, table = paths
     for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
@@ -118,9 +118,22 @@ def write_cleaned(cleaned, paths):
             np.save(target, maps)
         else:
             cards = [("METHOD", cleaned.method.name), ("HIMAP", __version__)]
+            cards += [(name.upper(), value) for name, value in _restarts(cleaned).items()]
             layout.pixels.write(target, maps, layout, name=name, cards=cards)
     header = "frequency [MHz], then the columns of the mixing matrix"
     np.savetxt(table, np.column_stack([cube.freqs, mixing]), header=header)
+
+
+def _restarts(cleaned):
+    """{"restart": which one it is, "restarts": of how many, "failed": how many look so}; empty of one run."""
+    several = cleaned.ensemble
+    if several is None:
+        return {}
+    return {
+        "restart": cleaned.method.restart,
+        "restarts": len(several.members),
+        "failed": sum(map(bool, several.flags)),
+    }
 
 
 def _as_given(cleaned):

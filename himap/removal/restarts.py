@@ -1,7 +1,8 @@
-"""An ensemble of restarts of a chaotic method: its scatter, its medoid, and which members look wrong.
+"""An ensemble of restarts of a chaotic method: its scatter, its medoid, and which members look failed.
 
-No flag needs the truth; how often each is right is measured in the chapter on restarts. The condition of A,
-the last change of S and the cost function are no flags: they are the same of runs that fail and of others.
+No flag needs the truth. Which numbers are flags was decided by how often each is right, which is measured
+(`himap.paper.restarts`): the condition of A, the last change of S and the cost function are alike in runs
+that fail and in others.
 """
 
 from dataclasses import dataclass
@@ -22,11 +23,11 @@ BRIGHT = 0.1
 """Share of the lines of sight that are the brightest of the foreground."""
 
 FLAGS = {
-    "floor": (0.0, "its last S is a numerical floor at {:.0%} of the multipoles"),
-    "contrast": (2.0, "its residual has {:.3g} times the power where the foreground is brightest"),
-    "distance": (0.5, "its residual differs by {:.3g} of its rms from that of the medoid"),
+    "contrast": (2.0, "the residual is strong where the foreground is brightest"),
+    "distance": (0.5, "the residual is far from that of the medoid"),
 }
-"""{flag: (value above which it is set, what it means)}."""
+"""{flag: (value above which it is set, what it means)}: where foreground that is left has as much power as HI
+and noise have, and where a quarter of the power differs."""
 
 _WAY_OUT = (
     "Take beam_subspace, which does not depend on its start; or share=1, n_warmup=1, sign='free', with which "
@@ -37,6 +38,21 @@ _WAY_OUT = (
 def has_restarts(method):
     """Whether a `ForegroundRemover` depends on its start."""
     return hasattr(method, "restart")
+
+
+def checked_restarts(method, n=None):
+    """How many restarts of a `ForegroundRemover` are asked for by `n`; None for `RESTARTS`, or 1 without any.
+
+    Raises
+    ------
+    InputError
+        Some of a method that has none, or a number that is not 1 or more.
+    """
+    if has_restarts(method):
+        return RESTARTS if n is None else whole_number("restarts", n, 1, 10_000)
+    if n is not None:
+        raise InputError(f"{method.name} does not depend on its start: leave restarts out, got {n}.")
+    return 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,14 +74,9 @@ class Ensemble:
         Raises
         ------
         InputError
-            A method without restarts, or a number that is not 1 or more.
+            As `checked_restarts`.
         """
-        whole_number("restarts", n, 1, 10_000)
-        method = cleaning.method
-        if not has_restarts(method):
-            raise InputError(
-                f"{method.name} does not depend on its start: it has no restarts, got {n}; leave them out."
-            )
+        n, method = checked_restarts(cleaning.method, n), cleaning.method
         members = (cleaning, *(cleaning.with_restart(method.restart + k) for k in range(1, n)))
         for member in progress(members, "restarts"):
             _ = member.separation
@@ -99,57 +110,55 @@ class Ensemble:
         return self.members[self.medoid_index]
 
     @cached_property
-    def flags(self):
-        """What speaks against each member, a list of {flag: value}; see `FLAGS`."""
+    def values(self):
+        """Of each member its `contrast`, and the distance from the medoid over the rms of its residual."""
         residual = self.medoid.residual
         rms = np.sqrt(np.mean(np.square(residual, dtype=np.float64)))
+        several = zip(self.members, map(self.change, range(len(self.members))), strict=True)
+        contrasts = [contrast(residual, one.separation.foreground, change) for one, change in several]
+        distances = self.distances[self.medoid_index] / rms
         return [
-            _flags(member, residual, self.change(k), distance / rms)
-            for k, (member, distance) in enumerate(
-                zip(self.members, self.distances[self.medoid_index], strict=True)
-            )
+            {"contrast": float(bright), "distance": float(far)}
+            for bright, far in zip(contrasts, distances, strict=True)
         ]
+
+    @property
+    def flags(self):
+        """The names of the flags of each member, a list of lists."""
+        return list(map(flags_of, self.values))
 
     @property
     def remarks(self):
         """Sentences: which member is the medoid, which ones have flags, and what then to do."""
-        numbers = [member.method.restart for member in self.members]
-        found = [
-            f"restart {number}: {meaning(flags)}"
-            for number, flags in zip(numbers, self.flags, strict=True)
-            if flags
+        failed = {
+            member.method.restart: one for member, one in zip(self.members, self.flags, strict=True) if one
+        }
+        named = [
+            f"{meaning} (restart {', '.join(str(k) for k, one in failed.items() if name in one)})"
+            for name, (_, meaning) in FLAGS.items()
+            if any(name in one for one in failed.values())
         ]
+        method, n = self.medoid.method, len(self.members)
         said = [
-            f"{self.medoid.method.name} is chaotic: this is restart {numbers[self.medoid_index]}, the medoid "
-            f"of {len(numbers)}, of which {len(found)} look failed{''.join(f'; {one}' for one in found)}."
+            f"{method.name} is chaotic: this is restart {method.restart}, the medoid of {n}, of which "
+            f"{len(failed)} look failed{': ' if named else ''}{', '.join(named)}."
         ]
-        return [*said, _WAY_OUT] if 2 * len(found) >= len(numbers) or self.flags[self.medoid_index] else said
+        return [*said, _WAY_OUT] if 2 * len(failed) >= n or method.restart in failed else said
 
 
 def remarks_on_one(cleaning):
     """What the user should know of one run, a list of sentences; empty for methods without restarts."""
     if not has_restarts(cleaning.method):
         return []
-    flags = _flags(cleaning, cleaning.residual)
-    name = cleaning.method.name
+    flags = flags_of({"contrast": contrast(cleaning.residual, cleaning.separation.foreground)})
+    why, name = ", ".join(FLAGS[flag][1] for flag in flags), cleaning.method.name
     one = f"{name} is chaotic, so that one run is one draw: compare several, with --restarts 8 or restarts=8."
-    return [one, f"This one looks failed: {meaning(flags)}. {_WAY_OUT}"] if flags else [one]
+    return [one, f"This one looks failed: {why}. {_WAY_OUT}"] if flags else [one]
 
 
-def meaning(flags):
-    """What {flag: value} says, in words."""
-    return ", ".join(FLAGS[name][1].format(value) for name, value in flags.items())
-
-
-def _flags(cleaning, residual, change=None, distance=0.0):
-    """{flag: value} of those that are set, of a `Cleaning` whose residual is `residual` and a change."""
-    separation = cleaning.separation
-    values = {
-        "floor": (separation.diagnostics or {}).get("floored", 0.0),
-        "contrast": contrast(residual, separation.foreground, change),
-        "distance": distance,
-    }
-    return {name: float(value) for name, value in values.items() if value > FLAGS[name][0]}
+def flags_of(values):
+    """Names of the `FLAGS` that {flag: value} sets, a list."""
+    return [name for name, value in values.items() if value > FLAGS[name][0]]
 
 
 def contrast(residual, foreground, change=None):

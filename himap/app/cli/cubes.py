@@ -163,6 +163,7 @@ def _cube_and_beams(asked, remover):
         "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
     ),
     option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
+    option("--restarts", type=int, metavar="N", help="Starts of a chaotic method, sdecgmca; default 4."),
     *_MOCKS,
     short_help="Remove the foregrounds of the cube of maps in CUBE.",
 )
@@ -200,7 +201,7 @@ def transfer(asked):
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
     """
-    asked.mocks, asked.patches = asked.mocks or ("10",), False
+    asked.mocks, asked.patches, asked.restarts = asked.mocks or ("10",), False, None
     page = _output(asked, (".csv",))
     cleaned, write_pages = _cleaned(asked)
     _write(asked, [page, page.with_suffix(".csv")], write_pages, remarks=cleaned.remarks)
@@ -208,14 +209,17 @@ def transfer(asked):
 
 def _cleaned(asked):
     """A `CleanedCube`, and the function that writes its page, and spectra, to paths."""
+    from himap.cubes import scatter
     from himap.cubes import transfer as measured
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
     from himap.cubes.report import patches_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
     from himap.removal import create
+    from himap.removal.restarts import checked_restarts
 
     remover = create(asked.method, **asked.parameters)
+    checked_restarts(remover, asked.restarts)
     cube, beams = _cube_and_beams(asked, remover)
     method_for(cube, remover, beams=beams)  # before the truth is read
     if hasattr(remover, "n_sources") and "n_sources" not in asked.parameters:
@@ -229,7 +233,8 @@ def _cleaned(asked):
             _tell(f"The truth: {remark}")
         check_truth(cube, true)  # before the work
     mocks = _mocks(cube, beams, asked)
-    cleaned, more, corrected = clean_cube(cube, remover, beams=beams, peaks=asked.peaks), [], None
+    options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
+    cleaned, more, corrected = clean_cube(cube, remover, **options), [], None
     comparison = None if true is None else compared(cleaned, true)
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
@@ -237,6 +242,10 @@ def _cleaned(asked):
         corrected = measured.correct(spectra, found)
         more = measured.corrected_parts(corrected, len(found.mocks), comparison)
         click.echo(measured.corrected_table(corrected, comparison))
+    scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
+    if scattered is not None:
+        more = [*scatter.scatter_parts(scattered), *more]
+        click.echo(scatter.scatter_table(scattered))
     if asked.patches and cube.layout.pixels.whole_sky:  # the page of an image has it anyway
         more = [*more, patches_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
@@ -245,6 +254,8 @@ def _cleaned(asked):
         write_report(cleaned, paths[0], spectra=shown, more=more)
         if corrected is not None:
             measured.write_spectra(corrected, paths[1], comparison)
+            if scattered is not None:
+                scatter.add_columns(scattered, paths[1])
 
     return cleaned, write_pages
 

@@ -45,6 +45,7 @@ def measure(name, **options):
     \b
     beam_errors  what it costs a method to assume a wrong beam      (21_beam_errors)
     claims       every claim of the paper, with a verdict           (15_claims)
+    flags        how often a failure shows without the truth         (15_claims)
     methods      all methods side by side, through each beam        (25_side_by_side)
     n_sources    how often a criterion finds the number of sources  (22_how_many)
     readings     every claim under every reading of SDecGMCA        (15_claims)

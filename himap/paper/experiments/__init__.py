@@ -9,6 +9,7 @@ __all__ = ["EXPERIMENTS", "find_experiment"]
 EXPERIMENTS = {
     "beam_errors": "What it costs a method to assume a wrong beam.",
     "claims": "Every claim of the paper, with a verdict.",
+    "flags": "How often what is known without the truth says that SDecGMCA failed.",
     "methods": "All methods side by side, through each beam.",
     "n_sources": "How often a criterion finds the right number of sources.",
     "readings": "Every claim under every reading of the paper's SDecGMCA.",

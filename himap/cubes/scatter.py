@@ -1,0 +1,116 @@
+"""How the power spectra of a cleaned cube scatter between the restarts of a method that is chaotic."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from himap.core.progress import progress
+from himap.cubes.report import figure
+from himap.cubes.transfer import alms_of, plain_band
+from himap.figures import plotting, styles
+from himap.figures.tables import Table
+from himap.measures.diagnostics import bands
+from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair
+from himap.measures.spectra import frequency_power
+
+PERCENTILES = (16, 50, 84)
+"""Of the members: the ends of the band, and the median between them."""
+
+_TEXT = (
+    "Each thin line is a restart, whose start differs by 1e-10; the thick line is their median, and dashed "
+    "are their 16 and 84 %. What differs between them is foreground that is left, or signal that is lost. "
+    "The one that was written is the medoid, whose residual is nearest to those of all others. What all "
+    "restarts have in common is not seen here."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scatter:
+    """Power spectra of each member of an ensemble.
+
+    Attributes
+    ----------
+    x
+        {"angular": l, "frequency": k in 1/MHz}, without 0.
+    powers
+        {kind: power, (n_members, n_x)}, mK^2 and mK^2 MHz.
+    medoid
+        Which member is the medoid.
+    """
+
+    x: dict
+    powers: dict
+    medoid: int
+
+    def percentiles(self, kind):
+        """The `PERCENTILES` of the power, (3, n_x)."""
+        return np.percentile(self.powers[kind], PERCENTILES, axis=0)
+
+
+def scatter_of(cleaned):
+    """The `Scatter` of a `CleanedCube` with an ensemble.
+
+    Members differ from the medoid by a few spectra times maps, and so only these are transformed.
+    """
+    cube, residual, ensemble = cleaned.cube, cleaned.residual, cleaned.ensemble
+    alms, own = alms_of(cube, residual), frequency_power(residual, cube.channel_width)
+    faint, spectra = FAINT * float(residual.var(axis=1, dtype=np.float64).sum()), []
+    for k in progress(range(len(ensemble.members)), "spectra of restarts"):
+        change = ensemble.change(k).truncate(faint)
+        angular, _ = angular_power_pair(
+            alms, replace(change, maps=cube.on_sphere(change.maps)), mask=cube.sky_mask
+        )
+        angular = angular.upto(cleaned.separation.lmax)
+        power = Moments.of(residual, change).frequency_power(own, cube.channel_width).power
+        spectra.append((angular.mean[angular.degrees > 0], power[1:]))
+    x = {"angular": angular.degrees[angular.degrees > 0], "frequency": own.k[1:]}
+    powers = dict(zip(x, map(np.array, zip(*spectra, strict=True)), strict=True))
+    return Scatter(x=x, powers=powers, medoid=ensemble.medoid_index)
+
+
+def scatter_table(scatter):
+    """A `Table` with the power of the members over that of the medoid in each band."""
+    rows = []
+    for name, (kind, inside) in bands(*scatter.x.values()).items():
+        power = scatter.powers[kind][:, inside].mean(axis=1)
+        ratios = np.percentile(power / power[scatter.medoid], PERCENTILES)
+        rows.append([plain_band(name), *(f"{ratio:.4g}" for ratio in ratios)])
+    return Table(["over the medoid", "16 %", "median", "84 %"], rows, align="lrrr")
+
+
+def scatter_parts(scatter):
+    """Parts of a page: both spectra of all members with their median and band, and the table."""
+    panels = []
+    for kind, x in scatter.x.items():
+        low, median, high = scatter.percentiles(kind)
+        look = {"color": styles.BLUE}
+        panels.append(
+            {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
+            | {
+                "bundles": [
+                    (x, scatter.powers[kind], {"color": "0.6", "linewidth": 0.5, "label": "restarts"})
+                ],
+                "curves": [
+                    (x, median, look | {"label": "median"}),
+                    (x, low, look | {"linestyle": "--", "linewidth": 0.8, "label": "16 and 84 %"}),
+                    (x, high, look | {"linestyle": "--", "linewidth": 0.8, "label": "_84 %"}),
+                ],
+                "xscale": "log",
+                "yscale": "log",
+            }
+        )
+    picture = plotting.lines(panels)
+    return [figure(picture, "Spectra of restarts", _TEXT, title="Restarts"), scatter_table(scatter)]
+
+
+def add_columns(scatter, path):
+    """Add columns ``restarts_16``, ``restarts_50`` and ``restarts_84`` to the CSV of spectra at a path."""
+    table = pd.read_csv(path)
+    for kind, x in scatter.x.items():
+        rows = table["spectrum"] == kind
+        for percent, power in zip(PERCENTILES, scatter.percentiles(kind), strict=True):
+            table.loc[rows, f"restarts_{percent}"] = np.interp(
+                table.loc[rows, "x"], x, power, left=np.nan, right=np.nan
+            )
+    table.to_csv(path, index=False, float_format="%.8g", na_rep="nan")

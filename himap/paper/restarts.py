@@ -1,0 +1,106 @@
+"""What can be said of a run of SDecGMCA without the truth, and how often it is right.
+
+A table has the columns seed, reading, restart, quantity and value (`himap.paper.experiments.flags`), one
+ensemble for each seed and reading; quantities that it lacks are left out.
+"""
+
+import numpy as np
+import pandas as pd
+
+from himap.paper.readings import FAILING
+from himap.removal.restarts import FLAGS as USED
+
+FLAGS = {
+    "condition": ("condition of A above 10^4.5", 10**4.5),
+    "refinement_change": ("last relative change of S above the tolerance", 1e-4),
+    "cost": ("cost above that of the median member", None),
+    "floored": ("the floor acts in the last S", 0.0),
+    "contrast": ("residual follows the foreground", USED["contrast"][0]),
+    "distance": ("residual far from that of the medoid", USED["distance"][0]),
+}
+"""{quantity: (what its flag is, value above which it is set)}, None for the median of the ensemble; at a
+condition of 10^4.5 eigenvalues of A^T A reach the floor of C21's code, 1e-9."""
+
+
+def members_of(table):
+    """A row for each member, a DataFrame: columns "ensemble", "failed" and a quantity each."""
+    columns = ["seed", "reading", "restart"]
+    values = table.pivot_table(index=columns, columns="quantity", values="value", sort=False)
+    values = values[["mean error", *(name for name in FLAGS if name in values)]].reset_index()
+    ensembles = values.groupby(columns[:2], sort=False).ngroup()
+    return values.assign(ensemble=ensembles, failed=values["mean error"] > FAILING)
+
+
+def flag_rates(table):
+    """How often each flag is right, a DataFrame by quantity.
+
+    Returns
+    -------
+    DataFrame
+        "hits" of "n_failed" members that failed, "false_alarms" of "n_sound" others; and "ranked", the
+        probability that a failed member has more of the quantity than one that did not fail, which needs no
+        threshold: 0.5 is that of a coin.
+    """
+    members, rows = members_of(table), {}
+    failed = members["failed"].to_numpy()
+    for name, (_, limit) in FLAGS.items():
+        if name in members:
+            values = members[name]
+            if limit is None:  # of one data set alone is it comparable
+                values, limit = values / values.groupby(members["ensemble"]).transform("median"), 1.0
+            rows[name] = _rates(values.to_numpy(), values.to_numpy() > limit, failed)
+    used = [name for name in USED if name in members]
+    either = np.any([members[name] > USED[name][0] for name in used], axis=0) if used else None
+    if used:
+        rows["either"] = _rates(either.astype(float), either, failed)
+    return pd.DataFrame(rows).T.convert_dtypes()
+
+
+def _rates(values, flagged, failed):
+    bad, good = values[failed], values[~failed]
+    more = (bad[:, None] > good) + 0.5 * (bad[:, None] == good)
+    return {
+        "hits": int(np.sum(flagged & failed)),
+        "n_failed": int(failed.sum()),
+        "false_alarms": int(np.sum(flagged & ~failed)),
+        "n_sound": int(np.sum(~failed)),
+        "ranked": float(more.mean()) if more.size else np.nan,
+    }
+
+
+def chosen_failures(table):
+    """Of how many ensembles the member that a criterion chooses failed, {criterion: (failed, ensembles)}.
+
+    Criteria are the least of each quantity, "distance" that of the medoid; "any" is a member at random.
+    """
+    members = members_of(table)
+    found = {"any": (int(members["failed"].sum()), len(members))}
+    for name in FLAGS:
+        if name in members:
+            chosen = members.loc[members.groupby("ensemble")[name].idxmin()]
+            found[name] = int(chosen["failed"].sum()), len(chosen)
+    return found
+
+
+def flag_table(table):
+    """Both as texts, a DataFrame: a row for each flag."""
+    rates, chosen = flag_rates(table), chosen_failures(table)
+    words = {name: text for name, (text, _) in FLAGS.items()}
+    words["either"] = "either of the last two"
+    rows = [
+        {
+            "flag": words[name],
+            "hit rate": share(one["hits"], one["n_failed"]),
+            "false alarms": share(one["false_alarms"], one["n_sound"]),
+            "ranked right": f"{one['ranked']:.2f}" if pd.notna(one["ranked"]) else "–",
+            "least of it fails": share(*chosen[name]) if name in chosen else "",
+        }
+        for name, one in rates.iterrows()
+    ]
+    rows.append({"flag": "none: any member", "least of it fails": share(*chosen["any"])})
+    return pd.DataFrame(rows).fillna("")
+
+
+def share(n, of):
+    """ "12 of 16 (75 %)"; of none it is not known."""
+    return f"{n} of {of} ({100 * n / of:.0f} %)" if of else "–"
