@@ -110,7 +110,5 @@ def add_columns(scatter, path):
     for kind, x in scatter.x.items():
         rows = table["spectrum"] == kind
         for percent, power in zip(PERCENTILES, scatter.percentiles(kind), strict=True):
-            table.loc[rows, f"restarts_{percent}"] = np.interp(
-                table.loc[rows, "x"], x, power, left=np.nan, right=np.nan
-            )
+            table.loc[rows, f"restarts_{percent}"] = np.interp(table.loc[rows, "x"], x, power)
     table.to_csv(path, index=False, float_format="%.8g", na_rep="nan")
