@@ -6,36 +6,25 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 import functools
 import time
 import warnings
-from importlib import import_module
 from types import SimpleNamespace
 
 import click
 from click import option
 
-from himap.app.cli.shared import debug, named_values, overwrite_option, with_options
+from himap.app.cli.shared import (
+    BeamsOption,
+    NamesOption,
+    debug,
+    named_values,
+    overwrite_option,
+    with_options,
+)
 from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
 from himap.core.files import whole_files
 from himap.core.reading import is_file, regular_file, there_is
 
-
-class _Registered(click.Option):
-    """An option whose help lists the names that there are, found when it is asked for."""
-
-    package, more, less = "himap.removal", "", ()
-
-    def get_help_record(self, context):
-        names = [name for name in import_module(self.package).available() if name not in self.less]
-        self.help = f"{', '.join(names)}{self.more}."
-        option, text = super().get_help_record(context)
-        return option, text.replace("  [required]", "")  # an error says it, and the help is a line
-
-
-class _Beams(_Registered):
-    package, more, less = "himap.instrument.beams", "; NAME:PARAMETER=VALUE; a FILE", ("file",)
-
-
-_METHOD = option("--method", cls=_Registered, required=True, metavar="NAME")
+_METHOD = option("--method", cls=NamesOption, required=True, metavar="NAME")
 _WEIGHTS = (
     option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
     option("--flags", metavar="FILE", help="1 where a voxel is bad."),
@@ -48,7 +37,7 @@ _MOCKS = (
     *_WEIGHTS,
 )
 _COMMON = (
-    option("--beam", cls=_Beams, metavar="NAME"),
+    option("--beam", cls=BeamsOption, metavar="NAME"),
     option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
     option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
@@ -282,7 +271,7 @@ def _mocks(cube, beams, asked):
 
 
 @_command(
-    option("--method", cls=_Registered, default="pca", show_default=True, metavar="NAME"),
+    option("--method", cls=NamesOption, default="pca", show_default=True, metavar="NAME"),
     option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
     option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
     option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),

@@ -1,6 +1,7 @@
 """The options that commands of `himap` share, and their errors, in one paragraph."""
 
 import functools
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -43,6 +44,24 @@ class Commands(click.Group):
             shown = click.ClickException(message)
             shown.exit_code = code
             raise shown from None
+
+
+class NamesOption(click.Option):
+    """An option whose help lists the names that there are, found when it is asked for."""
+
+    package, more, less = "himap.removal", "", ()
+
+    def get_help_record(self, context):
+        names = [name for name in import_module(self.package).available() if name not in self.less]
+        self.help = f"{', '.join(names)}{self.more}."
+        option, text = super().get_help_record(context)
+        return option, text.replace("  [required]", "")  # an error says it, and the help is a line
+
+
+class BeamsOption(NamesOption):
+    """The same for beams."""
+
+    package, more, less = "himap.instrument.beams", "; NAME:PARAMETER=VALUE; a FILE", ("file",)
 
 
 def with_options(*options):
