@@ -9,7 +9,18 @@ import pytest
 from pages import cells
 
 from himap.core.errors import InputError
-from himap.figures.numbers import NOT_COMPARED, QUOTED, agree, one_run, quote, quoted, show, show_table
+from himap.figures.numbers import (
+    NOT_COMPARED,
+    OF_RESTARTS,
+    QUOTED,
+    agree,
+    of_restarts,
+    one_run,
+    quote,
+    quoted,
+    show,
+    show_table,
+)
 from himap.figures.tables import HTML, Table
 
 SPACE = "\N{NO-BREAK SPACE}"
@@ -133,6 +144,23 @@ def test_only_what_is_of_one_run_is_marked():
     assert cells(table.html()) == [["", "C"], ["PCA", "0.987 ± 0.010"], ["SDecGMCA", "0.99†"]]
     assert f"<small>{NOT_COMPARED}</small>" in table.html() and repr(table).endswith(f"\n{NOT_COMPARED}")
     assert table.markdown()[-1] == NOT_COMPARED
+
+
+def test_restarts_have_a_median_and_a_band_and_are_not_compared():
+    table, other = (
+        show_table({"SD": of_restarts([{"C": (value, 0.01, "mK"), "settled": text} for value, text in runs])})
+        for runs in (
+            [(0.9, "no"), (1.0, "yes"), (1.2, "no"), (30.0, "no")],
+            [(0.8, "no"), (0.8, "no"), (0.8, "no"), (0.8, "no")],
+        )
+    )
+    row, note = (line.replace(SPACE, " ") for line in repr(table).splitlines()[1:])
+    assert row.split("  ")[-2:] == ["1.10 (0.95–16.18)† mK", "3 no, 1 yes†"] and note == OF_RESTARTS
+    assert agree(repr(table), repr(other)) and agree(table.html(), other.html())
+    assert of_restarts([(value, 0.01) for value in (0.9, 1.1, 1.0)])[0] == 1.0
+    assert of_restarts([(0.9, 0.01)]) == one_run((0.9, 0.01))
+    below = of_restarts([(-0.2, 0.1), (0.2, 0.1)])
+    assert quoted(below).replace(SPACE, " ") == "0.0 (-0.1 to 0.1)"
 
 
 def test_what_is_quoted_is_glued_and_not_seen(monkeypatch, capsys):

@@ -17,6 +17,7 @@ from himap.figures import planes, plotting, styles
 from himap.instrument import beams
 from himap.instrument.beams import Degraded
 from himap.maps import sphere
+from himap.measures.diagnostics import Comparison
 from himap.paper.methods import methods_for
 
 K = np.arange(1.0, 4.0)
@@ -117,6 +118,40 @@ class TestSpectrum:
         assert rows[0] == ["a", "HI + noise", "1", "1"] and rows[5] == ["a", "PCA", "3", "6"]
         assert rows[-3:] == [["a", "SD: truth", f"{x}", f"{3 * x}"] for x in (1, 2, 3)]
         assert sum("truth" in name for _, name, *_ in rows) == 3
+
+    def test_an_ensemble_is_a_median_a_band_and_its_members(self):
+        """The median is not drawn away by one that failed, and the axis holds that one all the same."""
+        members = np.array([[0.9], [1.0], [1.1], [1e4]]) * K
+        curve = ({"label": "SD", "color": "red"}, K, members, np.tile(K, (4, 1)))
+        figure = plotting.spectrum([PANEL | {"curves": [curve]}])
+        _, bottom = figure.axes
+        assert bottom.lines[-1].get_ydata() == pytest.approx(1.05)
+        assert [line.get_ydata()[0] for line in bottom.lines[1:-1]] == pytest.approx([0.9, 1, 1.1, 1e4])
+        assert bottom.get_ylim()[1] > 1e4
+        low, high = np.percentile(members[:, 0], (16, 84))
+        (band,) = [one for one in bottom.collections if len(one.get_paths()) == 1]
+        ends = band.get_paths()[0].vertices[:, 1]
+        assert (ends.min(), ends.max()) == pytest.approx((low, high))
+        assert bottom.lines[-1].get_zorder() > band.get_zorder() > bottom.lines[1].get_zorder()
+        assert texts(figure.axes[0].get_legend().get_texts()) == ["HI + noise", "SD"]
+        named = {name for _, name, *_ in rows_of(figure)} - {"HI + noise"}
+        assert named == {
+            f"SD: {one}" for one in ("16 %", "median", "84 %", *(f"restart {k}" for k in range(4)))
+        }
+
+    def test_members_whose_masks_differ_are_drawn_on_one_axis(self):
+        def one(width, factor):
+            degrees = np.arange(2.0, 40, width)
+            k = np.arange(1.0, 9)
+            true = {"true_angular": degrees, "true_frequency": k}
+            return Comparison(degrees=degrees, angular=factor * degrees, k=k, frequency=factor * k, **true)
+
+        panel = plotting.comparison_panel("angular", [(PCA, [one(2, 1), one(3, 2)]), (PCA, one(2, 3))])
+        (_, x, recovered, true), (_, fine, single, _) = panel["curves"]
+        assert x.tolist() == np.arange(2.0, 40, 3).tolist() and recovered / true == pytest.approx(
+            np.outer([1, 2], np.ones(len(x)))
+        )
+        assert len(fine) == 19 and single == pytest.approx(3 * fine)
 
 
 class TestLines:

@@ -1,5 +1,7 @@
 """What the notebooks share, on a tiny sky."""
 
+import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,9 +12,10 @@ from himap.core.errors import InputError
 from himap.figures import plotting
 from himap.instrument.beams import Degraded
 from himap.maps.healpix_io import write_maps
+from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
 from himap.paper.methods import TABLE_1, paper_beams
-from himap.paper.study import Study
+from himap.paper.study import Study, fails
 from himap.paper.study_figures import angular_figure, channel_figure, frequency_figure, mixing_figure
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
@@ -103,6 +106,38 @@ def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
     assert "reading = letter" in mixing_figure(study, Degraded(), letter).get_supxlabel()
     empty = plotting.lines([{"curves": [([0, 1], [0, 1], {})]}])
     assert "reading" not in study.stamped(empty, reading="default").get_supxlabel()
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+def test_a_chaotic_method_is_an_ensemble_of_restarts(monkeypatch):
+    study = Study(preset="ci", overrides=TINY, n_restarts=3)
+    chaotic, pca = SDecGMCA(n_sources=2, n_warmup=2, n_refinement=1), PCA(n_sources=2)
+    assert [one.restart for one in study.members(chaotic)] == [0, 1, 2] and study.members(pca) == [pca]
+    assert Study(preset="ci").members(chaotic) == [chaotic]
+    figure = angular_figure(study, {Degraded(): [pca, chaotic]})
+    _, labels = figure.axes[0].get_legend_handles_labels()
+    (label,) = (label for label in labels if label.startswith("SDecGMCA"))
+    assert re.fullmatch(r"SDecGMCA, median of 3 \(\d failed\)", label) and "PCA" in labels
+    members = study.ensemble(Degraded(), chaotic)
+    (median, _), name = study.band_entries(Degraded(), chaotic)["C/C0, 1 < l < 10"], "C/C0, 1 < l < 10"
+    assert median == np.median([one.wide_band_means()[name] for one in members])
+    others = [replace(members[0], angular=factor * members[0].angular) for factor in (1, 1.1, 1.05)]
+    monkeypatch.setattr(Study, "ensemble", lambda *_: others)
+    assert study.medoid(Degraded(), chaotic).restart == 2
+    with pytest.raises(InputError, match="n_restarts"):
+        Study(n_restarts=0)
+
+
+def test_a_run_fails_by_its_mean_error_above_10():
+    degrees, one = np.arange(2, 30), np.ones(28)
+
+    def run(ratio):
+        return Comparison(
+            degrees=degrees, angular=ratio, true_angular=one, k=one, frequency=one, true_frequency=one
+        )
+
+    assert not fails(run(np.where(degrees <= 10, 1e3, 0.95)))  # low l are not asked
+    assert fails(run(np.where(degrees > 10, 0.8, 1.0)))
 
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")

@@ -10,6 +10,9 @@ only its name, unit and form are compared.
 
 import math
 import re
+from collections import Counter
+
+import numpy as np
 
 from himap.core.errors import InputError
 from himap.figures.tables import Table
@@ -23,6 +26,9 @@ _SIGN = "†"
 
 NOT_COMPARED = f"{_SIGN} one run, not compared"
 """The line under numbers of which some are marked by `one_run`; each of these ends with its first sign."""
+
+OF_RESTARTS = f"{_SIGN} median (16–84 %) of restarts, not compared"
+"""The same where some are of `of_restarts`."""
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -62,6 +68,49 @@ def one_run(entry):
     if isinstance(entry, dict):
         return {name: one_run(item) for name, item in entry.items()}
     return OneRun(entry if isinstance(entry, tuple) else (entry, None))
+
+
+class OfRestarts(OneRun):
+    """An entry that `of_restarts` made; its `ends` are the 16 and 84 % of a number, None of a text."""
+
+    ends = None
+
+
+def of_restarts(entries):
+    """Median and 16 to 84 % band of what several runs of a chaotic method have, marked as of `one_run`.
+
+    Parameters
+    ----------
+    entries
+        As in `show`, for each run one: numbers with a tolerance, texts (of which it counts how many there
+        are of each), or dictionaries of these.
+
+    Returns
+    -------
+    OfRestarts or dict
+        A tuple with the median in place of the number, so that code which takes the value out of an entry
+        need not know. Of a single run it is that of `one_run`.
+
+    >>> runs = [{"C/C0": (value, 0.01), "settled": "no"} for value in (0.97, 0.98, 1.07)]
+    >>> show(of_restarts(runs))
+    C/C0: 0.98\N{NO-BREAK SPACE}(0.97–1.04)†
+    settled: no†
+    † median (16–84 %) of restarts, not compared
+    """
+    first = entries[0]
+    if isinstance(first, dict):
+        return {name: of_restarts([entry[name] for entry in entries]) for name in first}
+    if len(entries) == 1:
+        return one_run(first)
+    if not isinstance(first, tuple):
+        counts = Counter(map(str, entries))
+        texts = [f"{number} {text}" for text, number in counts.items()]
+        return OfRestarts((", ".join(texts) if len(counts) > 1 else str(first), None))
+    values, tolerances = (np.array([entry[n] for entry in entries], dtype=float) for n in (0, 1))
+    low, median, high = np.percentile(values, (16, 50, 84))
+    found = OfRestarts((float(median), float(np.median(tolerances)), *first[2:]))
+    found.ends = float(low), float(high)
+    return found
 
 
 class _Numbers(Table):
@@ -199,6 +248,9 @@ def _by_form(text):
 
 
 def _note(entries):
+    entries = list(entries)
+    if any(isinstance(entry, OfRestarts) for entry in entries):
+        return OF_RESTARTS
     return NOT_COMPARED if any(isinstance(entry, OneRun) for entry in entries) else ""
 
 
@@ -225,7 +277,11 @@ def _parsed(name, entry):
         raise InputError(f"{name}: value and tolerance must be numbers, got {entry!r}.") from None
     if not 0 < tolerance < math.inf:
         raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
-    return _rounded(value, tolerance), tolerance, unit
+    number = _rounded(value, tolerance)
+    if isinstance(entry, OfRestarts) and math.isfinite(value):
+        low, high = (_rounded(end, tolerance) for end in entry.ends)
+        number += f" ({low}{' to ' if low[0] == '-' or high[0] == '-' else '–'}{high})"
+    return number, tolerance, unit
 
 
 def _rounded(value, tolerance):

@@ -30,6 +30,7 @@ from himap.maps import sphere
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
 _WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as large as text
 _BAND = 0.1  # half width of the grey band of ratios around 1
+_BANDS = (16, 50, 84)  # percentiles that are drawn of an ensemble
 _PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
 
 
@@ -109,9 +110,9 @@ def spectrum(panels):
     ----------
     panels
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
-        list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,); optional
-        "x_limits". Curves of one label are the same in all panels: where they are many, one legend stands
-        above.
+        list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,), or
+        (n_members, n) of an ensemble, which is drawn as in `lines`; optional "x_limits". Curves of one label
+        are the same in all panels: where they are many, one legend stands above.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many_curves = max(len(panel["curves"]) for panel in panels) > 2
@@ -124,8 +125,8 @@ def spectrum(panels):
         top.loglog(x, y, **_TRUTH)
         _mark_one(bottom, "0.9")
         for style, at, recovered, ratio in curves:
-            top.plot(at, recovered, **style)
-            bottom.plot(at, ratio, **style)
+            _draw_curve(top, at, recovered, style)
+            _draw_curve(bottom, at, ratio, style)
         top.set_title(panel["title"])
         bottom.set(xlabel=panel["xlabel"], xscale="log")
         set_ratio_axis(bottom, limits)
@@ -137,9 +138,9 @@ def spectrum(panels):
             bottom.set_ylabel(panel["ratio_label"])
         points.append((panel["title"], _TRUTH["label"], *panel["true"]))
         for style, at, recovered, true in panel["curves"]:
-            points.append((panel["title"], style["label"], at, recovered))
-            if not np.array_equal(true, panel["true"][1]):
-                points.append((panel["title"], f"{style['label']}: truth", at, true))
+            points += _points(panel, at, recovered, style)
+            if not np.array_equal(np.atleast_2d(true)[0], panel["true"][1]):
+                points += _points(panel, at, true, style | {"label": f"{style['label']}: truth"})
     if many_curves:  # many curves leave no room inside the panels
         legend_above_all(figure)
     return with_curves(figure, points)
@@ -151,7 +152,7 @@ def _shown(panel):
 
     def cut(x, *values):
         inside = (x > 0) & (x >= low) & (x <= high)
-        return [one[inside] for one in (x, *values)]
+        return [one[..., inside] for one in (x, *values)]
 
     curves = [(style, *cut(x, found, found / true)) for style, x, found, true in panel["curves"]]
     return cut(*panel["true"]), curves
@@ -171,21 +172,28 @@ def comparison_panel(kind, curves, *, title="", true=None):
     kind
         "angular" or "frequency".
     curves
-        [(style, `Comparison`)].
+        [(style, `Comparison`)], or [(style, [`Comparison`, ...])] of ensembles.
     title
         Above it.
     true
         The `Comparison` whose truth is drawn; that of the first curve unless given.
     """
     x = {"angular": "degrees", "frequency": "k"}[kind]
-    truth = curves[0][1] if true is None else true
+    truth = np.ravel(curves[0][1])[0] if true is None else true
     return AXES[kind] | {
         "title": title,
         "true": (getattr(truth, x), getattr(truth, f"true_{kind}")),
-        "curves": [
-            (style, *(getattr(one, name) for name in (x, kind, f"true_{kind}"))) for style, one in curves
-        ],
+        "curves": [(style, *_members(np.ravel(found), x, kind, f"true_{kind}")) for style, found in curves],
     }
+
+
+def _members(comparisons, x, *names):
+    """x, and spectra of a `Comparison` (n,), or of several (n_members, n) at the fewest x."""
+    at = min((getattr(one, x) for one in comparisons), key=len)  # masks differ, and so do the bins of l
+    spectra = [
+        np.array([np.interp(at, getattr(one, x), getattr(one, y)) for one in comparisons]) for y in names
+    ]
+    return at, *(one[0] if len(comparisons) == 1 else one for one in spectra)
 
 
 @drawn(CURVES)
@@ -195,7 +203,8 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     Parameters
     ----------
     panels
-        A list of dicts: "curves", a list of (x, y, style); optional "points", the same, drawn as
+        A list of dicts: "curves", a list of (x, y, style), where y (n_members, n) of an ensemble are drawn as
+        median and 16 to 84 % band, with the members thin behind; optional "points", the same, drawn as
         markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of them one curve of many
         that lie below the others, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel,
         xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves. A
@@ -212,7 +221,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
         for bundle in bundles:
             _draw_bundle(axes, *bundle)
         for x, y, style in curves:
-            axes.plot(x, y, **style)
+            _draw_curve(axes, x, y, style)
         for x, y, style in markers:
             axes.plot(x, y, **({"linestyle": "none", "marker": "o", "markersize": 4} | style))
         drawn_already = ("curves", "points", "bundles", "legend")
@@ -224,12 +233,34 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
         if axes.get_legend_handles_labels()[1] and not legend_above:
             axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
         points += [
-            (panel.get("title", ""), style.get("label", "").removeprefix("_"), x, y)
+            point
             for x, y, style in [*curves, *markers, *_percentiles(bundles)]
+            for point in _points(panel, x, y, style)
         ]
     if legend_above:
         legend_above_all(figure)
     return with_curves(figure, points)
+
+
+def _draw_curve(axes, x, y, style):
+    """A curve, or of an ensemble (n_members, n) its median and band above its members."""
+    if np.ndim(y) == 2:
+        color = style["color"]
+        low, middle, high = np.percentile(y, _BANDS, axis=0)
+        axes.plot(x, np.transpose(y), color=color, linewidth=0.5, alpha=0.5, zorder=1.6)
+        axes.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0, zorder=1.7)
+        y = middle
+    axes.plot(x, y, **style)
+
+
+def _points(panel, x, y, style):
+    """[(title of the panel, label, x, y)] of a curve, or of the median, the band and the members of one."""
+    title, label = panel.get("title", ""), style.get("label", "").removeprefix("_")
+    if np.ndim(y) < 2:
+        return [(title, label, x, y)]
+    named = zip(("16 %", "median", "84 %"), np.percentile(y, _BANDS, axis=0), strict=True)
+    members = [(f"restart {k}", values) for k, values in enumerate(y)]
+    return [(title, f"{label}: {name}", x, values) for name, values in [*named, *members]]
 
 
 def _draw_bundle(axes, x, ys, style):

@@ -99,6 +99,17 @@ def of_methods(methods):
     return looks
 
 
+def of_restarts(style, *failed, n):
+    """The style of a curve of `n` restarts, whose label says so, and how many failed (in each panel).
+
+    >>> of_restarts({"label": "SDecGMCA"}, 0, 1, n=4)
+    {'label': 'SDecGMCA, median of 4 (0, 1 failed)'}
+    """
+    if n == 1:
+        return style
+    return style | {"label": f"{style['label']}, median of {n} ({', '.join(map(str, failed))} failed)"}
+
+
 def paler(color, steps):
     """The colour some steps nearer to white, (3,): for more of the same, such as sources of one method."""
     rgb = np.array(matplotlib.colors.to_rgb(color))

@@ -4,14 +4,21 @@ A notebook makes one `Study` of its parameters, and asks it for cases and cleane
 shows is in `himap.paper.study_figures`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
+from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import plotting, styles
+from himap.figures.numbers import of_restarts
+from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
+from himap.paper.claims.verdicts import FAILING
+from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming, Galaxy
 from himap.store.provenance import Provenance
 from himap.store.store import temporary
@@ -32,6 +39,8 @@ class Study:
     keep_separations
         Whether what methods find is kept where only what is measured on it is asked for (`assessed`,
         `prepare`): figures of a method need it.
+    n_restarts
+        Of a chaotic method; each of them is a method of its own, `members`.
     """
 
     preset: str = "quick"
@@ -41,6 +50,10 @@ class Study:
     small_scales: bool = True
     dimming: Dimming | None = None
     keep_separations: bool = True
+    n_restarts: int = 1
+
+    def __post_init__(self):
+        whole_number("n_restarts", self.n_restarts, 1, 10_000)
 
     @cached_property
     def survey(self):
@@ -104,6 +117,20 @@ class Study:
         pair = (result.masked, result.masked_truth) if masked else unmasked
         return Comparison.of(*pair, l_top=self.l_top)
 
+    def members(self, remover):
+        """`remover` from each of `n_restarts` starts, its own first; one without restarts alone: a list."""
+        if not has_restarts(remover):
+            return [remover]
+        return [replace(remover, restart=remover.restart + k) for k in range(self.n_restarts)]
+
+    def ensemble(self, beam, remover, **options):
+        """`compared` of all `members`, a list of `Comparison`."""
+        return [self.compared(beam, member, **options) for member in self.members(remover)]
+
+    def medoid(self, beam, remover):
+        """Of the `members` the one to show where only one can be, by `himap.measures.diagnostics.medoid`."""
+        return self.members(remover)[diagnostics.medoid(self.ensemble(beam, remover))]
+
     def stamped(self, figure, **parameters):
         """The figure with a line that says where it comes from, `parameters` of the figure included.
 
@@ -115,11 +142,15 @@ class Study:
         return plotting.stamp(figure, made)
 
     def prepare(self, removers, *, mask_peaks=True, post_mask=False):
-        """Assess {beam: [method, ...]} in as many processes as `himap run --jobs` says; keeps the results."""
+        """Assess the members of {beam: [method, ...]} in as many processes as `himap run --jobs` says.
+
+        Results are kept.
+        """
         calls = [
-            (self.case(beam), method, mask_peaks, post_mask)
+            (self.case(beam), member, mask_peaks, post_mask)
             for beam, methods in removers.items()
             for method in methods
+            for member in self.members(method)
         ]
         with self._keeping:
             cleaned.make([(cleaned.assessment, call) for call in calls])
@@ -148,11 +179,35 @@ class Study:
         """`Comparison.wide_band_means` of one method, {name: value}."""
         return self.compared(beam, remover, **options).wide_band_means()
 
-    def band_numbers(self, removers, *, tolerance=0.02, **options):
-        """`bands` of all methods, for `numbers.show`; `tolerance` is relative, and absolute below 1."""
+    def band_entries(self, beam, remover, *, tolerance=0.02, **options):
+        """Entries of `bands` for `numbers.show`, over all `members`; `tolerance` is relative, and absolute
+        below 1.
+        """
+        members = [one.wide_band_means() for one in self.ensemble(beam, remover, **options)]
+        entries = [
+            {name: (value, tolerance * max(1, value)) for name, value in one.items()} for one in members
+        ]
+        return over_restarts(remover, entries)
+
+    def band_numbers(self, removers, **options):
+        """`band_entries` of all methods of {beam: [method, ...]}, for `numbers.show`."""
         return {
-            f"{beam}, {styles.method_style(method)['label']}: {name}": (value, tolerance * max(1, value))
+            f"{beam}, {styles.method_style(method)['label']}: {name}": entry
             for beam, methods in removers.items()
             for method in methods
-            for name, value in self.bands(beam, method, **options).items()
+            for name, entry in self.band_entries(beam, method, **options).items()
         }
+
+
+def fails(comparison):
+    """Whether the mean |C/C0 - 1| at 10 < l < 200 is above `FAILING`; never where l ends before."""
+    inside = (comparison.degrees > 10) & (comparison.degrees < 200)
+    return bool(inside.any() and np.abs(comparison.angular_ratio[inside] - 1).mean() > FAILING)
+
+
+def over_restarts(remover, entries):
+    """One entry, or dictionary of entries, for `numbers.show` of those of all members of a method.
+
+    It has medians and bands (`himap.figures.numbers.of_restarts`); without restarts it is that of the one.
+    """
+    return of_restarts(entries) if has_restarts(remover) else entries[0]

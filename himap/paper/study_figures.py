@@ -8,6 +8,8 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
+from himap.paper.study import fails
+from himap.removal.restarts import has_restarts
 
 _LINES = ("-", "--", "-.", ":", (0, (8, 2)))
 
@@ -23,9 +25,18 @@ def frequency_figure(study, removers, *, titles=None, **options):
 
 
 def _by_beam(study, kind, removers, titles, options):
-    panels = []
+    found = {
+        beam: {method: study.ensemble(beam, method, **options) for method in methods}
+        for beam, methods in removers.items()
+    }
+    panels, by_name = [], {}  # there is one legend
+    for method, members in (pair for ensembles in found.values() for pair in ensembles.items()):
+        by_name.setdefault(method.name, []).append(members)
     for beam, methods in removers.items():
-        curves = [(styles.method_style(one), study.compared(beam, one, **options)) for one in methods]
+        curves = [
+            (ensemble_style(styles.method_style(method), *by_name[method.name]), members)
+            for method, members in found[beam].items()
+        ]
         counts = {method.n_sources for method in methods if hasattr(method, "n_sources")}
         title = f"{beam}, {counts.pop()} components" if len(counts) == 1 else str(beam)
         panels.append(_panel(study, kind, beam, curves, titles.get(beam, title)))
@@ -33,10 +44,16 @@ def _by_beam(study, kind, removers, titles, options):
     return study.stamped(plotting.spectrum(panels), **_reading(*every))
 
 
+def ensemble_style(style, *ensembles):
+    """A style whose label says, of lists of `Comparison` in panels in turn, how many there are and fail."""
+    failed = [sum(map(fails, members)) for members in ensembles]
+    return styles.of_restarts(style, *failed, n=len(ensembles[0]))
+
+
 def both_figure(study, beam, curves, **parameters):
     """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
 
-    `curves` are [(style, Comparison)]; `parameters` go into the line under the figure.
+    `curves` are as of `plotting.comparison_panel`; `parameters` go into the line under the figure.
     """
     panels = [
         _panel(study, "frequency", beam, curves, "along the line of sight"),
@@ -91,7 +108,8 @@ def _panel(study, kind, beam, curves, title):
 
 
 def _of_method(study, figure, beam, remover):
-    return study.stamped(figure, beam=beam, method=remover.name, **_reading(remover))
+    restart = {"restart": remover.restart} if study.n_restarts > 1 and has_restarts(remover) else {}
+    return study.stamped(figure, beam=beam, method=remover.name, **restart, **_reading(remover))
 
 
 def _reading(*methods):
