@@ -67,16 +67,16 @@ def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
             f"the beam must be made for this survey: b_l of shape {expected}, got {windows.total.shape}."
         )
     noise = _checked("noise", noise, survey)
-    signal, bright = _alms("hi", hi, survey), _alms("foregrounds", foregrounds, survey)
-    truth = _through(windows.total, signal)
+    signal = _seen("hi", hi, windows.total, survey)
+    bright = _seen("foregrounds", foregrounds, windows.total, survey)
     if windows.resmoothing is not None:
-        noise_alms = _alms("noise", noise if noise_alms is None else noise_alms, survey)
-        smoothed = _through(windows.resmoothing, noise_alms)
-        truth = (hi_alm + noise_alm for hi_alm, noise_alm in zip(truth, smoothed, strict=True))
-    truth = _cube(truth, survey, "HI and noise")
+        added = _seen("noise", noise if noise_alms is None else noise_alms, windows.resmoothing, survey)
+        signal = (hi_alm + noise_alm for hi_alm, noise_alm in zip(signal, added, strict=True))
+    size = {"nside": survey.nside, "n_channels": survey.n_channels}
+    truth = sphere.synthesise_cube(signal, **size, label="beam on HI and noise")
     if windows.resmoothing is None:
         truth += noise
-    maps = _cube(_through(windows.total, bright), survey, "foregrounds")
+    maps = sphere.synthesise_cube(bright, **size, label="beam on foregrounds")
     maps += truth
     return Observation(
         maps=maps,
@@ -85,6 +85,12 @@ def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
         channel_width=survey.channel_width,
         beams=windows.total,
     )
+
+
+def _seen(label, cube, beams, survey):
+    """Coefficients of each channel of a cube in turn, through its beam."""
+    pairs = zip(_alms(label, cube, survey), beams, strict=True)
+    return (sphere.multiply_beam(alm, beam) for alm, beam in pairs)
 
 
 def _alms(label, cube, survey):
@@ -99,9 +105,11 @@ def _alms(label, cube, survey):
             )
         return (row @ alms for row in spectra)
     cube = _checked(label, cube, survey)
-    if np.iscomplexobj(cube):
-        return cube
-    return (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in cube)
+    return (
+        cube
+        if np.iscomplexobj(cube)
+        else (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in cube)
+    )
 
 
 def _checked(label, cube, survey):
@@ -113,11 +121,3 @@ def _checked(label, cube, survey):
         kind = "n_alm" if alms else "n_pix"
         raise InputError(f"{label} must have shape (n_channels, {kind}) = {expected}, got {np.shape(cube)}.")
     return cube
-
-
-def _through(beams, alms):
-    return (sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, beams, strict=True))
-
-
-def _cube(alms, survey, label):
-    return sphere.synthesise_cube(alms, survey.nside, n_channels=survey.n_channels, label=f"beam on {label}")

@@ -80,15 +80,16 @@ def synthetic_galaxy(nside, rng):
 def _synchrotron(vectors, plane, nside, rng):
     """Amplitude (mK) and index of the synchrotron emission."""
     structure_rng, index_rng = rng.spawn(2)
-    structure = _Field.draw(_synchrotron_spectrum, nside, structure_rng)
+    structure = _Field.draw(lambda degree: (degree + 4) ** -3.1, nside, structure_rng)
     amplitude = _ISOTROPIC * structure.lognormal(0.23)
     amplitude += _disc_brightness(vectors, _THICK_DISC) * structure.lognormal(0.15)
     amplitude += _loops(vectors) * structure.lognormal(0.7)
     amplitude += _disc_brightness(vectors, _HALO)
     amplitude += _disc_brightness(vectors, _THIN_DISC) * plane.lognormal(1.0)
-    steepness = _Field.draw(_index_spectrum, nside, index_rng).values
+    # The index map is smoothed to 5 deg.
+    steepness = _Field.draw(lambda degree: degree**-2.0 * np.exp(-((degree / 27) ** 2)), nside, index_rng)
     latitude = np.degrees(np.arcsin(np.abs(vectors[:, 2])))
-    return amplitude, -3.0 + (0.05 + 0.04 * np.exp(-latitude / 12)) * steepness
+    return amplitude, -3.0 + (0.05 + 0.04 * np.exp(-latitude / 12)) * steepness.values
 
 
 def _free_free(vectors, plane, nside, rng):
@@ -171,13 +172,5 @@ def _gaussian_alm(cl, rng):
     return scale * (real + 1j * imag)
 
 
-def _synchrotron_spectrum(degree):
-    return (degree + 4) ** -3.1
-
-
 def _free_free_spectrum(degree):
     return (degree + 3) ** -1.7 / (1 + (degree / 150) ** 4) ** 0.4
-
-
-def _index_spectrum(degree):
-    return degree**-2.0 * np.exp(-((degree / 27) ** 2))  # the index map is smoothed to 5 deg

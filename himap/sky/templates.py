@@ -30,6 +30,7 @@ from himap.sky.emission import PowerLaw
 from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
 
+_FITS = re.compile(r"\.fits(\.gz)?$", re.IGNORECASE)
 _INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
 _KINDS = {
     "synchrotron": re.compile("synchrotron", re.IGNORECASE),
@@ -114,21 +115,16 @@ def find_templates(folder):
     """Paths of the three files by kind: "synchrotron", "index", "free-free"."""
     folder = Path(folder)
     try:
-        paths = sorted(
-            path for path in folder.iterdir() if re.search(r"\.fits(\.gz)?$", path.name, re.IGNORECASE)
-        )
+        paths = [path for path in sorted(folder.iterdir()) if _FITS.search(path.name)]
     except (OSError, ValueError) as error:
         raise InputError(
             f"template_dir must be a folder with {EXPECTED_FILES}; {folder} cannot be read "
             f"({getattr(error, 'strerror', None) or error})."
         ) from None
     candidates = {"index": [path for path in paths if _INDEX.search(path.name)]}
+    others = [path for path in paths if freqs_in(path.name) and path not in candidates["index"]]
     for kind, pattern in _KINDS.items():
-        candidates[kind] = [
-            path
-            for path in paths
-            if pattern.search(path.name) and freqs_in(path.name) and path not in candidates["index"]
-        ]
+        candidates[kind] = [path for path in others if pattern.search(path.name)]
     for kind, matches in candidates.items():
         if len(matches) != 1:
             label = {"index": "synchrotron index"}.get(kind, f"{kind} intensity")
@@ -261,16 +257,17 @@ def pysm_templates(nside):
         log.disabled = was_disabled
     templates = []
     for name, model in zip(_MODELS.values(), sky.components, strict=True):
-        amplitude = np.asarray(model.I_ref.to_value(pysm3.units.mK_RJ), dtype=np.float64).reshape(-1)
-        sphere.nside_of(amplitude)
-        index = np.asarray(model.pl_index.value, dtype=np.float64).reshape(-1)
-        template = Template(
-            name=name,
-            amplitude=_positive(amplitude, f"{name} of PySM"),
-            freq_ref=float(model.freq_ref_I.to_value(pysm3.units.MHz)),
-            index=index if index.size > 1 else float(index[0]),
+        amplitude, index = (
+            np.asarray(values, dtype=np.float64).reshape(-1)
+            for values in (model.I_ref.to_value(pysm3.units.mK_RJ), model.pl_index.value)
         )
-        templates.append(template)
+        sphere.nside_of(amplitude)
+        freq, index = (
+            float(model.freq_ref_I.to_value(pysm3.units.MHz)),
+            index if index.size > 1 else index.item(),
+        )
+        amplitude = _positive(amplitude, f"{name} of PySM")
+        templates.append(Template(name=name, amplitude=amplitude, freq_ref=freq, index=index))
     return templates
 
 

@@ -63,11 +63,6 @@ class FromFile(Beam):
                 f"{numbers.min():g} to {numbers.max():g}."
             )
         beams = sphere.gaussian_beam(np.deg2rad(numbers), lmax) if is_width else numbers[:, : lmax + 1]
-        self._check(beams)
-        return Windows(telescope=beams)
-
-    def _check(self, beams):
-        """Refuse b_l that cannot be those of a beam."""
         bad = np.argwhere(~np.isfinite(beams))
         if len(bad):
             channel, degree = bad[0]
@@ -81,6 +76,7 @@ class FromFile(Beam):
                 f"{beams[:, 0].min():g} to {beams[:, 0].max():g} at l = 0 and {np.abs(beams).max():g} at "
                 "most; for widths give one FWHM (deg) a line."
             )
+        return Windows(telescope=beams)
 
 
 @dataclass(frozen=True, kw_only=True)
