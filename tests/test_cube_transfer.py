@@ -173,9 +173,10 @@ class TestMeasured:
             measure_transfer(cleaned, [blue(rng)[1:]])
 
     def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
-        both = correct(spectra_of(cleaned), measure_transfer(cleaned, [blue(rng), blue(rng)]))
         comparison = compared(cleaned, replace(cube, maps=truth))
-        write_spectra(both, tmp_path / "a.csv", comparison)
+        found = measure_transfer(cleaned, [blue(rng), blue(rng)])
+        both = correct(spectra_of(cleaned), found, comparison)
+        write_spectra(both, tmp_path / "a.csv")
         rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
         angular = [row for row in rows if row["spectrum"] == "angular"]
         assert [float(row["x"]) for row in angular] == both["angular"].x.tolist()

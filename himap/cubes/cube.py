@@ -161,7 +161,7 @@ def make_cube(maps, layout, *, weights=None):
     weights
         Of its voxels, (n_in_file, n_pix), 0 where missing (`himap.cubes.weights.voxel_weights`).
     """
-    remarks, pixels, factor = list(layout.remarks), layout.pixels, MILLIKELVIN[layout.unit]
+    pixels, n_in_file = layout.pixels, len(maps)
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     if weights is None:
@@ -169,25 +169,14 @@ def make_cube(maps, layout, *, weights=None):
     else:
         seen = weights > 0
         maps = np.where(seen, maps, np.zeros((), maps.dtype))
-    channels = np.argsort(layout.freqs, kind="stable")
-    channels = channels[seen[channels].any(axis=1)]
-    n_blind = len(maps) - len(channels)
-    if len(channels) < 2:
-        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(maps)}.")
-    if n_blind:
-        remarks.append(f"{n_blind} of {len(maps)} channels see nothing and are left out.")
-    freqs = layout.freqs[channels]
-    twice = freqs[1:][np.diff(freqs) == 0]
-    if len(twice):
-        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
-    freqs = checked_freqs(freqs, len(freqs))
+    channels = _seen_channels(seen, layout.freqs)
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
         raise InputError(
             "no pixel is seen in every channel; leave out the channels that see least, or give weights or "
             "flags to a method that takes them: then what is missing is missing in its channel alone."
         )
-    dtype = floats
+    factor, dtype = MILLIKELVIN[layout.unit], floats
     if floats == np.float64:  # for maps that have these digits and need them
         squares = (np.mean(np.square(maps[place][mask], dtype=np.float64)) for place in channels)
         dtype = precision(factor * np.sqrt(max(squares)))
@@ -195,21 +184,47 @@ def make_cube(maps, layout, *, weights=None):
     lines = np.empty((len(channels), int(mask.sum())), dtype=dtype)
     for place, out in zip(channels, lines, strict=True):
         out[:] = pixels.sorted(maps[place].astype(floats, copy=False))[mask] * factor
-    if not mask.all():
-        where = "every" if weights is None else "some"
-        remarks.append(f"{mask.mean():.1%} of {pixels.area} is seen in {where} channel; the rest is masked.")
     if weights is not None:
         weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
-        share = np.mean(weights == 0)
-        if share:
-            remarks.append(
-                f"{share:.2%} of the voxels in these pixels are missing (flagged, not seen or of no weight): "
-                "they count nothing, what is left of them is not told, and the spectra have 0 in their place."
-            )
-        weights = checked_weights(weights, weights.shape)[1]
-    remarks += _oddities(lines, freqs)
-    layout = replace(layout, channels=channels)
-    return Cube(maps=lines, freqs=freqs, mask=mask, layout=layout, remarks=tuple(remarks), weights=weights)
+    remarks = [*layout.remarks, *_left_out(n_in_file - len(channels), n_in_file, mask, pixels.area, weights)]
+    freqs = layout.freqs[channels]
+    return Cube(
+        maps=lines,
+        freqs=freqs,
+        mask=mask,
+        layout=replace(layout, channels=channels),
+        remarks=(*remarks, *_oddities(lines, freqs)),
+        weights=None if weights is None else checked_weights(weights, weights.shape)[1],
+    )
+
+
+def _seen_channels(seen, freqs):
+    """The places (n_channels,) of the channels that see some pixel, by frequency, two or more."""
+    channels = np.argsort(freqs, kind="stable")
+    channels = channels[seen[channels].any(axis=1)]
+    if len(channels) < 2:
+        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(seen)}.")
+    twice = freqs[channels][1:][np.diff(freqs[channels]) == 0]
+    if len(twice):
+        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
+    checked_freqs(freqs[channels], len(channels))
+    return channels
+
+
+def _left_out(n_blind, n_channels, mask, area, weights):
+    """What is not seen, a list of sentences."""
+    remarks, where = [], "every" if weights is None else "some"
+    if n_blind:
+        remarks.append(f"{n_blind} of {n_channels} channels see nothing and are left out.")
+    if not mask.all():
+        remarks.append(f"{mask.mean():.1%} of {area} is seen in {where} channel; the rest is masked.")
+    if weights is not None and (weights == 0).any():
+        remarks.append(
+            f"{np.mean(weights == 0):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
+            "no weight): they count nothing, what is left of them is not told, and the spectra have 0 in "
+            "their place."
+        )
+    return remarks
 
 
 def _oddities(maps, freqs):

@@ -41,24 +41,15 @@ def read_fits(path, *, held=1):
             f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
             "each column: give a folder with a file for each channel, or name the columns as channels are."
         )
-    stated = [freqs_in(name) for name in file.names]
-    freqs = np.array([name.freq for (name,) in stated]) if all(len(one) == 1 for one in stated) else None
-    layout = Layout.of_sphere(
-        file.maps,
-        file.nested,
-        partial=file.partial,
-        freqs=freqs,
-        freqs_from=None if freqs is None else "the names of its columns",
-        nearly=_nearly(file.names),
-        unit=one_unit(path, file.units),
-    )
-    return file.maps, layout
+    stated = _freqs_of(file.names, "the names of its columns")
+    stated["unit"] = one_unit(path, file.units)
+    return file.maps, Layout.of_sphere(file.maps, file.nested, partial=file.partial, **stated)
 
 
 def read_folder(folder, *, held=1):
     """Those of a folder with a file for each channel, by their names, numbers in them as numbers.
 
-    Of image cubes each may have a range of channels.
+    Of image cubes each may have a range of channels. Of three Stokes parameters the first is read.
     """
     try:
         paths = [path for path in folder.iterdir() if path.name.lower().endswith(ENDINGS)]
@@ -71,33 +62,11 @@ def read_folder(folder, *, held=1):
         raise InputError(f"the folder {folder} holds no .fits file.")
     if holds_image(paths[0]):
         return read_image_fits(paths, held=held)
-    files = _files(folder, paths, held)
-    if len({file.nested for file in files}) > 1:
-        orders = ", ".join(dict.fromkeys(str(file.header.get("ORDERING")) for file in files))
-        raise InputError(f"the files in {folder} must have one order of pixels, got {orders}.")
-    freqs, freqs_from = _freqs_of(paths, [file.header for file in files])
-    maps = np.concatenate([file.maps for file in files])
-    n_polarised = sum(file.names in _STOKES for file in files)
-    layout = Layout.of_sphere(
-        maps,
-        files[0].nested,
-        partial=all(file.partial for file in files),
-        freqs=freqs,
-        freqs_from=freqs_from,
-        nearly=_nearly([path.name for path in paths]),
-        unit=one_unit(folder, [file.units[0] for file in files]),
-        remarks=(f"Stokes Q and U in {n_polarised} of its files are left out.",) if n_polarised else (),
-    )
-    return maps, layout
-
-
-def _files(folder, paths, held):
-    """The `HealpixFile` of each path, with one map, the first of three Stokes parameters."""
-    files = []
+    files, n_polarised = [], 0
     for path in paths:
         file = read_maps(path)
         if file.names in _STOKES:
-            file = replace(file, maps=file.maps[:1].copy(), units=file.units[:1])
+            file, n_polarised = replace(file, maps=file.maps[:1].copy()), n_polarised + 1
         files.append(file)
         n_maps, n_pix = file.maps.shape
         if n_maps != 1 or n_pix != files[0].maps.shape[1]:
@@ -106,30 +75,41 @@ def _files(folder, paths, held):
             )
         if len(files) == 1:
             check_cube_room(folder, len(paths) * n_pix, file.maps.dtype.itemsize, held)
-    return files
+    orders = dict.fromkeys(str(file.header.get("ORDERING")) for file in files)
+    if len({file.nested for file in files}) > 1:
+        raise InputError(f"the files in {folder} must have one order of pixels, got {', '.join(orders)}.")
+    in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
+    stated = _freqs_of([path.name for path in paths], "the names of its files", in_headers, paths)
+    stated["unit"] = one_unit(folder, [file.units[0] for file in files])
+    if n_polarised:
+        stated["remarks"] = (f"Stokes Q and U in {n_polarised} of its files are left out.",)
+    maps, partial = np.concatenate([file.maps for file in files]), all(file.partial for file in files)
+    return maps, Layout.of_sphere(maps, files[0].nested, partial=partial, **stated)
 
 
-def _freqs_of(paths, headers):
-    """(frequencies, what states them): all names of files, or all headers as FREQ; if both, they agree."""
-    in_headers = [freq_in_header(header, path) for header, path in zip(headers, paths, strict=True)]
-    stated = [freqs_in(path.name) for path in paths]
+def _freqs_of(names, called, in_headers=(), paths=()):
+    """What a `Layout` has of frequencies, a dict: those in all names, or in all headers; if both, they agree.
+
+    Where there are none, a sentence on a name that seems to state one.
+    """
+    stated = [freqs_in(name) for name in names]
     if all(len(found) == 1 for found in stated):
+        if not in_headers:
+            return {"freqs": np.array([name.freq for (name,) in stated]), "freqs_from": called}
         both = zip(stated, in_headers, paths, strict=True)
-        return np.array([agreed(name, freq, path) for (name,), freq, path in both]), "the names of its files"
-    if all(freq is not None for freq in in_headers):
-        return np.array(in_headers), "FREQ in the headers"
-    return None, None
-
-
-def _nearly(names):
-    """A sentence on a name that seems to state a frequency, if there is one."""
-    for name in names:
-        if "hz" in name.lower() and len(freqs_in(name)) != 1:
-            return (
-                f"The name {name!r} is not taken for one: it must have one number in MHz or GHz that stands "
-                "by itself, such as map_950.5MHz.fits."
-            )
-    return ""
+        return {
+            "freqs": np.array([agreed(*name, freq, path) for name, freq, path in both]),
+            "freqs_from": called,
+        }
+    if in_headers and None not in in_headers:
+        return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
+    for name, found in zip(names, stated, strict=True):
+        if "hz" in name.lower() and len(found) != 1:
+            return {
+                "nearly": f"The name {name!r} is not taken for one: it must have one number in MHz or GHz "
+                "that stands by itself, such as map_950.5MHz.fits."
+            }
+    return {}
 
 
 def holds_image(path, *, frequencies=False):

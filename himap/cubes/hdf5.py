@@ -25,49 +25,37 @@ _IN_UNIT = {f"{name}_{unit.lower()}": unit for name in _FREQUENCIES for unit in 
 _MASKS = {"mask", "masks", "flag", "flags"}
 _MAP, _MAP_FREQS, _MAP_POLS = "map", "index_map/freq", "index_map/pol"  # of a container
 _MAP_AXES = ["freq", "pol", "pixel"]
+_PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")  # of netCDF
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 _LISTED = 20  # datasets in a message
 
 
 def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
     """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
-    with _Datasets.opened(path, aside) as file:
-        container = maps_name in (None, _MAP) and freqs_name is None and _is_container(file)
+    with _opened(path, aside) as file:
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        name = maps_name
+        container = maps_name in (None, _MAP) and freqs_name is None and file.is_container
+        if container and maps_name is None and fitting:
+            raise InputError(
+                f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one that is meant "
+                "with --maps."
+            )
+        name = _MAP if container else maps_name or file.only_one(fitting)
+        item, part = file.get(name, "--maps"), ...
         if container:
-            if name is None and fitting:
-                raise InputError(
-                    f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one "
-                    "that is meant with --maps."
-                )
-            name = _MAP
-        elif name is None:
-            name = _only_one(file, fitting)
-        item = file.get(name, "--maps")
-        if not container and (item.ndim != 2 or not sphere_sizes(item.shape)):
+            part, stated = _container_axes(file, item)
+        elif item.ndim != 2 or not sphere_sizes(item.shape):
             raise InputError(
                 f"{name} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got {item.shape}."
             )
-        part, freqs, freqs_from, nearly, remarks = ..., None, f"{_MAP_FREQS} of the container", "", ()
-        if container:
-            freqs, part, remarks = _container_axes(file, item)
         check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
-        _check_no_mask(file, item.shape)
-        maps = _unpacked(file, name, part)
+        file.check_no_mask(item.shape)
+        maps = file.values(name, part)
         if not container:
             maps = pixels_last(maps)
-            freqs, freqs_from, nearly = _freqs_of(file, freqs_name, len(maps))
-        layout = Layout.of_sphere(
-            maps,
-            _order(file, item),
-            freqs=freqs,
-            freqs_from=freqs_from,
-            nearly=nearly,
-            unit=_text(item, "unit") or _text(file.file, "unit"),
-            remarks=remarks,
-        )
-        return maps, layout
+            stated = _freqs_of(file, freqs_name, len(maps))
+        unit = file.text("unit", of=item)
+        return maps, Layout.of_sphere(maps, file.is_nested(item), unit=unit, **stated)
 
 
 def read_dataset(path, word, *, held=1):
@@ -83,15 +71,23 @@ def read_dataset(path, word, *, held=1):
     InputError
         There is none, or several; and as `read_hdf5`.
     """
-    with _Datasets.opened(path) as file:
+    with _opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if _last(name) == word]
         if len(names) != 1:
             listing = ", ".join(names[:_LISTED]) or file.listing()
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
         check_cube_room(path, item.size, item.dtype.itemsize, held)
-        values = item[...] if names[0] in file.masks else _unpacked(file, names[0])
-        return values, _freqs_of(file, None, min(values.shape, default=0))[0], _order(file, item)
+        values = item[...] if names[0] in file.masks else file.values(names[0])
+        freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
+        return values, freqs, file.is_nested(item)
+
+
+@contextmanager
+def _opened(path, aside=()):
+    """The `_Datasets` of the file called `path`, while it is read."""
+    with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
+        yield _Datasets(path, file, aside)
 
 
 class _Datasets:
@@ -115,13 +111,6 @@ class _Datasets:
         self.masks = {name: item for name, item in known.items() if _last(name) in _MASKS}
         self.arrays = {n: item for n, item in known.items() if n not in self.masks and _is_numeric(item)}
 
-    @classmethod
-    @contextmanager
-    def opened(cls, path, aside=()):
-        """Those of the file called `path`, while it is read."""
-        with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
-            yield cls(path, file, aside)
-
     def _add(self, name, item):
         self._n += 1
         if name.count("/") > _DEEPEST or self._n > _MOST:
@@ -134,6 +123,12 @@ class _Datasets:
             self.elsewhere |= {key for key, link in links.items() if isinstance(link, h5py.ExternalLink)}
         elif isinstance(item, h5py.Dataset):
             self.items[name] = item
+
+    @property
+    def is_container(self):
+        """Whether it is a container of maps: `map` of three axes beside an `index_map`."""
+        has_index = any(name.startswith("index_map/") for name in {*self.items, *self.elsewhere})
+        return has_index and _MAP in self.arrays and self.arrays[_MAP].ndim == 3
 
     def get(self, name, option=None):
         """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
@@ -150,12 +145,62 @@ class _Datasets:
             )
         return item
 
+    def only_one(self, fitting):
+        """The only name of `fitting`."""
+        if len(fitting) == 1:
+            return fitting[0]
+        more = ", ..." if len(fitting) > _LISTED else ""
+        listing = f"{len(fitting)} are: {', '.join(fitting[:_LISTED])}{more}"
+        raise InputError(
+            f"{self.path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but "
+            f"{listing if fitting else f'it has {self.listing()}'}. Name it with --maps."
+        )
+
     def listing(self):
         """What there is, for messages."""
         texts = [f"{name} {item.shape}" for name, item in self.arrays.items()]
         texts += [f"{name} in another file" for name in sorted(self.elsewhere)]
         more = [f"and {len(texts) - _LISTED} more"] if len(texts) > _LISTED else []
         return "; ".join(texts[:_LISTED] + more) or "no arrays of numbers"
+
+    def check_no_mask(self, shape):
+        """Refuse a mask beside the maps: whether its 1 means kept or masked only its author knows."""
+        ends = (shape[0], shape[-1])
+        alike = {shape, shape[::-1], ends, ends[::-1], *((n,) for n in sphere_sizes(ends))}
+        for name in (name for name, item in self.masks.items() if item.shape in alike):
+            raise InputError(
+                f"{self.path} has a mask, {name}, and does not say whether 1 means kept or masked: make "
+                "the pixels that are not to be seen NaN in the maps, or write it as a FITS map of 1 where "
+                f"kept for --mask, and delete the dataset (del file[{name!r}])."
+            )
+
+    def text(self, *names, of):
+        """The text of the attribute of one of these names, of a dataset or else of the file, or None."""
+        return _text(of, *names) or _text(self.file, *names)
+
+    def is_nested(self, item):
+        """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
+        return is_nested(self.text("order", "ordering", of=item))
+
+    def values(self, name, part=...):
+        """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with
+        an offset."""
+        item = self.get(name)
+        packing = {key: _number(item, f"{key} of {name} in {self.path}", key) for key in _PACKING}
+        scale, offset = packing["scale_factor"], packing["add_offset"]
+        if scale is not None and not (np.isfinite(scale) and scale):
+            raise InputError(
+                f"scale_factor of {name} in {self.path} must be a number other than 0, got {scale}."
+            )
+        stored = item[part]
+        if set(packing.values()) == {None}:
+            return stored
+        values = stored.astype(np.result_type(stored.dtype, np.float32))
+        for value in (packing[key] for key in _PACKING[:2] if packing[key] is not None):
+            values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
+        values *= values.dtype.type(1 if scale is None else scale)
+        values += values.dtype.type(0 if offset is None else offset)
+        return values
 
 
 def _is_numeric(item):
@@ -193,61 +238,7 @@ def _decoded(value):
         return value.decode("latin-1")
 
 
-def _order(file, item):
-    """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
-    return is_nested(_text(item, "order", "ordering") or _text(file.file, "order", "ordering"))
-
-
-def _only_one(file, fitting):
-    """The only name of `fitting`."""
-    if len(fitting) != 1:
-        listing = f"it has {file.listing()}"
-        if fitting:
-            more = ", ..." if len(fitting) > _LISTED else ""
-            listing = f"{len(fitting)} are: {', '.join(fitting[:_LISTED])}{more}"
-        raise InputError(
-            f"{file.path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but {listing}. "
-            "Name it with --maps."
-        )
-    return fitting[0]
-
-
-def _check_no_mask(file, shape):
-    """Refuse a mask beside the maps: whether its 1 means kept or masked only its author knows."""
-    ends = (shape[0], shape[-1])
-    alike = {shape, shape[::-1], ends, ends[::-1], *((n,) for n in sphere_sizes(ends))}
-    for name, item in file.masks.items():
-        if item.shape in alike:
-            raise InputError(
-                f"{file.path} has a mask, {name}, and does not say whether 1 means kept or masked: make "
-                "the pixels that are not to be seen NaN in the maps, or write it as a FITS map of 1 where "
-                f"kept for --mask, and delete the dataset (del file[{name!r}])."
-            )
-
-
-def _unpacked(file, name, part=...):
-    """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an
-    offset."""
-    item = file.get(name)
-    *missing, scale, offset = (
-        _number(file, item, name, key)
-        for key in ("_FillValue", "missing_value", "scale_factor", "add_offset")
-    )
-    if scale is not None and not (np.isfinite(scale) and scale):
-        raise InputError(f"scale_factor of {name} in {file.path} must be a number other than 0, got {scale}.")
-    missing = [value for value in missing if value is not None]
-    stored = item[part]
-    if not missing and scale is None and offset is None:
-        return stored
-    values = stored.astype(np.result_type(stored.dtype, np.float32))
-    for value in missing:
-        values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
-    values *= values.dtype.type(1 if scale is None else scale)
-    values += values.dtype.type(0 if offset is None else offset)
-    return values
-
-
-def _number(file, item, name, key):
+def _number(item, label, key):
     """The attribute `key` of a dataset, one number, or None where there is none."""
     if key not in item.attrs:
         return None
@@ -256,34 +247,35 @@ def _number(file, item, name, key):
     except TypeError:
         value = np.empty(0)
     if value.size != 1 or value.dtype.kind not in "fiu":
-        raise InputError(f"{key} of {name} in {file.path} must be one number, got {item.attrs[key]!r}.")
+        raise InputError(f"{label} must be one number, got {item.attrs[key]!r}.")
     return value.ravel()[0]
 
 
 def _freqs_of(file, name, n_channels):
-    """Frequencies in MHz and what states them, None if nothing does; then a sentence on what nearly does."""
+    """What a `Layout` has of frequencies, in MHz: those and what states them, or what nearly does, a dict."""
+    lines = {dataset: len(item) for dataset, item in file.arrays.items() if item.ndim == 1}
     if name is not None:
         if file.get(name, "--freqs-name").shape != (n_channels,):
             raise InputError(
                 f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has "
                 f"{file.listing()}."
             )
-        return _in_mhz(file, name), f"the dataset {name}", ""
-    lines = {dataset: len(item) for dataset, item in file.arrays.items() if item.ndim == 1}
-    lines = {dataset: n for dataset, n in lines.items() if _last(dataset) in {*_FREQUENCIES, *_IN_UNIT}}
-    named = [dataset for dataset, n in lines.items() if n == n_channels]
-    values = [_in_mhz(file, dataset) for dataset in named]
-    if any(not np.array_equal(values[0], others) for others in values[1:]):
-        raise InputError(
-            f"{file.path} has several datasets of frequencies: {', '.join(named[:_LISTED])}. Name the "
-            "right one with --freqs-name."
-        )
+        lines = {name: n_channels}
+    else:
+        lines = {dataset: n for dataset, n in lines.items() if _last(dataset) in {*_FREQUENCIES, *_IN_UNIT}}
+    named = {dataset: _in_mhz(file, dataset) for dataset, n in lines.items() if n == n_channels}
     if named:
-        return values[0], f"the dataset {named[0]}", ""
+        first, *others = named
+        if any(not np.array_equal(named[first], named[other]) for other in others):
+            raise InputError(
+                f"{file.path} has several datasets of frequencies: {', '.join([*named][:_LISTED])}. Name the "
+                "right one with --freqs-name."
+            )
+        return {"freqs": named[first], "freqs_from": f"the dataset {first}"}
     for dataset, n in lines.items():
         text = f"It has {n_channels} channels, and {n} frequencies in the dataset {dataset}"
-        return None, None, f"{text}: there must be one for each channel."
-    return None, None, ""
+        return {"nearly": f"{text}: there must be one for each channel."}
+    return {}
 
 
 def _in_mhz(file, name):
@@ -299,25 +291,24 @@ def _in_mhz(file, name):
         raise InputError(
             f"the dataset {name} in {file.path} says {stated!r}, which is not the unit of its name."
         )
-    return _unpacked(file, name).astype(float) * factor
-
-
-def _is_container(file):
-    """Whether a file is a container of maps: `map` of three axes beside an `index_map`."""
-    has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
-    return has_index and _MAP in file.arrays and file.arrays[_MAP].ndim == 3
+    return file.values(name).astype(float) * factor
 
 
 def _container_axes(file, maps):
-    """Channel centres of a container, MHz, (n_channels,); which part of `maps` is Stokes I; and remarks."""
+    """Which part of the `maps` of a container is Stokes I, and what its `Layout` has of channels, a dict."""
     path, (n_channels, n_pols, n_pix) = file.path, maps.shape
-    stated = [_decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
-    if stated != _MAP_AXES or not sphere.is_n_pix(n_pix):
+    axes = [_decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
+    if axes != _MAP_AXES or not sphere.is_n_pix(n_pix):
         raise InputError(
-            f"{_MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {stated} and "
+            f"{_MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {axes} and "
             f"{maps.shape}."
         )
-    pols = _container_column(file, _MAP_POLS, n_pols)
+    for name, length in ((_MAP_POLS, n_pols), (_MAP_FREQS, n_channels)):
+        if name not in file.items:
+            raise InputError(f"{path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
+        if file.get(name).shape != (length,):
+            raise InputError(f"{name} in {path} must have {length} entries, got {file.get(name).shape}.")
+    pols, table = file.items[_MAP_POLS], file.items[_MAP_FREQS]
     if not h5py.check_string_dtype(pols.dtype):
         raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
     names = [_decoded(name) for name in pols[...]]
@@ -326,7 +317,6 @@ def _container_axes(file, maps):
             f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
             "each channel to a dataset of (channels, pixels)."
         )
-    table = _container_column(file, _MAP_FREQS, n_channels)
     freqs = table.fields("centre")[...] if "centre" in (table.dtype.names or ()) else table[...]
     if freqs.dtype.kind not in "fiu":
         raise InputError(
@@ -334,15 +324,6 @@ def _container_axes(file, maps):
             f"{table.dtype}."
         )
     others = ", ".join(name for name in names if name != "I")
-    remarks = (f"Of the polarisations {others} are left out.",) if others else ()
-    return freqs.astype(float), (slice(None), names.index("I")), remarks
-
-
-def _container_column(file, name, length):
-    """The dataset of that name, of that length."""
-    if name not in file.items:
-        raise InputError(f"{file.path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
-    item = file.get(name)
-    if item.shape != (length,):
-        raise InputError(f"{name} in {file.path} must have {length} entries, got {item.shape}.")
-    return item
+    stated = {"freqs": freqs.astype(float), "freqs_from": f"{_MAP_FREQS} of the container"}
+    stated["remarks"] = (f"Of the polarisations {others} are left out.",) if others else ()
+    return (slice(None), names.index("I")), stated

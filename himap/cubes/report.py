@@ -10,7 +10,7 @@ import numpy as np
 
 from himap import __version__
 from himap.core.errors import InputError
-from himap.cubes.spectra import PATCH, compared, patch_power, spectra_of
+from himap.cubes.spectra import PATCH, PlaneSpectra, compared, patch_power, spectra_of
 from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import cell_of
@@ -38,6 +38,10 @@ _CLEANED = {"label": "cleaned", "color": styles.BLUE}
 _SPECTRA = (
     "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
     "was taken. A bump at one k is a ripple of the instrument."
+)
+_WEDGE = (
+    "Foreground that is left fills the smallest k_par, and where the beam changes with frequency a wedge "
+    "above them."
 )
 _MODES = (
     "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
@@ -100,7 +104,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [
         *_head(cleaned),
-        *(_sphere_parts(spectra) if cleaned.cube.image is None else _plane_parts(cleaned.cube, spectra)),
+        *_spectra_parts(cleaned.cube, spectra),
         *more,
         figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
         figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="What is left"),
@@ -127,35 +131,24 @@ def _head(cleaned):
     return [Table([], facts.items()), *map(note, [*cube.remarks, *cleaned.remarks])]
 
 
-def _sphere_parts(spectra):
-    """Both spectra, and their ratios to the truth where it is known."""
-    text = (
-        f"{_SPECTRA} A rise towards the largest multipoles, after a method that uses the beam, means that "
-        "the beam is not that of the cube."
-    )
-    picture = spectra_figure(spectra)
-    part = figure(picture, "Angular and frequency power spectrum", text, title="Spectra")
-    return [part, *(_ratios(spectra) if isinstance(spectra, Comparison) else [])]
-
-
-def _plane_parts(cube, spectra):
-    """P(k_nu) and P(k_perp, k_par) of images, and their ratios to the truth where it is known."""
-    if spectra.true is not None:
-        picture = plotting.spectrum(
-            [plotting.comparison_panel("frequency", [(_CLEANED, spectra.comparison)])]
-        )
-        ratios = _ratios(spectra.comparison)
-    else:
-        panel = _panel("frequency", spectra.frequency.k, spectra.frequency.power)
-        picture, ratios = plotting.lines([panel], columns=1, size=(6, 3.6)), []
-    parts = [figure(picture, "Frequency power spectrum", _SPECTRA, title="Spectra"), *ratios]
+def _spectra_parts(cube, spectra):
+    """All spectra, and their ratios to the truth where it is known."""
+    on_plane = cube.image is not None
+    comparison = spectra.comparison if on_plane else spectra if isinstance(spectra, Comparison) else None
+    alt, text = ("Frequency" if on_plane else "Angular and frequency") + " power spectrum", _SPECTRA
+    if not on_plane:
+        text += " A rise towards the largest multipoles, after a method that uses the beam, means that the "
+        text += "beam is not that of the cube."
+    parts = [figure(spectra_figure(spectra), alt, text, title="Spectra")]
+    parts += [] if comparison is None else _ratios(comparison)
+    if not on_plane:
+        return parts
     if spectra.cylindrical is None:
         return [*parts, note(f"There is no P(k_perp, k_par): {spectra.why_not}")]
     angles = cube.layout.pixels.pixel_angles()
     text = (
         f"Scales are comoving, at redshift {cell_of(cube.freqs, angles)[1]:.3g}, on a flat sky, with the "
-        "cosmology of the paper; the area that is not seen is left out of the normalisation. Foreground that "
-        "is left fills the smallest k_par, and where the beam changes with frequency a wedge above them."
+        f"cosmology of the paper; the area that is not seen is left out of the normalisation. {_WEDGE}"
     )
     widest = np.max(cube.layout.pixels.shape * angles)
     if widest > _WIDE:
@@ -175,8 +168,7 @@ def patches_part(cleaned, truth=None):
     text = (
         f"The mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, as far as the Nyquist "
         "wavenumber of the pixels, whose window it has. Scales are comoving, with the cosmology of the "
-        "paper. Foreground that is left fills the smallest k_par, and where the beam changes with frequency "
-        "a wedge above them."
+        f"paper. {_WEDGE}"
     )
     return _cylindrical(power, true, text)
 
@@ -211,19 +203,31 @@ def _ratios(comparison):
 
 
 def spectra_figure(spectra):
-    """Both spectra, `PowerSpectra`, or with their ratios to the truth, a `Comparison`."""
-    if isinstance(spectra, Comparison):
-        panels = [plotting.comparison_panel(kind, [(_CLEANED, spectra)]) for kind in ("angular", "frequency")]
-        return plotting.spectrum(panels)
-    angular, frequency = spectra.angular, spectra.frequency
-    panels = [("angular", angular.degrees, angular.mean), ("frequency", frequency.k, frequency.power)]
-    return plotting.lines([_panel(*each) for each in panels])
+    """The spectra that `spectra_of` gives, or with their ratios to the truth those of `compared`."""
+    frequency, comparison = spectra.frequency, spectra if isinstance(spectra, Comparison) else None
+    if isinstance(spectra, PlaneSpectra):
+        if spectra.true is None:
+            shown = _spectrum("frequency", frequency.k, frequency.power)
+            return plotting.lines([shown], columns=1, size=(6, 3.6))
+        comparison = spectra.comparison
+    if comparison is not None:
+        kinds = ("angular", "frequency") if len(comparison.degrees) else ("frequency",)
+        return plotting.spectrum([plotting.comparison_panel(k, [(_CLEANED, comparison)]) for k in kinds])
+    panels = [
+        _spectrum("angular", spectra.angular.degrees, spectra.angular.mean),
+        _spectrum("frequency", frequency.k, frequency.power),
+    ]
+    return plotting.lines(panels)
 
 
-def _panel(kind, x, y):
-    """A panel of `plotting.lines` with a spectrum beyond 0."""
+def panel(kind, curves, **settings):
+    """A panel of `plotting.lines` with power spectra, "angular" or "frequency", on logarithmic axes."""
     labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
-    return labels | {"curves": [(x[x > 0], y[x > 0], _CLEANED)], "xscale": "log", "yscale": "log"}
+    return labels | {"curves": curves, "xscale": "log", "yscale": "log"} | settings
+
+
+def _spectrum(kind, x, y):
+    return panel(kind, [(x[x > 0], y[x > 0], _CLEANED)])
 
 
 def modes_figure(cleaned):

@@ -56,7 +56,9 @@ class PlaneSpectra:
 
     @property
     def comparison(self):
-        """P(k_nu) beside the truth, a `Comparison` without C_l."""
+        """P(k_nu) beside the truth, a `Comparison` without C_l; None where the truth is not known."""
+        if self.true is None:
+            return None
         none = np.empty(0)
         powers = {"frequency": self.frequency.power[1:], "true_frequency": self.true.frequency.power[1:]}
         return Comparison(degrees=none, angular=none, true_angular=none, k=self.frequency.k[1:], **powers)

@@ -143,10 +143,17 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         A method without sources, numbers that do not ascend, or what the method refuses, such as lines of
         sight with too few channels for the largest number.
     """
-    n_sources = range(1, min(MOST_SOURCES + 1, len(cube.freqs))) if n_sources is None else n_sources
-    counts = np.array(list(n_sources))
-    if counts.ndim != 1 or len(counts) < 2 or counts[0] < 1 or (np.diff(counts) != 1).any():
-        raise InputError(f"n_sources must be two or more numbers in a row, from 1 up, got {list(n_sources)}.")
+    n_channels = len(cube.freqs)
+    n_sources = range(1, min(MOST_SOURCES + 1, n_channels)) if n_sources is None else n_sources
+    counts = n_sources if isinstance(n_sources, range) else list(n_sources)
+    inside = counts and 1 <= counts[0] < counts[-1] <= n_channels  # a range may have no end
+    if not (inside and list(counts) == list(range(counts[0], counts[-1] + 1))):
+        came = f"{counts[0]} to {counts[-1]}" if counts and counts is n_sources else list(counts)
+        raise InputError(
+            "n_sources must be two or more numbers in a row, from 1 to the number of channels, "
+            f"{n_channels}, got {came}."
+        )
+    counts = np.array(counts)
     # Refused now, not after the others.
     remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
     cleaning = cleaning_of(cube, remover, beams, peaks=peaks)

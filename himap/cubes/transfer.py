@@ -7,7 +7,7 @@ import pandas as pd
 
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
-from himap.cubes.report import figure
+from himap.cubes.report import figure, panel
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.maps import sphere
@@ -35,18 +35,26 @@ class Corrected:
         The transfer function.
     errors
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
+    truth
+        The spectrum of the truth, NaN where it is not known.
     """
 
     x: np.ndarray
     residual: np.ndarray
     share: np.ndarray
     errors: np.ndarray
+    truth: np.ndarray
 
     @property
     def corrected(self):
         """residual / share; NaN where nothing comes back."""
         out = np.full(len(self.x), np.nan)
         return np.divide(self.residual, self.share, out=out, where=self.share > 0)
+
+    @property
+    def knows_truth(self):
+        """Whether the truth is known anywhere."""
+        return bool(np.isfinite(self.truth).any())
 
     def sigma(self, bins):
         """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all."""
@@ -125,7 +133,7 @@ def mock_power_of_change(cube, alms, before, after, faint):
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
 
 
-def correct(spectra, transfer):
+def correct(spectra, transfer, truth=None):
     """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
 
     Parameters
@@ -134,8 +142,15 @@ def correct(spectra, transfer):
         Its `PowerSpectra`, in bins of l where a mask asks for them.
     transfer
         The `TransferFunction` from `measure_transfer`.
+    truth
+        The `Comparison` with the truth, if there is one.
     """
     angular, frequency, found = spectra.angular, spectra.frequency, {}
+    true = (
+        {}
+        if truth is None
+        else {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
+    )
     for kind, x, power, known_at in (
         ("angular", angular.degrees, angular.mean, transfer.degrees[2:]),
         ("frequency", frequency.k, frequency.power, transfer.k[1:]),
@@ -151,31 +166,22 @@ def correct(spectra, transfer):
             residual=power[inside],
             share=bins @ getattr(transfer, kind)[known],
             errors=errors @ bins.T,
+            truth=np.interp(x[inside], *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
         )
     return found
 
 
-def corrected_table(corrected, truth=None):
-    """A `Table` with a line for each band of l and k; see `HEADER`.
-
-    Parameters
-    ----------
-    corrected
-        What `correct` gives.
-    truth
-        The `Comparison` with the truth, if there is one.
-    """
-    true, rows = _true(corrected, truth), []
+def corrected_table(corrected):
+    """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`."""
+    rows, header = [], HEADER if corrected["angular"].knows_truth else HEADER[:3]
     for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
         one = corrected[kind]
         (sigma,) = one.sigma([inside / inside.sum()])
         spread = f"{sigma:.2%}" if np.isfinite(sigma) else "needs two mocks"
-        row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread]
-        if truth is not None:
-            powers = one.residual, one.corrected
-            row += [f"{np.mean(power[inside] / true[kind][inside]):.4f}" for power in powers]
-        rows.append(row)
-    return Table(HEADER if truth is not None else HEADER[:3], rows, align="lrrrr")
+        ratios = (np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected))
+        row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread, *map("{:.4f}".format, ratios)]
+        rows.append(row[: len(header)])
+    return Table(header, rows, align="lrrrr")
 
 
 def plain_band(name):
@@ -184,28 +190,15 @@ def plain_band(name):
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
-def _true(corrected, truth):
-    """{kind: the truth's spectrum where the corrected one is}, NaN where it is not known."""
-    if truth is None:
-        return {kind: np.full(len(one.x), np.nan) for kind, one in corrected.items()}
-    known = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {
-        kind: np.interp(one.x, *known[kind], left=np.nan, right=np.nan) for kind, one in corrected.items()
-    }
-
-
-def corrected_parts(corrected, n_mocks, truth=None):
-    """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table.
-
-    Parameters as in `corrected_table`.
-    """
+def corrected_parts(corrected, n_mocks):
+    """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
     text = (
         f"Each of {n_mocks} mocks was put into the cube and cleaned with it. The spectra are divided by the "
         "share of its power that comes back; thin lines are one error bar, from mocks that are corrected by "
         "each other. They know nothing of foreground that is left: where too few sources are removed, the "
         "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
     )
-    true, panels = _true(corrected, truth), []
+    panels, shares = [], []
     for kind, one in corrected.items():
         bars = one.sigma(np.eye(len(one.x)))
         curves = [
@@ -215,30 +208,24 @@ def corrected_parts(corrected, n_mocks, truth=None):
         edges = ((one.corrected * (1 + sign * bars)) for sign in (-1, 1))
         thin = {"color": styles.INDIGO, "linewidth": 0.5, "label": "_error bar"}
         curves += [(one.x, edge, thin) for edge in edges if np.isfinite(edge).all()]
-        if truth is not None:
-            curves.append((one.x, true[kind], {"label": "truth", "color": "black", "linestyle": ":"}))
-        labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
-        panels.append(labels | {"curves": curves, "xscale": "log", "yscale": "log"})
-    for kind, one in corrected.items():
-        labels = {"xlabel": styles.AXES[kind]["xlabel"], "ylabel": "share that comes back"}
-        curves = [(one.x, one.share, {"color": styles.BLUE})]
-        panels.append(labels | {"curves": curves, "xscale": "log", "ylim": (0, 1.1)})
-    picture, alt = plotting.lines(panels, size=(4.6, 3)), "Corrected spectra and transfer functions"
-    return [
-        figure(picture, alt, text, title="Corrected for what was lost"),
-        corrected_table(corrected, truth),
-    ]
+        if one.knows_truth:
+            curves.append((one.x, one.truth, {"label": "truth", "color": "black", "linestyle": ":"}))
+        panels.append(panel(kind, curves))
+        share = [(one.x, one.share, {"color": styles.BLUE})]
+        shares.append(panel(kind, share, ylabel="share that comes back", yscale="linear", ylim=(0, 1.1)))
+    picture, alt = plotting.lines(panels + shares, size=(4.6, 3)), "Corrected spectra and transfer functions"
+    return [figure(picture, alt, text, title="Corrected for what was lost"), corrected_table(corrected)]
 
 
-def write_spectra(corrected, path, truth=None):
+def write_spectra(corrected, path):
     """Write both spectra as CSV, one l or k a line; NaN where something is not known.
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), ``left`` (mK^2, or mK^2 MHz),
     ``transfer_function``, ``corrected``, ``sigma`` (relative) and ``truth``.
     """
-    true, tables = _true(corrected, truth), []
+    tables = []
     for kind, one in corrected.items():
         columns = {"left": one.residual, "transfer_function": one.share, "corrected": one.corrected}
-        columns |= {"sigma": one.sigma(np.eye(len(one.x))), "truth": true[kind]}
+        columns |= {"sigma": one.sigma(np.eye(len(one.x))), "truth": one.truth}
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
     pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -13,6 +13,13 @@ from himap.maps import sphere
 from himap.maps.healpix_io import ENDINGS, to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
+_RIGHT = {  # what is right in weights and flags, and how that is said
+    "weights": (lambda v: (v >= 0) & np.isfinite(v), "finite and 0 or more; 0 means not seen"),
+    "flags": (
+        lambda v: (v == 0) | (v == 1),
+        "True (or 1) where a voxel is bad and False (or 0) where it is good",
+    ),
+}
 
 
 def is_path(given):
@@ -51,26 +58,17 @@ def voxel_weights(maps, layout, *, weights=None, flags=None):
         or flags.
     """
     out = np.ones(maps.shape)
-    if weights is not None:
-        values = _values(weights, "weights", layout, maps.shape)
-        _check(
-            values, lambda v: (v >= 0) & np.isfinite(v), "weights", "finite and 0 or more; 0 means not seen"
-        )
-        out *= values
-    if flags is not None:
-        values = _values(flags, "flags", layout, maps.shape)
-        right = "True (or 1) where a voxel is bad and False (or 0) where it is good"
-        _check(values, lambda v: (v == 0) | (v == 1), "flags", right)
-        out[np.broadcast_to(values > 0, out.shape)] = 0
+    for word, given in {"weights": weights, "flags": flags}.items():
+        if given is None:
+            continue
+        values, (is_right, right) = _values(given, word, layout, maps.shape), _RIGHT[word]
+        n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
+        if n_bad:
+            raise InputError(f"the {word} must be {right}; {n_bad} are not.")
+        out *= values if word == "weights" else values == 0
     for row, pixels in zip(out, maps, strict=True):
         row[~(np.abs(pixels) < LARGEST)] = 0  # NaN too
     return out
-
-
-def _check(values, is_right, word, right):
-    n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
-    if n_bad:
-        raise InputError(f"the {word} must be {right}; {n_bad} are not.")
 
 
 def _values(given, word, layout, shape):
@@ -80,7 +78,7 @@ def _values(given, word, layout, shape):
         label = f"the {word} {given}"
         values, freqs, nested = _read(given, word, layout.pixels)
     else:
-        values = layout.pixels.by_channel(label, _numbers(label, given))
+        values = _by_channel(label, given, layout.pixels)
     if values.shape not in ((1, shape[1]), shape):
         raise InputError(
             f"{label} must be of the pixels of the cube, ({shape[1]},), or of its voxels, "
@@ -94,29 +92,26 @@ def _values(given, word, layout, shape):
     return values
 
 
-def _numbers(label, values):
+def _by_channel(label, values, pixels):
     values = np.asarray(values)
-    return real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    return pixels.by_channel(label, values)
 
 
 def _read(path, word, pixels):
     """(numbers (n_channels or 1, n_pix), frequencies, whether NESTED) of a file, None if not stated."""
     file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
-    name = file.name.lower()
+    name, freqs, nested = file.name.lower(), None, None
     if name.endswith(".npy"):
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        return pixels.by_channel(label, _numbers(label, read_array(path))), None, None
+        return _by_channel(label, read_array(path), pixels), freqs, nested
     if on_sphere and name.endswith(hdf5.ENDINGS):
-        values, freqs, nested = hdf5.read_dataset(path, word, held=_HELD)
-        return pixels.by_channel(f"{word} in {path}", _numbers(f"{word} in {path}", values)), freqs, nested
+        values, *stated = hdf5.read_dataset(path, word, held=_HELD)
+        return _by_channel(f"{word} in {path}", values, pixels), *stated
     if not name.endswith(ENDINGS):
-        raise InputError(
-            f"{label} must be a .h5, .fits or .npy file."
-            if on_sphere
-            else f"{label} of a cube of images must be a .fits or .npy file."
-        )
-    freqs, nested = None, None
+        kinds = "must be a .h5," if on_sphere else "of a cube of images must be a"
+        raise InputError(f"{label} {kinds} .fits or .npy file.")
     if on_sphere:
         maps, layout = fits.read_fits(file, held=_HELD)
         freqs, nested = layout.freqs, layout.pixels.nested

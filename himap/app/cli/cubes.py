@@ -228,9 +228,9 @@ def _cleaned(asked):
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
         found = measured.measure_transfer(cleaned, mocks)
-        corrected = measured.correct(spectra, found)
-        more = measured.corrected_parts(corrected, len(found.mocks), comparison)
-        click.echo(measured.corrected_table(corrected, comparison))
+        corrected = measured.correct(spectra, found, comparison)
+        more = measured.corrected_parts(corrected, len(found.mocks))
+        click.echo(measured.corrected_table(corrected))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
@@ -242,7 +242,7 @@ def _cleaned(asked):
     def write_pages(paths):
         write_report(cleaned, paths[0], spectra=shown, more=more)
         if corrected is not None:
-            measured.write_spectra(corrected, paths[1], comparison)
+            measured.write_spectra(corrected, paths[1])
             if scattered is not None:
                 scatter.add_columns(scattered, paths[1])
 
@@ -297,13 +297,6 @@ def suggest(asked):
     largest = suggestion.MOST_SOURCES if most is None or most < 1 else most
     cube, beams = _cube_and_beams(asked, create(asked.method, n_sources=largest, **asked.parameters))
     most = min(suggestion.MOST_SOURCES, len(cube.freqs) - 1) if most is None else most
-    if most <= least:
-        raise InputError(f"--to must be more than --from, got {most} and {least} sources.")
-    if least < 1 or most > len(cube.freqs):
-        raise InputError(
-            f"--from must be at least 1, --to at most the number of channels, {len(cube.freqs)}; got {least} "
-            f"and {most} sources."
-        )
     options = {"n_sources": range(least, most + 1), "beams": beams, "peaks": asked.peaks}
     result = suggestion.suggest(cube, asked.method, **options, **asked.parameters)
     click.echo(suggestion.suggestion_table(result))
