@@ -6,8 +6,6 @@ takes the figures of the paper among them and writes each as NAME.png, and ``fig
 them and the numbers of their curves. All figures of the folder are written anew together.
 """
 
-import csv
-import io
 import json
 import math
 from contextlib import suppress
@@ -56,25 +54,20 @@ def without_places(parameters):
 
 
 def curves(figure):
-    """{panel: [{"x": [...], "y": {curve: [...]}}]} of a figure's CSV, curves with the same x together."""
+    """{panel: [{"x": [...], "y": {curve: [...]}}]} of a figure, curves with the same x together."""
     panels = {}
-    for row in csv.DictReader(io.StringIO(figure.data.get("csv", b"").decode())):
-        xs, ys = panels.setdefault(row["panel"], {}).setdefault(row["curve"], ([], []))
-        xs.append(float(row["x"]))
-        ys.append(_rounded(float(row["y"])))
-    return {panel: _together(named) for panel, named in panels.items()}
+    for panel, named in figure.curves.items():
+        groups = {}
+        for curve, points in named.items():
+            xs, ys = zip(*points, strict=True)
+            groups.setdefault(xs, {})[curve] = [_rounded(y) for y in ys]
+        panels[panel] = [{"x": list(xs), "y": ys} for xs, ys in groups.items()]
+    return panels
 
 
 def _rounded(value):
     """Four digits; None, which JSON has, for what is no number."""
     return float(f"{value:.4g}") if math.isfinite(value) else None
-
-
-def _together(named):
-    groups = {}
-    for curve, (xs, ys) in named.items():
-        groups.setdefault(tuple(xs), {})[curve] = ys
-    return [{"x": list(xs), "y": ys} for xs, ys in groups.items()]
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxRole
 
 from himap.app.notebook_files import STAMP, read_notebook
-from himap.app.parameters import read_parameters
+from himap.app.notebooks import declared_parameters
 from himap.app.stored import read_ledger
 from himap.core.memory import estimate
 from himap.core.survey import Survey
@@ -68,7 +68,7 @@ def cost(path, results):
     """Time and memory of the notebook at `path`, with figures stored in the folder `results`, in words."""
     node = read_notebook(path)
     seconds = node.metadata.get(STAMP, {}).get("execution", {}).get("seconds")
-    preset = _preset(node)
+    preset = {one.name: one.default for one in declared_parameters(node)}.get("preset")
     took = _range([seconds] if seconds else [])
     if preset is None:
         return f"{took}, for it shows what is stored"
@@ -78,13 +78,6 @@ def cost(path, results):
     if large:
         said.append(f"{_range(large)} and up to {_memory(LARGE)} at the paper’s size")
     return "; ".join(said) + "; what other chapters had kept was not made again"
-
-
-def _preset(node):
-    """The preset that a notebook has by default; None if it makes no maps."""
-    tagged = [cell.source for cell in node.cells if "parameters" in cell.metadata.get("tags", [])]
-    found = {one.name: one.default for source in tagged for one in read_parameters(source)}
-    return found.get("preset")
 
 
 def _seconds(results, names):

@@ -5,8 +5,6 @@ A figure has views (size and Galaxy, or noise level), a view has panels (beam, o
 curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point.
 """
 
-import csv
-import io
 import json
 import math
 from pathlib import Path
@@ -42,12 +40,11 @@ def plain(text):
 
 
 def of_notebook(figure):
-    """{panel: [(label, {x: y})]} of a `Figure`'s CSV."""
-    panels = {}
-    for row in csv.DictReader(io.StringIO(figure.data["csv"].decode())):
-        curves = panels.setdefault(row["panel"], {})
-        curves.setdefault(row["curve"], {})[float(row["x"])] = float(row["y"])
-    return {panel: list(curves.items()) for panel, curves in panels.items()}
+    """{panel: [(label, {x: y})]} of a `Figure`."""
+    return {
+        panel: [(label, dict(points)) for label, points in curves.items()]
+        for panel, curves in figure.curves.items()
+    }
 
 
 def of_stored(path, name):

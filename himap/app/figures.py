@@ -5,6 +5,8 @@ share in.
 """
 
 import base64
+import csv
+import io
 import re
 from ast import literal_eval
 from dataclasses import dataclass, field
@@ -43,6 +45,15 @@ class Figure:
         """The number of the paper's figure that it is, such as "1" or "A.2"; empty if it is none."""
         number = re.search(rf"\({_REMARK}", self.caption)
         return number[1] if number else ""
+
+    @property
+    def curves(self):
+        """{panel: {curve: [(x, y)]}} of its CSV; empty where it has none."""
+        panels = {}
+        for row in csv.DictReader(io.StringIO(self.data.get("csv", b"").decode())):
+            points = panels.setdefault(row["panel"], {}).setdefault(row["curve"], [])
+            points.append((float(row["x"]), float(row["y"])))
+        return panels
 
 
 def named_figures(caption):

@@ -150,7 +150,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     if not (inside and list(counts) == list(range(counts[0], counts[-1] + 1))):
         came = f"{counts[0]} to {counts[-1]}" if counts and counts is n_sources else list(counts)
         raise InputError(
-            "n_sources must be two or more numbers in a row, from 1 to the number of channels, "
+            "n_sources (--from, --to) are two or more numbers in a row, from 1 to the number of channels, "
             f"{n_channels}, got {came}."
         )
     counts = np.array(counts)

@@ -5,7 +5,15 @@ from dataclasses import asdict, replace
 
 import click
 
-from himap.app.cli.shared import check_alone, debug, json_output, named_values, overwrite_option, workers
+from himap.app.cli.shared import (
+    check_alone,
+    debug,
+    json_output,
+    named_values,
+    overwrite_option,
+    with_options,
+    workers,
+)
 from himap.app.notebook_files import copy_name
 from himap.app.notebooks import find
 from himap.app.parameters import Parameter, check_parameters, parse_texts
@@ -30,10 +38,7 @@ _OPTIONS = (
 
 
 def _with_options(command):
-    command = debug(workers(command))
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
+    return with_options(*_OPTIONS)(debug(workers(command)))
 
 
 @click.command()
