@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from himap.core.progress import progress
-from himap.cubes.report import figure
+from himap.cubes.report import figure, panel
 from himap.cubes.transfer import alms_of, plain_band
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
@@ -84,22 +84,14 @@ def scatter_parts(scatter):
     panels = []
     for kind, x in scatter.x.items():
         low, median, high = scatter.percentiles(kind)
-        look = {"color": styles.BLUE}
-        panels.append(
-            {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
-            | {
-                "bundles": [
-                    (x, scatter.powers[kind], {"color": "0.6", "linewidth": 0.5, "label": "restarts"})
-                ],
-                "curves": [
-                    (x, median, look | {"label": "median"}),
-                    (x, low, look | {"linestyle": "--", "linewidth": 0.8, "label": "16 and 84 %"}),
-                    (x, high, look | {"linestyle": "--", "linewidth": 0.8, "label": "_84 %"}),
-                ],
-                "xscale": "log",
-                "yscale": "log",
-            }
-        )
+        look, edge = {"color": styles.BLUE}, {"linestyle": "--", "linewidth": 0.8}
+        curves = [
+            (x, median, look | {"label": "median"}),
+            (x, low, look | edge | {"label": "16 and 84 %"}),
+            (x, high, look | edge | {"label": "_84 %"}),
+        ]
+        members = (x, scatter.powers[kind], {"color": "0.6", "linewidth": 0.5, "label": "restarts"})
+        panels.append(panel(kind, curves, bundles=[members]))
     picture = plotting.lines(panels)
     return [figure(picture, "Spectra of restarts", _TEXT, title="Restarts"), scatter_table(scatter)]
 
