@@ -30,7 +30,7 @@ def skies(*, n_restarts=8, **settings):
         JudgedSky(
             {name: restarts(replace(sky, options=(("reading", name),)), n_restarts) for name in READINGS}
         )
-        for sky in realisations(**settings)
+        for sky in realisations(n_sources_min=2, n_sources_max=2, **settings)  # no scan
     ]
 
 
