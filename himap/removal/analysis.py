@@ -41,15 +41,16 @@ class CubeModes:
 
     def upto(self, lmax, channels=slice(None)):
         """The modes of all channels, or some, to `lmax`, (n_channels, (lmax + 1)^2) float64."""
-        n_modes = (lmax + 1) ** 2
-        modes = self.spectra[channels] @ self.bright[:, :n_modes]
-        modes += self.rest[channels, :n_modes]
-        return modes
+        return self._modes(slice((lmax + 1) ** 2), channels)
 
     def at(self, degree):
         """The modes of one l, (n_channels, 2 l + 1) float64."""
-        block = slice(degree**2, (degree + 1) ** 2)
-        return self.spectra @ self.bright[:, block] + self.rest[:, block]
+        return self._modes(slice(degree**2, (degree + 1) ** 2))
+
+    def _modes(self, block, channels=slice(None)):
+        modes = self.spectra[channels] @ self.bright[:, block]
+        modes += self.rest[channels, block]
+        return modes
 
     def low_cube(self, lmax, channels=slice(None)):
         """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""
@@ -99,16 +100,9 @@ def cube_modes(maps, kept=None):
 
 
 def inpainted_maps(lines, kept, modes):
-    """Maps (n_channels, n_pix) of the whole sphere: lines of sight where kept, what is bright elsewhere.
+    """Maps (n_channels, n_pix) of the full sphere: lines of sight where kept, what is bright elsewhere.
 
-    Parameters
-    ----------
-    lines
-        (n_channels, n_kept), mK.
-    kept
-        (n_pix,) bool.
-    modes
-        Their `CubeModes` (`analysed` with `kept`).
+    Of `lines` (n_channels, n_kept), mK, and their `modes`, the `cube_modes` with `kept` (n_pix,) bool.
     """
     maps = scattered(lines, kept)
     bright = sphere.synthesise(harmonic.from_modes(modes.bright), sphere.nside_of(kept))[:, ~kept]

@@ -140,13 +140,7 @@ def squared_exponential(place, variance, length):
 
     F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has
     all its digits. A root of the matrix itself has a rounding of v in every eigenvalue, more than HI has.
-
-    Parameters
-    ----------
-    place
-        x, MHz from the middle of the band, (n_channels,).
-    variance, length
-        ln v and ln L, v in mK^2, L in MHz.
+    Of x, MHz from the middle of the band, (n_channels,), and the logarithms of v, mK^2, and L, MHz.
     """
     ratio = place / np.exp(length)
     largest = np.abs(ratio).max()
@@ -159,10 +153,7 @@ def squared_exponential(place, variance, length):
 def smoother(root, rest):
     """F F^T (F F^T + K)^-1 as spectra times rows, (n_channels, n) and (n, n_channels).
 
-    Parameters
-    ----------
-    root, rest
-        F, (n_channels, n_terms), and K, (n_channels, n_channels), positive definite.
+    Of F, (n_channels, n_terms), and K, (n_channels, n_channels), positive definite.
     """
     spectra, rows, power = _whitened(root, rest)
     share = power / (1 + power)

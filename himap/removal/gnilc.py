@@ -137,10 +137,7 @@ def _maps(modes, nside):
 def foreground_filter(covariance, prior):
     """What projects on the foreground, as spectra times rows, (n_channels, m) and (m, n_channels).
 
-    Parameters
-    ----------
-    covariance, prior
-        R of the data and Q of HI and noise, (n_channels, n_channels), mK^2.
+    From R of the data and Q of HI and noise, (n_channels, n_channels), mK^2.
     """
     n_channels = len(prior)
     least = _ROUNDING * np.trace(covariance) / n_channels
@@ -230,12 +227,8 @@ def read_mock(path, shape):
 def mock_covariances(maps, windows):
     """The covariance of a mock in every window, made `stationary`, a list of (n_channels, n_channels), mK^2.
 
-    Parameters
-    ----------
-    maps
-        (n_channels, n_pix), mK: HI and noise as the instrument sees them.
-    windows
-        (n_windows, lmax + 1).
+    The maps, (n_channels, n_pix), mK, are HI and noise as the instrument sees them; windows h_l are
+    (n_windows, lmax + 1).
     """
     lmax = windows.shape[1] - 1
     modes = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
@@ -247,12 +240,7 @@ def mock_covariances(maps, windows):
 def band_covariance(modes, window):
     """Covariance between channels of maps through a window h_l, (n_channels, n_channels) float64, mK^2.
 
-    Parameters
-    ----------
-    modes
-        Real modes, (n_channels, (lmax + 1)^2).
-    window
-        h_l, to lmax or beyond.
+    Of real modes, (n_channels, (lmax + 1)^2); h_l may go beyond that lmax.
     """
     total = np.zeros((len(modes), len(modes)))
     for weight, block in zip(window, harmonic.blocks(modes), strict=False):
@@ -305,8 +293,8 @@ def expected_covariance(covariance, freqs, degree):
     shape = np.exp(-np.abs(place[:, None] - place))
     values, axes = np.linalg.eigh(covariance)
     faint = axes[:, values <= _BRIGHT * np.median(values)]
-    found, share = (np.sum((faint @ (faint.T @ one @ faint)) * faint, axis=1) for one in (covariance, shape))
-    deviation = np.sqrt(_smoothed(found / share))
+    level, share = (np.sum((faint @ (faint.T @ one @ faint)) * faint, axis=1) for one in (covariance, shape))
+    deviation = np.sqrt(_smoothed(level / share))
     return np.outer(deviation, deviation) * shape
 
 

@@ -116,20 +116,9 @@ class SmoothSpectra(ForegroundRemover):
 def _settled(data, seen, freqs, rounding, n_sources):
     """One band of multipoles, in turns until the covariance C of HI and noise settles.
 
-    Parameters
-    ----------
-    data
-        X_l of each l, a list of (n_channels, 2 l + 1).
-    seen
-        diag(H_l) B, (n_l, n_channels, n_smooth).
-    freqs, rounding, n_sources
-        MHz; variance of the rounding of maps, mK^2; the most spectra.
-
-    Returns
-    -------
-    tuple
-        W_l, G_l and C, as in `SpectralFilter`; amplitudes of the foreground in B, (n_smooth, n_modes); if
-        C settled, and in how many turns.
+    Of X_l, a list of (n_channels, 2 l + 1), and diag(H_l) B, (n_l, n_channels, n_smooth); `rounding` is the
+    variance of that of maps, mK^2. Returns W_l, G_l and C, as in `SpectralFilter`, the amplitudes of the
+    foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns.
     """
     _, n_channels, n_smooth = seen.shape
     n_modes = sum(block.shape[1] for block in data)
@@ -254,14 +243,12 @@ def log_fit(design, values):
     Unlike a fit to the logarithms its mean is not biased by the scatter (McCullagh & Nelder 1989, Sect. 8).
     """
     inverse = np.linalg.pinv(design)
-    found = inverse @ np.log(values)
-    for _ in range(_MOST_STEPS):
-        step = inverse @ (values * np.exp(-design @ found) - 1)
-        change = np.abs(design @ step).max()
-        found += step / max(1, change)  # never by more than a factor of e
-        if change < _SMALL:
-            break
-    return found
+    coefficients, change, n_steps = inverse @ np.log(values), np.inf, 0
+    while change >= _SMALL and n_steps < _MOST_STEPS:
+        step = inverse @ (values * np.exp(-design @ coefficients) - 1)
+        change, n_steps = np.abs(design @ step).max(), n_steps + 1
+        coefficients += step / max(1, change)  # never by more than a factor of e
+    return coefficients
 
 
 def _smooth(values, places, order, first=0):

@@ -68,16 +68,8 @@ def through_beams(maps, space, beams, modes):
     """The part of `maps` in the spectra `space`, seen through `beams`, a `LowRankCube`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
-    regularisation.
-
-    Parameters
-    ----------
-    maps, modes
-        As in `filtered`.
-    space
-        (n_channels, n_sources); only the space that its columns span matters.
-    beams
-        b_l, (n_channels, lmax + 1); a common factor of all channels at one l does not matter.
+    regularisation. Of `space` (n_channels, n_sources) only the span of its columns matters, of `beams`, b_l
+    (n_channels, lmax + 1), no common factor of all channels; `maps` and `modes` are as in `filtered`.
     """
     n_degrees = min(3 * sphere.nside_of(maps), beams.shape[1])
     space, _ = np.linalg.qr(space)
@@ -88,14 +80,7 @@ def through_beams(maps, space, beams, modes):
 def seen_through(sources, mixing, beams):
     """Sources mixed and seen through beams, diag(beams_l) A S_l, in few spectra: a `HarmonicModes`, mK.
 
-    Parameters
-    ----------
-    sources
-        Real modes, (n_sources, (lmax + 1)^2).
-    mixing
-        A, (n_channels, n_sources).
-    beams
-        b_l, (n_channels, lmax + 1).
+    S are real modes, (n_sources, (lmax + 1)^2), A is (n_channels, n_sources), b_l (n_channels, lmax + 1).
     """
     matrices, blocks = beams.T[:, :, None] * mixing, harmonic.blocks(sources)
     pairs = zip(matrices, blocks, strict=True)

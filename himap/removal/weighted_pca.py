@@ -18,26 +18,19 @@ _BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay sm
 def least_squares(basis, lines, weights):
     """Coefficients with the least sum of w (x - B a)^2 of each line of sight, (n_coefficients, n).
 
-    Solved twice, the second time for the residual: the normal equations of a bright sky lose digits.
-
-    Parameters
-    ----------
-    basis
-        B, (n_channels, n_coefficients), with columns of one length.
-    lines
-        x, (n_channels, n) float64; what has no weight must be finite.
-    weights
-        (n_channels, n) float64, above 0 in as many channels as there are coefficients.
+    Solved twice, the second time for the residual: the normal equations of a bright sky lose digits. B is
+    (n_channels, n_coefficients), with columns of one length; x, (n_channels, n) float64, is finite where w is
+    0 too, and w above 0 in as many channels as there are coefficients.
     """
     n_coefficients = basis.shape[1]
     weights = weights / weights.max(axis=0)
     products = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), -1)
     normal = (weights.T @ products).reshape(-1, n_coefficients, n_coefficients)
-    found = np.zeros((n_coefficients, lines.shape[1]))
+    coefficients = np.zeros((n_coefficients, lines.shape[1]))
     for _ in range(2):
-        pull = (weights * (lines - basis @ found)).T @ basis
-        found += np.linalg.solve(normal, pull[:, :, None])[:, :, 0].T
-    return found
+        pull = (weights * (lines - basis @ coefficients)).T @ basis
+        coefficients += np.linalg.solve(normal, pull[:, :, None])[:, :, 0].T
+    return coefficients
 
 
 def weighted_components(maps, weights, n_sources):
