@@ -1,12 +1,18 @@
-"""Facts about sky and masked peaks that claims are judged on: small, made once from cubes, and kept."""
+"""Facts about skies, noise, peaks and errors that claims are judged on: small, made once from cubes, and kept."""
 
 import numpy as np
 
 from himap.maps import sphere
 from himap.maps.low_rank import blocks
-from himap.paper import pipeline
+from himap.measures import diagnostics
+from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair
+from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
+from himap.paper import cleaned, leakage, pipeline
+from himap.removal import harmonic
+from himap.removal.cleaning import Cleaning
 from himap.removal.peaks import smooth_baselines
-from himap.sky.emission import emission_maps
+from himap.removal.spectral_filter import on_sky, seen_through
+from himap.sky.emission import emission_maps, emission_modes
 from himap.store.store import product
 
 HIGH_LATITUDE = 30.0
@@ -14,6 +20,12 @@ HIGH_LATITUDE = 30.0
 
 STANDING_OUT = ("HI", "noise", "foreground")
 """What the peak of a line of sight can be made of, in the order of `masked_voxels`."""
+
+BRIGHTEST = (0.0, 0.01, 0.05, 0.1, 0.25)
+"""Shares of the lines of sight, those with the brightest foreground, that `peak_without_lines` leaves out."""
+
+CONTROL = 0.1
+"""Share of the lines of sight with the faintest foreground that it leaves out in their place."""
 
 
 @product
@@ -71,3 +83,115 @@ def _less_baseline(cube, freqs):
     """Lines of sight less a fit to all channels, mK, of the shape of `cube`, float64."""
     baselines = smooth_baselines(cube, freqs)
     return cube - baselines.basis @ baselines.first
+
+
+@product
+def noise_and_hi(case):
+    """`PowerSpectra` of the noise and of HI in the truth of a `Case`, a pair: each alone, through the beam."""
+    survey, windows = case.survey, case.beam.of_survey(case.survey)
+    hi = _hi_through_beam(case, np.arange(survey.n_pix))
+    cubes = pipeline.truth(case) - hi, hi
+    alms = pipeline.noise_alms(survey), pipeline.hi_alms_of_sky(survey.sky)
+    beams = np.ones_like(windows.total) if windows.resmoothing is None else windows.resmoothing, windows.total
+    degrees = np.arange(survey.lmax + 1.0)
+    return tuple(
+        PowerSpectra(
+            angular=AngularPower(degrees=degrees, cl=beam**2 * sphere.power_spectrum(alm)),
+            frequency=frequency_power(cube, survey.channel_width),
+        )
+        for cube, alm, beam in zip(cubes, alms, beams, strict=True)
+    )
+
+
+@product
+def spectra_without_sources(case, remover):
+    """`PowerSpectra` of the residual of a `Case` whose sky has no point sources; all else is the same.
+
+    Its peaks are masked anew. `remover` ends at no l, and draws no random numbers.
+    """
+    components = pipeline.components(case.survey, case.galaxy)
+    return _spectra_with([one for one in components if one.name != "point sources"], case, remover)
+
+
+def _spectra_with(components, case, remover):
+    """`PowerSpectra` of the residual of a `Case` with these foregrounds, a list of `PowerLaw`."""
+    survey, truth = case.survey, pipeline.truth(case)
+    spectra, maps = emission_modes(components, survey.freqs)
+    if case.dimming is not None:
+        maps *= case.dimming.weights(survey.nside)
+    modes, beams = harmonic.to_modes(sphere.analyse(maps)), case.beam.of_survey(survey).total
+    bright = on_sky(seen_through(modes, spectra, beams), survey.nside)
+    found = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
+    true = pipeline.true_spectra(case)
+    wrong = (bright + -found.foreground).truncate(FAINT * float(true.angular.variance.sum()))
+    return PowerSpectra(
+        angular=angular_power_pair(pipeline.truth_alms(case), wrong)[0],
+        frequency=Moments.of(truth, wrong).frequency_power(true.frequency, survey.channel_width),
+    )
+
+
+@product
+def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
+    """What the error of a component method consists of on the lines of sight where it stands out.
+
+    The foreground's spectra are those principal spectra of the true foreground through the beam that each
+    hold more variance than the truth does in all channels together. Arguments as of `cleaned.assessment`.
+
+    Returns
+    -------
+    dict
+        "n_spectra": how many these are. Mean squares over the flagged lines (`diagnostics.flagged_lines`)
+        and channels, mK^2, 0 if there is none: "error"; "in spectra", its part in these spectra;
+        "foreground", the foreground residual, and "hi", the HI and noise lost (`leakage.split_error`), whose
+        difference the error is; "truth" and "truth in spectra".
+    """
+    lmax = cleaned.separation(case, remover, mask_peaks).lmax
+    lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks, post_mask).line_errors)
+    left, lost = (part.lines(lines) for part in leakage.split_error(case, remover, mask_peaks))
+    truth = _of_lines(pipeline.truth(case), lines)
+    if lmax is not None:  # what the truth has beyond is lost
+        lost += truth - _of_lines(pipeline.truth(case, lmax), lines)
+    variance = float(pipeline.true_spectra(case).angular.variance.sum())
+    axes = on_sky(pipeline.foreground_seen(case), case.survey.nside).truncate(variance).spectra
+    error = left - lost
+    squares = {
+        "error": error,
+        "in spectra": axes.T @ error,
+        "foreground": left,
+        "hi": lost,
+        "truth": truth,
+        "truth in spectra": axes.T @ truth,
+    }
+    n_voxels = max(truth.size, 1)
+    means = {name: float(np.sum(part**2)) / n_voxels for name, part in squares.items()}
+    return means | {"n_spectra": axes.shape[1]}
+
+
+def _of_lines(cube, lines):
+    """Some lines of sight of a cube less its channel means, (n_channels, n) float64."""
+    return cube[:, lines] - cube.mean(axis=1, dtype=np.float64)[:, None]
+
+
+@product
+def peak_without_lines(case, remover, mask_peaks=True):
+    """P/P0 of a method without the lines of sight whose foreground is brightest.
+
+    Returns
+    -------
+    k, ratios
+        1/MHz, (n_k,), above 0, and P/P0 (n_masks, n_k): without each share of `BRIGHTEST`, and without the
+        share `CONTROL` of the faintest. The brightness of a line is the mean over channels of the foreground
+        through the beam; residual and truth have the same lines, less their means over these.
+    """
+    found, width = cleaned.separation(case, remover, mask_peaks), case.survey.channel_width
+    wrong, truth = cleaned.error_of(case, found, mask_peaks), pipeline.truth(case)
+    low = truth if found.lmax is None else pipeline.truth(case, found.lmax)
+    bright = on_sky(pipeline.foreground_seen(case), case.survey.nside)
+    place = np.argsort(np.argsort(bright.spectra.mean(axis=0) @ bright.maps)) / case.survey.n_pix
+    ratios = []
+    for kept in (*(place < 1 - share for share in BRIGHTEST), place >= CONTROL):
+        true = frequency_power(truth, width, mask=kept)
+        base = true if low is truth else frequency_power(low, width, mask=kept)
+        recovered = Moments.of(low, wrong, mask=kept).frequency_power(base, width)
+        ratios.append(diagnostics.ratio(recovered.power[1:], true.power[1:]))
+    return true.k[1:], np.array(ratios)

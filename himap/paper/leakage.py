@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.low_rank import centred
+from himap.maps.low_rank import LowRankCube, centred, projection
 from himap.measures.transfer import HarmonicPower, TransferFunction, expected_mock_power, harmonic_power
 from himap.paper import cleaned, pipeline
 from himap.removal.analysis import cube_modes
@@ -54,11 +54,11 @@ class Parts:
         }
 
 
-def error_parts(case, remover, mask_peaks=True):
-    """(foreground residual, HI lost, truth) of a component method.
+def split_error(case, remover, mask_peaks=True):
+    """(foreground residual, HI lost) of a component method, each a `LowRankCube`; their difference is `error`.
 
-    What such a method subtracts is a projection P of the maps, once its mixing matrix is known, so that the
-    residual of foreground F and truth T, whose peaks D were masked, is off by
+    Such a method subtracts a projection P of the maps, once its mixing matrix is known, so that the residual
+    of foreground F and truth T, whose peaks D were masked, is off by
 
         residual - T = (F - P F) - P (T - D).
 
@@ -74,11 +74,6 @@ def error_parts(case, remover, mask_peaks=True):
         A method with a number of sources.
     mask_peaks
         As in `cleaned.separation`.
-
-    Returns
-    -------
-    foreground_residual, hi_lost, truth
-        (n_channels, n_pix) float32, mK, less their channel means.
     """
     observed, found = pipeline.observation(case), cleaned.separation(case, remover, mask_peaks)
     known = centred(observed.truth - (observed.maps - pipeline.basis(case, mask_peaks)))
@@ -86,15 +81,24 @@ def error_parts(case, remover, mask_peaks=True):
         known = sphere.cut_cube(known, found.lmax)
     if isinstance(found, FilteredSeparation):
         filter_ = found.filter
-        hi_lost = filtered(filter_.spectra, filter_.estimators, known, cube_modes(known)).cube()
+        hi_lost = filtered(filter_.spectra, filter_.estimators, known, cube_modes(known))
     elif "beams" in remover.uses:
         relative = observed.beams / observed.beams.max(axis=0)
-        hi_lost = through_beams(known, found.mixing, relative, cube_modes(known)).cube()
+        hi_lost = through_beams(known, found.mixing, relative, cube_modes(known))
     else:
-        basis = np.linalg.qr(found.mixing)[0].astype(np.float32)
-        hi_lost = basis @ (basis.T @ known)
-    residual = cleaned.error(case, remover, mask_peaks).cube() + hi_lost
-    return residual, hi_lost, centred(pipeline.truth(case, found.lmax))
+        basis = np.linalg.qr(found.mixing)[0]
+        hi_lost = LowRankCube(spectra=basis, maps=projection(basis.T, known))
+    return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
+
+
+def error_parts(case, remover, mask_peaks=True):
+    """(foreground residual, HI lost, truth) as cubes less their channel means, mK, (n_channels, n_pix) float32.
+
+    Arguments, and the first two, as of `split_error`; the truth ends where the method does.
+    """
+    left, lost = split_error(case, remover, mask_peaks)
+    lmax = cleaned.separation(case, remover, mask_peaks).lmax
+    return left.cube(), lost.cube(), centred(pipeline.truth(case, lmax))
 
 
 @product(name="parts")

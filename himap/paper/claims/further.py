@@ -1,0 +1,285 @@
+"""What the paper says in passing: convergence, leakage, point sources, noise, the peak, regularisation, robustness.
+
+Each of these claims is a sentence or a premise of the text for which the paper shows no number or figure.
+"""
+
+import numpy as np
+
+from himap.measures.diagnostics import BUMP, band_max
+from himap.paper.claims.base import (
+    BEAMS,
+    METHODS,
+    angular_band,
+    below,
+    claim,
+    largest,
+    listing,
+    number_claim,
+    recovered,
+    smallest,
+)
+from himap.paper.claims.verdicts import (
+    CLEAR,
+    CONSISTENT,
+    MOST,
+    RECOVERED,
+    Finding,
+    Part,
+    not_applicable,
+    parts_of,
+)
+from himap.paper.methods import BSS
+
+_STAGES = {"warm-up": ("warmup", 1e-2), "refinement": ("refinement", 1e-4)}
+_LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
+
+
+def _top(values):
+    """The number that 95 % of the values, or a few more, do not exceed."""
+    return float(np.quantile(values, CONSISTENT, method="inverted_cdf"))
+
+
+@claim(
+    "V1",
+    "all three",
+    "SD converges: S changes by less than 1e-2 at the end of the warm-up, 1e-4 of the refinement.",
+    number="largest relative change of S at the end of the refinement",
+    paper="< 1e-4",
+    section="3.3",
+    figure="",
+    notebook="09_sdecgmca",
+)
+def convergence(realisation):
+    """The paper iterates until the relative change of S from one iteration to the next is below a tolerance.
+    A stage has converged if the change of its last iteration is below that of the paper, 1e-2 in the warm-up
+    and 1e-4 in the refinement. Stages end after 150 and 50 iterations at most, as in the public code of C21;
+    one that ends there above its tolerance has not converged. Six main parts: each stage with each beam. It
+    does not apply to a method without these stages.
+    """
+    found = {beam: realisation.diagnostics(beam) for beam in BEAMS}
+    if not all(found.values()):
+        return not_applicable("This method does not iterate in two stages.")
+    parts, words = [], []
+    for beam, row in found.items():
+        changes = []
+        for stage, (name, tolerance) in _STAGES.items():
+            change = row[f"{name}_change"]
+            parts.append(Part(f"{stage} converges, {beam} beam", bool(change < tolerance), method="SD"))
+            changes.append(f"{change:.2g} after {row[f'n_{name}']:.0f} iterations of the {stage}")
+        words.append(f"{beam} {', '.join(changes)}")
+    value = max(row["refinement_change"] for row in found.values())
+    return Finding(value, tuple(parts), f"Relative change of S: {'; '.join(words)}.")
+
+
+@claim(
+    "V2",
+    "oscillating",
+    "Flagged lines of sight show coherent spectral structure, that of leaked foreground.",
+    number="share of the error of flagged lines in the foreground's spectra",
+    paper="most",
+    section="5.1",
+    figure="5",
+    notebook="12_post_masking",
+)
+def leaked_foreground(realisation):
+    """The error is residual less truth of SD, on the lines of sight that are flagged by it, as a mean square
+    over these and over channels. It is coherent if most of it, more than half, lies in the foreground's
+    spectra: the principal spectra of the true foreground through the beam that each hold more variance than
+    HI and noise do in all channels together. An error without structure has the share n / n_channels there.
+    But HI that a separation subtracts lies in such spectra too. So the error is split into foreground
+    residual and HI lost, with the mixing matrix as it was estimated, and it is leaked foreground if the
+    residual is the larger, by more than 1 %. Two parts, both main. The premise is absent if no line is
+    flagged.
+    """
+    found = realisation.flagged_error()
+    if found["error"] == 0:
+        return not_applicable("No line of sight is flagged.")
+    share = found["in spectra"] / found["error"]
+    parts = (
+        Part("most of the error in the foreground's spectra", share > MOST, method="SD"),
+        Part("more foreground than HI lost", found["foreground"] > 1.01 * found["hi"], method="SD"),
+    )
+    return Finding(
+        share,
+        parts,
+        f"{share:.0%} of the error of flagged lines lies in the {found['n_spectra']} spectra in which the "
+        f"foreground is brighter than the truth, which has {found['truth in spectra'] / found['truth']:.0%} "
+        f"there. Rms of the error {found['error'] ** 0.5:.3g} mK, of the foreground residual "
+        f"{found['foreground'] ** 0.5:.3g}, of HI lost {found['hi'] ** 0.5:.3g}.",
+    )
+
+
+@claim(
+    "V3",
+    "degraded",
+    "Point sources are absorbed by the two components of the parametric fit.",
+    number="change of C or P by the point sources, over the true one, that 95 % do not exceed",
+    paper="small",
+    section="3.2",
+    figure="",
+    notebook="08_parametric",
+)
+def absorbed_sources(realisation):
+    """The same sky is observed and cleaned by PAR once more without its point sources; HI, Galaxy and noise
+    are the same. They are absorbed if this makes no difference to what the paper calls recovered: if C, with
+    less without, is within 10 % of the true C at 95 % or more of 3 < l < 200, and so is P at k > 0.03 (the
+    ranges of D1 and D2). Two parts, both main. Whether the residual itself is near the truth is D1 and D2.
+    """
+    both = realisation.of("degraded")["parametric"], realisation.without_sources()
+    (degrees, k), true = (both[0].degrees, both[0].k), both[0]
+    angular = np.abs(both[0].angular - both[1].angular) / true.true_angular
+    frequency = np.abs(both[0].frequency - both[1].frequency) / true.true_frequency
+    tops = {
+        "C": _top(angular[(degrees > 3) & (degrees < 200)]),
+        "P": _top(frequency[k > 0.03]),
+    }
+    return Finding(
+        largest(tops),
+        parts_of(tops, recovered, "the same without point sources", method="PAR"),
+        f"Change by the point sources over the true spectrum, at 95 % of l or k no more than: {listing(tops)}.",
+    )
+
+
+@claim(
+    "V4",
+    "all three",
+    "The noise is subdominant, by a long observing time.",
+    number="noise over HI in C or P that 95 % do not exceed, largest of the beams",
+    paper="< 1",
+    section="2.2",
+    figure="",
+    notebook="02_beams_and_noise",
+)
+def subdominant_noise(realisation):
+    """Noise and HI, each by itself as it is in the truth: HI through the beam, and the noise of the pixels,
+    which only the degraded beam smooths. The noise is subdominant if its power is below that of HI at 95 % or
+    more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each spectrum with each
+    beam. The paper's noise is that of a pixel, whatever its size, so its C_l shrinks with the area of the
+    pixels: the answer is that for the maps that are judged.
+    """
+    tops, parts, words = {}, [], []
+    for beam in BEAMS:
+        noise = realisation.noise_over_hi(beam)
+        ratios = {"C": noise.angular_ratio[noise.degrees <= 200], "P": noise.frequency_ratio}
+        here = {name: _top(values) for name, values in ratios.items()}
+        tops |= {(beam, name): value for name, value in here.items()}
+        parts += parts_of(here, below(1), f"of noise below HI, {beam} beam")
+        medians = {name: float(np.median(values)) for name, values in ratios.items()}
+        words.append(f"{beam}: {listing(medians)}, at 95 % no more than {listing(here)}")
+    return Finding(largest(tops), tuple(parts), f"Noise over HI, median {'; '.join(words)}.")
+
+
+@claim(
+    "V5",
+    "oscillating",
+    "The peak is driven by the lines of sight with the brightest foreground.",
+    number="share of the excess at the peak of SD that is left without the brightest 10 %",
+    paper="< 0.5",
+    section="5.2",
+    figure="7",
+    notebook="13_dimmed_galaxy",
+)
+def bright_lines(realisation):
+    """Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess
+    is the highest P/P0 near k = 0.31, less 1, with residual and truth on the same lines. Those that are
+    exceptionally bright are the brightest tenth, and they drive the peak if without them more than half of
+    the excess is gone. Main part: of SD. Others: of PCA/ICA and GMCA as far as they have a peak, a P/P0 above
+    1.1; and it is the brightest lines that matter, so that more than half of the excess of SD stays without
+    the faintest tenth. The premise is absent if SD has no peak.
+    """
+    peaks, words = {}, []
+    for name in BSS:
+        shares, tops = realisation.without_brightest(name)
+        peaks[METHODS[name]] = dict(zip((*shares, "faintest"), tops, strict=True))
+        words.append(f"{METHODS[name]} {', '.join(f'{top:.4g}' for top in tops[:-1])}")
+    shares = ", ".join(f"{share:.0%}" for share in shares)
+    sentence = (
+        f"Highest P/P0 near k = 0.31 without the brightest {shares} of the lines: {'; '.join(words)}; of SD "
+        f"without the faintest tenth {peaks['SD']['faintest']:.4g}."
+    )
+    if peaks["SD"][0] <= CLEAR:
+        return not_applicable(f"SD has no peak. {sentence}")
+    left = {
+        name: (row[_LEFT_OUT] - 1) / (row[0] - 1) for name, row in peaks.items() if row[0] > CLEAR
+    }
+    control = (peaks["SD"]["faintest"] - 1) / (peaks["SD"][0] - 1)
+    others = {name: value for name, value in left.items() if name != "SD"}
+    parts = (
+        *parts_of({"SD": left["SD"]}, below(1 - MOST), "excess gone without the brightest"),
+        *parts_of(others, below(1 - MOST), "excess gone without the brightest", main=False),
+        Part("SD excess there without the faintest", control > MOST, main=False, method="SD"),
+    )
+    return Finding(left["SD"], parts, sentence)
+
+
+@claim(
+    "V6",
+    "oscillating",
+    "SD depends on the regularisation.",
+    number="median spread of C/C0 over settings of the regularisation, 10 < l < 200",
+    paper="a major challenge",
+    section="6",
+    figure="",
+    notebook="09_sdecgmca",
+)
+def regularisation_scheme(realisation):
+    """Settings are c of 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
+    Table 1, all else as it is. The spread at one l or k is the highest less the lowest ratio to the truth;
+    its median is over 10 < l < 200, or all k. SD depends on the regularisation if the spread is above 10 %,
+    so that the setting alone can decide whether a spectrum is recovered, and if it is larger than the spread
+    of as many restarts that differ in nothing else, by more than 1 %: the iteration is chaotic, and without
+    this the answer would always be yes. Four main parts: each of the two for C/C0 and P/P0. It does not
+    apply to a method without these settings.
+    """
+    settings = realisation.by_regularisation()
+    if len(settings) < 2:
+        return not_applicable("This method is not regularised.")
+    several = {"settings": list(settings.values()), "restarts": realisation.by_restart(len(settings))}
+    spreads = {name: _spreads(comparisons) for name, comparisons in several.items()}
+    parts = []
+    for spectrum, spread in spreads["settings"].items():
+        more = spread > 1.01 * spreads["restarts"][spectrum]
+        parts.append(Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"))
+        parts.append(Part(f"{spectrum} spreads more than over restarts", more, method="SD"))
+    errors = {label: angular_band("error", 10, 200)(one) for label, one in settings.items()}
+    return Finding(
+        spreads["settings"]["C/C0"],
+        tuple(parts),
+        f"Median spread over {len(settings)} settings: {listing(spreads['settings'])}; over as many restarts: "
+        f"{listing(spreads['restarts'])}. Mean |C/C0 - 1|: {listing(errors)}.",
+    )
+
+
+def _spreads(comparisons):
+    """{spectrum: median over l or k of the highest less the lowest ratio} of some `Comparison`."""
+    degrees = comparisons[0].degrees
+    inside = (degrees > 10) & (degrees < 200)
+    ratios = {
+        "C/C0": [one.angular_ratio[inside] for one in comparisons],
+        "P/P0": [one.frequency_ratio for one in comparisons],
+    }
+    return {name: float(np.median(np.ptp(rows, axis=0))) for name, rows in ratios.items()}
+
+
+@claim(
+    "V7",
+    "all three",
+    "SD is robust on the full sky, without masks.",
+    number="mean |C/C0 - 1| at 10 < l < 200, largest of the beams",
+    paper="small",
+    section="6",
+    figure="1",
+    notebook="10_results",
+)
+def robust(realisation):
+    """A member fails if the mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, and to be robust
+    is not to fail: a main part for each beam, on the sky with its Galactic plane. The share of the members in
+    which a part holds is one less the probability of failure.
+    """
+    errors = {
+        beam: angular_band("error", 10, 200)(realisation.of(beam)["sdecgmca"]) for beam in BEAMS
+    }
+    parts = tuple(
+        Part(f"does not fail, {beam} beam", value <= RECOVERED, method="SD") for beam, value in errors.items()
+    )
+    return Finding(largest(errors), parts, f"Mean |C/C0 - 1| of SD at 10 < l < 200: {listing(errors)}.")
