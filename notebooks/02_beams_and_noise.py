@@ -19,6 +19,7 @@
 #
 # > - **Read first**: {doc}`01_simulations`.
 # > - **Good to know**: what a convolution is.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`V4`.
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
 # A single dish does not see the sky of {doc}`01_simulations` but a blurred copy of it. How much it is blurred depends

@@ -19,6 +19,7 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
 # A polynomial knows nothing about the sky. We know a good deal: electrons that spiral in magnetic fields and electrons that

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`06_gmca`.
 # > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`R1`.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
 # > - **Time and memory**: {cost}`09_sdecgmca`.
 #
 # PCA, FastICA and GMCA all assume that a source has *one* sky map, seen in every channel with some weight. A beam that changes

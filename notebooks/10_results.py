@@ -18,7 +18,7 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
 # All methods of the chapters before on all three beams of {doc}`02_beams_and_noise`: the main result of

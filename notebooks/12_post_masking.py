@@ -21,7 +21,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: mean and standard deviation; spectra of a part of the sky are introduced here.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`.
+# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`, {claim}`V2`.
 # > - **Time and memory**: {cost}`12_post_masking`.
 #
 # Where a method fails it may fail in few places. {cite:t}`gkogkou2025` look at each line of sight of the cleaned maps, flag those whose

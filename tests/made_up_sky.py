@@ -34,6 +34,10 @@ def ones():
     return {method: {"angular": np.ones(len(DEGREES)), "frequency": np.ones(len(K))} for method in METHODS}
 
 
+def both_kinds(value):
+    return {"angular": value, "frequency": value}
+
+
 def nearer(case, factors):
     """A case with the distance to 1 multiplied, {method: factor}."""
     return {
@@ -78,6 +82,7 @@ class World:
         self.voxels = {beam: {"HI": 60, "noise": 5, "foreground": 35} for beam in BEAMS}
         self.limits = dict.fromkeys(BEAMS, 240)
         self.difference = 1e-3
+        self._further()
 
     def _masks(self):
         """Peaks left in, lines of sight left out, and the Galaxy dimmed."""
@@ -96,6 +101,22 @@ class World:
         for method in ("pca", "fastica", "gmca"):
             self.without[method]["frequency"] = self.oscillating[method]["frequency"].copy()
         self.without["sdecgmca"]["angular"][(DEGREES > 3) & LARGE] = 1.05
+
+    def _further(self):
+        """The iteration, the error of flagged lines, noise, point sources, bright lines, and settings."""
+        stages = {"n_warmup": 101, "warmup_change": 5e-3, "n_refinement": 30, "refinement_change": 5e-5}
+        self.stages = {beam: dict(stages) for beam in BEAMS}
+        self.error = {"n_spectra": 5, "error": 4.0, "in spectra": 3.0, "foreground": 3.5, "hi": 0.5}
+        self.error |= {"truth": 1.0, "truth in spectra": 0.1}
+        self.sourceless = {kind: row + 0.05 for kind, row in self.degraded["parametric"].items()}
+        self.noise = {beam: {kind: 0.5 * row for kind, row in ones()["pca"].items()} for beam in BEAMS}
+        self.tops = {method: [3.0, 2.8, 2.5, 1.5, 1.2, 3.0] for method in BSS}
+        self.settings = {
+            "as it is": both_kinds(0),
+            "c = 0.1": both_kinds(0.05),
+            "strategy 3": both_kinds(0.2),
+        }
+        self.starts = [both_kinds(shift) for shift in (0, 0.04, 0.02)]
 
     def of(self, case):
         cases = {beam: getattr(self, beam) for beam in (*BEAMS, "dimmed")}
@@ -129,6 +150,31 @@ class World:
 
     def masked_voxels(self, beam):
         return self.voxels[beam]
+
+    def diagnostics(self, beam):
+        return self.stages[beam]
+
+    def flagged_error(self):
+        return self.error
+
+    def without_sources(self):
+        return comparison(**self.sourceless)
+
+    def noise_over_hi(self, beam):
+        return comparison(**self.noise[beam])
+
+    def without_brightest(self, method):
+        return (0.0, 0.01, 0.05, 0.1, 0.25), self.tops[method]
+
+    def by_regularisation(self):
+        return {name: self._shifted(shift) for name, shift in self.settings.items()}
+
+    def by_restart(self, n):
+        return [self._shifted(shift) for shift in self.starts[:n]]
+
+    def _shifted(self, shift):
+        """SD on the oscillating case with its ratios shifted."""
+        return comparison(**{kind: row + shift[kind] for kind, row in self.oscillating["sdecgmca"].items()})
 
     def mixing(self, beam):
         """Two sources that only the second channel tells apart."""

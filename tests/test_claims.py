@@ -38,6 +38,16 @@ NONE = {"HI": 0, "noise": 0, "foreground": 0}
 MILD = set_to("evolving", ["gmca"], "frequency", 1, (K > 0.1) & (K < 0.2))
 
 
+def nested(name, key, inner, value):
+    """A change of the world: one item of a dict in a dict."""
+    return lambda world: getattr(world, name)[key].update({inner: value})
+
+
+def shift_start(kind, value):
+    """A change of the world: one spectrum of a restart."""
+    return lambda world: world.starts[1].update({kind: value})
+
+
 def scan_worst(value):
     """A change of the world: the spread over n_s at l > 150."""
 
@@ -141,6 +151,31 @@ FAILS = {
     ],
     "A1": [first_share("correlations", "pca", 0.995, 0.06)],
     "A2": [first_share("variances", "gmca", 1e-4, 0.2)],
+    "V1": [
+        change
+        for beam in BEAMS
+        for change in (
+            nested("stages", beam, "warmup_change", 1.1e-2),
+            nested("stages", beam, "refinement_change", 1.1e-4),
+            nested("stages", beam, "refinement_change", np.nan),
+        )
+    ],
+    "V2": [item("error", "in spectra", 1.9), item("error", "hi", 3.48)],
+    "V3": [
+        item("sourceless", "angular", 1.11 + (DEGREES > 180)),
+        item("sourceless", "frequency", np.where(ABOVE, 1.2, 1)),
+    ],
+    "V4": [
+        nested("noise", beam, kind, np.where(where, 1.1, 0.1))
+        for beam in BEAMS
+        for kind, where in (("angular", (DEGREES > 180) & (DEGREES <= 200)), ("frequency", ABOVE))
+    ],
+    "V5": [item("tops", "sdecgmca", [3.0, 2.8, 2.5, 2.1, 1.2, 3.0])],
+    "V6": [
+        *(nested("settings", "strategy 3", kind, 0.09) for kind in ("angular", "frequency")),
+        *(shift_start(kind, 0.199) for kind in ("angular", "frequency")),
+    ],
+    "V7": [set_to(beam, SD, "angular", 1.11) for beam in BEAMS],
 }
 
 # {claim: a change that breaks another part}, of those that have such parts.
@@ -151,6 +186,7 @@ OTHERS = {
     "G4": set_to("dimmed", SD, "frequency", 1.9, BUMP),
     "A1": first_share("correlations", "gmca", 4.0, 0.04),
     "A2": first_share("variances", "gmca", 1e-130, 0.04),
+    "V5": item("tops", "sdecgmca", [3.0, 2.8, 2.5, 1.5, 1.2, 1.9]),
 }
 
 # {claim: a change that leaves nothing to speak of, and what it says of that}.
@@ -165,6 +201,8 @@ ABSENT = {
         both(*(set_to("oscillating", SD, kind, 1) for kind in ("angular", "frequency"))),
         "SD is recovered in l from 2 without and",
     ),
+    "V2": (item("error", "error", 0.0), "No line of sight is flagged."),
+    "V5": (item("tops", "sdecgmca", [1.09, 1, 1, 1, 1, 1]), "Highest P/P0 near k = 0.31 without"),
 }
 
 
@@ -185,7 +223,7 @@ def holding(found, *, main):
 def test_every_claim_is_there():
     assert " ".join(CLAIMS) == (
         "F1 D1 D2 D3 E1 E2 E3 E4 E5 O1 O2 O3 O4 O5 O6 O7 O8 R1 N1 N2 N3 N4 N5 B1 B2 B3 "
-        "M1 M2 M3 M4 M5 G1 G2 G3 G4 S1 A1 A2"
+        "M1 M2 M3 M4 M5 G1 G2 G3 G4 S1 A1 A2 V1 V2 V3 V4 V5 V6 V7"
     )
     assert list(FAILS) == list(CLAIMS)
 
@@ -206,6 +244,15 @@ def test_in_the_world_of_the_paper_all_parts_hold(id):
 def test_a_main_part_does_not_hold(id, change):
     found = found_in(id, change)
     assert False in holding(found, main=True).values(), found
+
+
+@pytest.mark.parametrize("id", [id for id in CLAIMS if id[0] == "V"])
+def test_each_main_part_fails_by_itself(id):
+    failing = [
+        {name for name, held in holding(found_in(id, change), main=True).items() if not held}
+        for change in FAILS[id]
+    ]
+    assert {name for one in failing if len(one) == 1 for name in one} == set(holding(found_in(id), main=True))
 
 
 @pytest.mark.parametrize("id", OTHERS)
@@ -269,6 +316,13 @@ def test_places_of_minima_are_parts():
     for id, best in (("N1", ["least at 6"]), ("N3", ["low k 6", "bump 6", "10 < l < 100 7"])):
         entry = Entry(claim=CLAIMS[id], findings={(0, 0): found_in(id, scan_best(low=6))})
         assert list(entry.places) == best and set(entry.places.values()) == {1.0}
+
+
+@pytest.mark.parametrize(
+    "id, change", [("V1", item("stages", "evolving", None)), ("V6", attribute("settings", {}))]
+)
+def test_a_method_without_stages_or_settings_is_no_member(id, change):
+    assert not found_in(id, change).parts
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,31 @@
-"""What claims are judged on besides assessments: brightness of the sky, and what the masked voxels hold."""
+"""Products that claims are judged on besides assessments, against cubes."""
 
+import math
 import tracemalloc
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from himap.core.survey import Survey
-from himap.instrument.beams import Evolving
+from himap.instrument.beams import Degraded, Evolving, Oscillating
 from himap.instrument.observe import Observation
 from himap.maps import sphere
-from himap.paper import evidence, pipeline
+from himap.maps.low_rank import centred
+from himap.measures.diagnostics import flagged_lines
+from himap.measures.spectra import angular_power, frequency_power
+from himap.paper import cleaned, evidence, pipeline
+from himap.removal import PCA, Parametric, SDecGMCA
 from himap.removal.peaks import PeakMasked
-from himap.sky.galaxy import Galaxy
+from himap.sky.galaxy import Dimming, Galaxy
+
+pytestmark = pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
 
 SURVEY = Survey(nside=8, n_channels=30, box_cells=16)
+CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
+PLAIN = PCA(n_sources=3)
+ENDING = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2, beyond="cut")
 
 
 def test_brightness_is_the_rms_of_both_cubes():
@@ -94,3 +105,78 @@ def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     tracemalloc.stop()
     assert counts.sum() == masked.flagged.sum()
     assert peak < 6 * cube.nbytes
+
+
+@pytest.mark.parametrize("beam", [Degraded(), Evolving()])
+def test_noise_and_hi_are_those_of_the_truth(beam):
+    """Only the degraded beam smooths the noise."""
+    case = pipeline.Case(survey=SURVEY, beam=beam)
+    found = evidence.noise_and_hi(case)
+    hi = evidence._hi_through_beam(case, np.arange(SURVEY.n_pix))
+    for one, cube in zip(found, (pipeline.truth(case) - hi, hi), strict=True):
+        inside = slice(2, 2 * SURVEY.nside + 1)
+        assert one.angular.mean[inside] == pytest.approx(angular_power(cube).mean[inside], rel=0.02)
+        expected = frequency_power(cube, SURVEY.channel_width).power
+        assert one.frequency.power[1:] == pytest.approx(expected[1:], rel=1e-5)
+    unsmoothed = sphere.power_spectrum(pipeline.noise_alms(SURVEY)).mean(axis=0)
+    assert (found[0].angular.mean[16] < 0.995 * unsmoothed[16]) == (beam == Degraded())
+
+
+class TestWithoutPointSources:
+    @pytest.mark.parametrize("dimming", [None, Dimming()])
+    def test_with_all_components_it_is_the_residual_of_the_case(self, dimming):
+        case, method = replace(CASE, beam=Degraded(), dimming=dimming), Parametric()
+        found = evidence._spectra_with(pipeline.components(SURVEY, case.galaxy), case, method)
+        expected = cleaned.assessment(case, method).power_spectra
+        assert found.angular.mean[2:17] == pytest.approx(expected.angular.mean[2:17], rel=1e-3)
+        assert found.frequency.power[1:] == pytest.approx(expected.frequency.power[1:], rel=1e-3)
+
+    def test_the_galaxy_is_the_rest(self, monkeypatch):
+        monkeypatch.setattr(evidence, "_spectra_with", lambda components, *rest: (components, rest))
+        components, rest = evidence.spectra_without_sources.compute(CASE, PLAIN)
+        expected = Galaxy().components(SURVEY.nside, SURVEY.rng("galaxy"))
+        for one, other in zip(components, expected, strict=True):
+            assert one.name == other.name and np.array_equal(one.amplitude, other.amplitude)
+        assert rest == (CASE, PLAIN)
+
+
+@pytest.mark.parametrize("remover", [PLAIN, ENDING])
+class TestLines:
+    """Lines of sight of the residual and of the truth, from cubes."""
+
+    def test_the_error_of_flagged_lines(self, remover):
+        """It is foreground less HI lost; of a method that ends, what is beyond is lost."""
+        found = evidence.error_of_flagged_lines(CASE, remover, True, True)
+        residual, truth = centred(cleaned.residual(CASE, remover)), centred(pipeline.truth(CASE))
+        error = (residual - truth).astype(float)
+        lines = flagged_lines(cleaned.assessment(CASE, remover, True, True).line_errors)
+        bright = centred(pipeline.observation(CASE).maps - pipeline.truth(CASE)).astype(float)
+        values, axes = np.linalg.eigh(bright @ bright.T / bright.shape[1])
+        axes = axes[:, values > truth.var(axis=1).sum()]
+        assert found["n_spectra"] == axes.shape[1] and 1 < axes.shape[1] < 8
+        for name, cube in (("error", error), ("truth", truth)):
+            in_spectra = np.sum((axes.T @ cube[:, lines]) ** 2) / cube[:, lines].size
+            assert found[name] == pytest.approx(np.mean(cube[:, lines] ** 2), rel=1e-3)
+            assert found["in spectra" if name == "error" else "truth in spectra"] == pytest.approx(
+                in_spectra, rel=1e-2
+            )
+        sizes = [found[name] ** 0.5 for name in ("error", "foreground", "hi")]
+        assert max(sizes) < sum(sizes) - max(sizes)  # those of a sum of two
+        lost = 1 - sphere.power_spectrum(sphere.analyse(residual[3])) / sphere.power_spectrum(
+            sphere.analyse(truth[3])
+        )
+        assert (remover is ENDING) == (lost[12:16].min() > 0.9) == (found["hi"] > 0.3 * found["truth"])
+
+    def test_the_peak_without_the_brightest_lines(self, remover):
+        k, ratios = evidence.peak_without_lines(CASE, remover)
+        residual, truth = cleaned.residual(CASE, remover), pipeline.truth(CASE)
+        bright = (pipeline.observation(CASE).maps - truth).mean(axis=0, dtype=float)
+        limits, n_pix = np.sort(bright), SURVEY.n_pix
+        kept = [bright <= limits[math.ceil((1 - share) * n_pix) - 1] for share in evidence.BRIGHTEST]
+        kept.append(bright >= limits[math.ceil(evidence.CONTROL * n_pix)])
+        assert len(ratios) == len(kept)
+        for row, mask in zip(ratios, kept, strict=True):
+            powers = [frequency_power(cube, SURVEY.channel_width, mask=mask) for cube in (residual, truth)]
+            assert k == pytest.approx(powers[0].k[1:])
+            assert row == pytest.approx(powers[0].power[1:] / powers[1].power[1:], rel=1e-2)
+        assert np.ptp(ratios, axis=0).max() > 0.02

@@ -213,7 +213,8 @@ def test_intro_says_what_the_ledger_says():
 
 def test_every_claim_has_a_figure_in_the_book():
     links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
-    assert {claim.id for claim in CLAIMS.values() if not claim.figure} == {"F1", "R1"}
+    without = [claim.id for claim in CLAIMS.values() if not claim.figure]
+    assert without == ["F1", "R1", "V1", "V3", "V4", "V6"]
     assert all(claim.figure in ("", *links[claim.notebook]) for claim in CLAIMS.values())
 
 

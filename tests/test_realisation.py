@@ -1,6 +1,7 @@
 """What one realisation asks of the chain: cases, methods, and where lines of sight are left out."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
+from himap.paper import evidence
+from himap.paper.claims.base import BEAMS
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA
 from himap.sky.galaxy import Dimming
+from himap.store.store import Product
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +59,64 @@ def test_another_beam_in_the_place_of_the_oscillating_one():
 
 
 def test_every_assessment_that_the_claims_need():
-    """Six methods on seven cases, SDecGMCA beyond l = 200, with the sources of Table 1, and the scan."""
+    """Six methods on seven cases, SDecGMCA with other settings and restarts, and the scan."""
     *calls, two, three = SKY.assessments
-    assert len(calls) == 6 * 7 + 3
+    assert len(calls) == 6 * 7 + 3 + 4 + 4
     for case, method, *_ in calls:
         assert getattr(method, "n_sources", None) in (None, TABLE_1[case.beam.name]["n_sources"])
     assert [peaks for _, _, peaks, _ in calls].count(False) == 3 * 6
     assert [(call[1].name, call[1].n_sources) for call in (two, three)] == [("sdecgmca", 2), ("sdecgmca", 3)]
     assert two[0] == SKY.cases["oscillating"][0]
+
+
+@pytest.mark.parametrize(
+    ("options", "strategy", "coefficients"),
+    [((), "strategy 3", "matrix"), ((("reading", "follow-up"),), "strategy 4", "spectrum")],
+)
+def test_settings_of_the_regularisation_and_as_many_restarts(options, strategy, coefficients):
+    """All else is as it is; what agrees with another is there once."""
+    sky = replace(SKY, options=options, restart=2)
+    own, settings = sky.calls("oscillating")["sdecgmca"], sky._settings()
+    changed = {
+        "c = 0.001": {"regularisation": 1e-3},
+        "c = 0.1": {"regularisation": 0.1},
+        strategy: {"coefficients": coefficients},
+    }
+    assert own[1].regularisation == 1e-2 and settings.pop("as it is") == own
+    assert settings == {name: (own[0], replace(own[1], **one), True, False) for name, one in changed.items()}
+    expected = [(own[0], replace(own[1], restart=n), *own[2:]) for n in (2, 3, 4, 5)]
+    assert sky._restarts(4) == expected
+    assert {*settings.values(), *expected} <= set(sky.assessments)
+
+
+def test_a_method_without_regularisation_has_no_settings():
+    sky = replace(SKY, method="beam_subspace")
+    assert (sky._settings(), sky._restarts(0)) == ({}, [])
+
+
+def test_every_fact_is_listed(monkeypatch):
+    """What claims ask of `evidence` is made before, several at a time."""
+    asked = set()
+
+    class Recorder:
+        def __init__(self, name):
+            self.name = name
+
+        def __call__(self, *args):
+            asked.add((self.name, args))
+            raise InputError("as far as that")
+
+    for name, one in vars(evidence).items():
+        if isinstance(one, Product) and one.__module__ == evidence.__name__:
+            monkeypatch.setattr(evidence, name, Recorder(name))
+    listed = {(fact.name, args) for fact, args in SKY.facts}
+    work = [SKY.brightness, SKY.without_sources, SKY.flagged_error]
+    work += [partial(ask, beam) for beam in BEAMS for ask in (SKY.masked_voxels, SKY.noise_over_hi)]
+    work += [partial(SKY.without_brightest, method) for method in BSS]
+    for ask in work:
+        with pytest.raises(InputError, match="as far as that"):
+            ask()
+    assert asked == listed
 
 
 def test_lines_of_sight_are_left_out_for_what_the_paper_speaks_of():

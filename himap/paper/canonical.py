@@ -70,6 +70,10 @@ _PRODUCTS = {
     cleaned.assessment: [(CASE, PLAIN, True, True), (CASE, AWARE)],
     evidence.sky_brightness: [(SURVEY.sky, CASE.galaxy)],
     evidence.masked_voxels: [(CASE,)],
+    evidence.noise_and_hi: [(CASE,), (SMOOTHED,)],
+    evidence.spectra_without_sources: [(SMOOTHED, Parametric())],
+    evidence.error_of_flagged_lines: [(CASE, PLAIN)],
+    evidence.peak_without_lines: [(CASE, PLAIN)],
     choice.eigenvalues: [(CASE,), (CASE, True)],
     choice.minka: [(CASE,)],
     mocks.hi_alms_of_mock: [

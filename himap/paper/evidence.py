@@ -1,4 +1,4 @@
-"""Facts about skies, noise, peaks and errors that claims are judged on: small, made once from cubes, and kept."""
+"""Facts on sky, noise, peaks and errors that claims are judged on: small, made once from cubes, and kept."""
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def _less_baseline(cube, freqs):
 
 @product
 def noise_and_hi(case):
-    """`PowerSpectra` of the noise and of HI in the truth of a `Case`, a pair: each alone, through the beam."""
+    """`PowerSpectra` of the noise and of HI in the truth of a `Case`, a pair: each alone, as seen there."""
     survey, windows = case.survey, case.beam.of_survey(case.survey)
     hi = _hi_through_beam(case, np.arange(survey.n_pix))
     cubes = pipeline.truth(case) - hi, hi

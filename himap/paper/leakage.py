@@ -55,7 +55,7 @@ class Parts:
 
 
 def split_error(case, remover, mask_peaks=True):
-    """(foreground residual, HI lost) of a component method, each a `LowRankCube`; their difference is `error`.
+    """(foreground residual, HI lost) of a component method, two `LowRankCube`; their difference is the error.
 
     Such a method subtracts a projection P of the maps, once its mixing matrix is known, so that the residual
     of foreground F and truth T, whose peaks D were masked, is off by
@@ -92,7 +92,7 @@ def split_error(case, remover, mask_peaks=True):
 
 
 def error_parts(case, remover, mask_peaks=True):
-    """(foreground residual, HI lost, truth) as cubes less their channel means, mK, (n_channels, n_pix) float32.
+    """(foreground residual, HI lost, truth), cubes (n_channels, n_pix) float32, mK, less their channel means.
 
     Arguments, and the first two, as of `split_error`; the truth ends where the method does.
     """

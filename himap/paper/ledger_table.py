@@ -11,6 +11,9 @@ from himap.paper.claims.verdicts import PLACE
 
 _SECTIONS = {
     "1": "Sect. 1: the sky",
+    "2.2": "Sect. 2.2: the instrument",
+    "3.2": "Sect. 3.2: fits along lines of sight",
+    "3.3": "Sect. 3.3: the iteration of SDecGMCA",
     "4.2": "Sect. 4.2: methods and beams",
     "4.3": "Sect. 4.3: the number of sources",
     "4.1, B": "Sect. 4.1 and App. B: masking of peaks",

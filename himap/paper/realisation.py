@@ -15,6 +15,12 @@ from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.galaxy import Dimming, Galaxy
 
+REGULARISATIONS = (1e-3, 1e-2, 1e-1)
+"""Strengths c of the Tikhonov term that SDecGMCA is compared for."""
+
+STRATEGIES = {"matrix": 3, "spectrum": 4}
+"""{`coefficients` of SDecGMCA: number of the strategy of C21 in the refinement}."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Realisation:
@@ -73,13 +79,22 @@ class Realisation:
     def assessments(self):
         """The arguments of every `cleaned.assessment` that the claims need, a list of tuples."""
         calls = [call for case in self.cases for call in self.calls(case).values()]
-        return [*calls, *map(self._beyond, BEAMS), *self.scan_calls().values()]
+        settings = self._settings()
+        more = *settings.values(), *self._restarts(len(settings))
+        return [*calls, *map(self._beyond, BEAMS), *more, *self.scan_calls().values()]
 
     @property
     def facts(self):
         """What else the claims need, [(product of `evidence`, arguments)]."""
-        voxels = [(evidence.masked_voxels, (self.cases[beam][0],)) for beam in BEAMS]
-        return [(evidence.sky_brightness, (self.survey.sky, self.galaxy)), *voxels]
+        of_cases = evidence.masked_voxels, evidence.noise_and_hi
+        calls = self.calls("oscillating")
+        return [
+            (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
+            *((fact, (self.cases[beam][0],)) for beam in BEAMS for fact in of_cases),
+            (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
+            (evidence.error_of_flagged_lines, calls["sdecgmca"]),
+            *((evidence.peak_without_lines, calls[name][:3]) for name in BSS),
+        ]
 
     def calls(self, case):
         """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place."""
@@ -105,6 +120,26 @@ class Realisation:
         """{n_sources: arguments of `cleaned.assessment`}."""
         case = self.cases["oscillating"][0]
         return {n: (case, self._in_place(case.beam, n_sources=n), True, False) for n in self.n_sources}
+
+    def _settings(self):
+        """{setting of SDecGMCA's regularisation: arguments of `cleaned.assessment`}, its own among them.
+
+        Empty for a method that has no such settings; settings that agree are one.
+        """
+        call = case, method, *_ = self.calls("oscillating")["sdecgmca"]
+        if not hasattr(method, "coefficients"):
+            return {}
+        changes = {f"c = {c:g}": {"regularisation": c} for c in REGULARISATIONS}
+        changes |= {f"strategy {n}": {"coefficients": name} for name, n in STRATEGIES.items()}
+        other = {label: self._in_place(case.beam, **changed) for label, changed in changes.items()}
+        own = {label: one for label, one in other.items() if one != method}
+        return {"as it is": call} | {label: (case, one, True, False) for label, one in own.items()}
+
+    def _restarts(self, n):
+        """Arguments of `cleaned.assessment` for this start and those after it, `n` in all, a list."""
+        case, *_ = call = self.calls("oscillating")["sdecgmca"]
+        others = [self._in_place(case.beam, restart=self.restart + one) for one in range(1, n)]
+        return [call, *((case, method, *call[2:]) for method in others)] if n else []
 
     def _in_place(self, beam, **changed):
         return beam_aware_for(beam, self.method, **self._options | changed)
@@ -179,6 +214,39 @@ class Realisation:
         counts = evidence.masked_voxels(self.cases[beam][0])
         return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
 
+    def noise_over_hi(self, beam):
+        """`Comparison` of the noise with HI, each by itself as it is in the truth."""
+        return self._comparison(*evidence.noise_and_hi(self.cases[beam][0]))
+
+    def without_sources(self):
+        """`Comparison` of the parametric fit on the degraded case of a sky without point sources."""
+        call = self.calls("degraded")["parametric"]
+        return self._comparison(evidence.spectra_without_sources(*call[:2]), pipeline.true_spectra(call[0]))
+
+    def flagged_error(self):
+        """What the error of SDecGMCA on its flagged lines consists of: `evidence.error_of_flagged_lines`."""
+        return evidence.error_of_flagged_lines(*self.calls("oscillating")["sdecgmca"])
+
+    def without_brightest(self, method):
+        """Shares of the lines of sight with the brightest foreground, and the highest P/P0 near k = 0.31.
+
+        It is without each share of them, and last without the share `evidence.CONTROL` of the faintest.
+        """
+        k, ratios = evidence.peak_without_lines(*self.calls("oscillating")[method][:3])
+        return evidence.BRIGHTEST, [diagnostics.band_max(k, row, *diagnostics.BUMP) for row in ratios]
+
+    def by_regularisation(self):
+        """{setting of the regularisation: `Comparison`} of SDecGMCA through the oscillating beam."""
+        return {label: self._compare(call) for label, call in self._settings().items()}
+
+    def by_restart(self, n):
+        """`Comparison` of SDecGMCA from this start and those after it, `n` in all, a list."""
+        return [self._compare(call) for call in self._restarts(n)]
+
+    def diagnostics(self, beam):
+        """Diagnostics of SDecGMCA's iteration (`himap.removal.Separation`), None of a method without."""
+        return cleaned.assessment(*self.calls(beam)["sdecgmca"]).diagnostics
+
     def mixing(self, beam):
         """Mixing matrix of SDecGMCA, (n_channels, n_sources)."""
         return cleaned.assessment(*self.calls(beam)["sdecgmca"]).mixing
@@ -196,4 +264,4 @@ def make(realisations):
     """Compute what some realisations need together and is not in the cache; returns how many assessments."""
     assessments = dict.fromkeys(call for sky in realisations for call in sky.assessments)
     facts = dict.fromkeys(fact for sky in realisations for fact in sky.facts)
-    return cleaned.make_by_case([*facts, *((cleaned.assessment, call) for call in assessments)])
+    return cleaned.make_by_case([*((cleaned.assessment, call) for call in assessments), *facts])

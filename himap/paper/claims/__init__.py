@@ -8,6 +8,7 @@ docstring of each function, which is shown with its verdict.
 
 from himap.paper.claims import (  # noqa: F401 - each enters its claims
     dimming,
+    further,
     oscillating_beam,
     other_sections,
     peak_masking,
@@ -38,7 +39,7 @@ __all__ = [
     "Part",
 ]
 
-_LETTERS = "FDEORNBMGSA"
+_LETTERS = "FDEORNBMGSAV"
 
 
 def _place(id):

@@ -1,30 +1,33 @@
-"""What the paper says in passing: convergence, leakage, point sources, noise, the peak, regularisation, robustness.
+"""Claims that the paper makes in passing, and premises of it, for which it shows no number or figure.
 
-Each of these claims is a sentence or a premise of the text for which the paper shows no number or figure.
+They are on convergence, leaked foreground, point sources, noise, the cause of the peak, the dependence on the
+regularisation, and robustness.
 """
+
+import math
 
 import numpy as np
 
-from himap.measures.diagnostics import BUMP, band_max
 from himap.paper.claims.base import (
     BEAMS,
-    METHODS,
+    above,
     angular_band,
     below,
     claim,
     largest,
     listing,
-    number_claim,
     recovered,
-    smallest,
 )
 from himap.paper.claims.verdicts import (
     CLEAR,
     CONSISTENT,
+    FAILING,
+    METHODS,
     MOST,
     RECOVERED,
     Finding,
     Part,
+    is_smaller,
     not_applicable,
     parts_of,
 )
@@ -92,13 +95,13 @@ def leaked_foreground(realisation):
     flagged.
     """
     found = realisation.flagged_error()
-    if found["error"] == 0:
-        return not_applicable("No line of sight is flagged.")
-    share = found["in spectra"] / found["error"]
-    parts = (
-        Part("most of the error in the foreground's spectra", share > MOST, method="SD"),
-        Part("more foreground than HI lost", found["foreground"] > 1.01 * found["hi"], method="SD"),
-    )
+    flagged = found["error"] > 0
+    share = found["in spectra"] / found["error"] if flagged else math.nan
+    held = (share > MOST, is_smaller(found["hi"], found["foreground"])) if flagged else (None, None)
+    names = "most of the error in the foreground's spectra", "more foreground than HI lost"
+    parts = tuple(Part(name, one, method="SD") for name, one in zip(names, held, strict=True))
+    if not flagged:
+        return Finding(share, parts, "No line of sight is flagged.")
     return Finding(
         share,
         parts,
@@ -136,7 +139,7 @@ def absorbed_sources(realisation):
     return Finding(
         largest(tops),
         parts_of(tops, recovered, "the same without point sources", method="PAR"),
-        f"Change by the point sources over the true spectrum, at 95 % of l or k no more than: {listing(tops)}.",
+        f"Change by point sources over the true spectrum, at 95 % of l or k no more than: {listing(tops)}.",
     )
 
 
@@ -187,29 +190,27 @@ def bright_lines(realisation):
     1.1; and it is the brightest lines that matter, so that more than half of the excess of SD stays without
     the faintest tenth. The premise is absent if SD has no peak.
     """
-    peaks, words = {}, []
-    for name in BSS:
-        shares, tops = realisation.without_brightest(name)
-        peaks[METHODS[name]] = dict(zip((*shares, "faintest"), tops, strict=True))
-        words.append(f"{METHODS[name]} {', '.join(f'{top:.4g}' for top in tops[:-1])}")
-    shares = ", ".join(f"{share:.0%}" for share in shares)
-    sentence = (
-        f"Highest P/P0 near k = 0.31 without the brightest {shares} of the lines: {'; '.join(words)}; of SD "
-        f"without the faintest tenth {peaks['SD']['faintest']:.4g}."
-    )
-    if peaks["SD"][0] <= CLEAR:
-        return not_applicable(f"SD has no peak. {sentence}")
-    left = {
-        name: (row[_LEFT_OUT] - 1) / (row[0] - 1) for name, row in peaks.items() if row[0] > CLEAR
-    }
-    control = (peaks["SD"]["faintest"] - 1) / (peaks["SD"][0] - 1)
-    others = {name: value for name, value in left.items() if name != "SD"}
+    tops, left, words = {}, {}, []
+    for method in BSS:
+        shares, values = realisation.without_brightest(method)
+        name = METHODS[method]
+        tops[name] = dict(zip((*shares, "faintest"), values, strict=True))
+        peak = values[0] > CLEAR
+        left[name] = (tops[name][_LEFT_OUT] - 1) / (values[0] - 1) if peak else None
+        words.append(f"{name} {', '.join(f'{top:.4g}' for top in values[:-1])}")
+    sd, listed = {"SD": left.pop("SD")}, ", ".join(f"{share:.0%}" for share in shares)
+    faint = None if sd["SD"] is None else (tops["SD"]["faintest"] - 1) / (tops["SD"][0.0] - 1)
     parts = (
-        *parts_of({"SD": left["SD"]}, below(1 - MOST), "excess gone without the brightest"),
-        *parts_of(others, below(1 - MOST), "excess gone without the brightest", main=False),
-        Part("SD excess there without the faintest", control > MOST, main=False, method="SD"),
+        *parts_of(sd, below(MOST), "excess gone without the brightest"),
+        *parts_of(left, below(MOST), "excess gone without the brightest", main=False),
+        *parts_of({"SD": faint}, above(MOST), "excess there without the faintest", main=False),
     )
-    return Finding(left["SD"], parts, sentence)
+    return Finding(
+        math.nan if sd["SD"] is None else sd["SD"],
+        parts,
+        f"Highest P/P0 near k = 0.31 without the brightest {listed} of the lines: "
+        f"{'; '.join(words)}; of SD without the faintest tenth {tops['SD']['faintest']:.4g}.",
+    )
 
 
 @claim(
@@ -238,15 +239,15 @@ def regularisation_scheme(realisation):
     spreads = {name: _spreads(comparisons) for name, comparisons in several.items()}
     parts = []
     for spectrum, spread in spreads["settings"].items():
-        more = spread > 1.01 * spreads["restarts"][spectrum]
+        more = is_smaller(spreads["restarts"][spectrum], spread)
         parts.append(Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"))
         parts.append(Part(f"{spectrum} spreads more than over restarts", more, method="SD"))
     errors = {label: angular_band("error", 10, 200)(one) for label, one in settings.items()}
     return Finding(
         spreads["settings"]["C/C0"],
         tuple(parts),
-        f"Median spread over {len(settings)} settings: {listing(spreads['settings'])}; over as many restarts: "
-        f"{listing(spreads['restarts'])}. Mean |C/C0 - 1|: {listing(errors)}.",
+        f"Median spread over {len(settings)} settings: {listing(spreads['settings'])}; over as many "
+        f"restarts: {listing(spreads['restarts'])}. Mean |C/C0 - 1|: {listing(errors)}.",
     )
 
 
@@ -276,10 +277,8 @@ def robust(realisation):
     is not to fail: a main part for each beam, on the sky with its Galactic plane. The share of the members in
     which a part holds is one less the probability of failure.
     """
-    errors = {
-        beam: angular_band("error", 10, 200)(realisation.of(beam)["sdecgmca"]) for beam in BEAMS
-    }
+    errors = {beam: angular_band("error", 10, 200)(realisation.of(beam)["sdecgmca"]) for beam in BEAMS}
     parts = tuple(
-        Part(f"does not fail, {beam} beam", value <= RECOVERED, method="SD") for beam, value in errors.items()
+        Part(f"does not fail, {beam} beam", value <= FAILING, method="SD") for beam, value in errors.items()
     )
     return Finding(largest(errors), parts, f"Mean |C/C0 - 1| of SD at 10 < l < 200: {listing(errors)}.")
