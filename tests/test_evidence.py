@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, Oscillating
 from himap.instrument.observe import Observation
@@ -16,6 +17,7 @@ from himap.maps.low_rank import centred
 from himap.measures.diagnostics import flagged_lines
 from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import cleaned, evidence, pipeline
+from himap.paper.realisation import Realisation
 from himap.removal import PCA, Parametric, SDecGMCA
 from himap.removal.peaks import PeakMasked
 from himap.sky.galaxy import Dimming, Galaxy
@@ -138,6 +140,14 @@ class TestWithoutPointSources:
         for one, other in zip(components, expected, strict=True):
             assert one.name == other.name and np.array_equal(one.amplitude, other.amplitude)
         assert rest == (CASE, PLAIN)
+
+    def test_maps_that_the_method_refuses_have_a_reason(self, monkeypatch):
+        """At this size the Galaxy alone rings below zero on some lines of sight."""
+        case = replace(CASE, beam=Degraded())
+        assert "is not; give maps" in evidence.spectra_without_sources.compute(case, Parametric())
+        sky = Realisation(survey=SURVEY, n_sources=(2,))
+        with pytest.raises(InputError, match="lines of sight is not"):
+            sky.without_sources()
 
 
 @pytest.mark.parametrize("remover", [PLAIN, ENDING])

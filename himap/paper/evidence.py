@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import blocks
 from himap.measures import diagnostics
@@ -107,10 +108,14 @@ def noise_and_hi(case):
 def spectra_without_sources(case, remover):
     """`PowerSpectra` of the residual of a `Case` whose sky has no point sources; all else is the same.
 
-    Its peaks are masked anew. `remover` ends at no l, and draws no random numbers.
+    Its peaks are masked anew. `remover` ends at no l, and draws no random numbers. If it refuses the maps, as
+    fits of positive brightness do where few pixels ring around a bright Galaxy, the reason in their place.
     """
     components = pipeline.components(case.survey, case.galaxy)
-    return _spectra_with([one for one in components if one.name != "point sources"], case, remover)
+    try:
+        return _spectra_with([one for one in components if one.name != "point sources"], case, remover)
+    except InputError as error:
+        return str(error)
 
 
 def _spectra_with(components, case, remover):

@@ -219,9 +219,15 @@ class Realisation:
         return self._comparison(*evidence.noise_and_hi(self.cases[beam][0]))
 
     def without_sources(self):
-        """`Comparison` of the parametric fit on the degraded case of a sky without point sources."""
+        """`Comparison` of the parametric fit on the degraded case of a sky without point sources.
+
+        InputError where it refuses these maps.
+        """
         call = self.calls("degraded")["parametric"]
-        return self._comparison(evidence.spectra_without_sources(*call[:2]), pipeline.true_spectra(call[0]))
+        found = evidence.spectra_without_sources(*call[:2])
+        if isinstance(found, str):
+            raise InputError(found)
+        return self._comparison(found, pipeline.true_spectra(call[0]))
 
     def flagged_error(self):
         """What the error of SDecGMCA on its flagged lines consists of: `evidence.error_of_flagged_lines`."""
