@@ -285,6 +285,8 @@ def test_maps_that_end_before_the_inversion_does_are_no_member(monkeypatch):
         ("D2", set_to("degraded", ["gmca"], "frequency", 9, (K > 0.5) & (K < 0.55))),
         ("A1", first_share("correlations", "pca", 0.999, 0.05)),
         ("A2", first_share("variances", "gmca", 1e-4, 0.04)),
+        ("V3", item("sourceless", "angular", np.where(FEW, 9, 1.05))),
+        ("V4", nested("noise", "evolving", "angular", np.where(FEW, 9, 0.5))),
     ],
 )
 def test_five_percent_of_a_range_may_be_off(id, change):

@@ -162,13 +162,15 @@ def test_what_cannot_stand_in_its_place(changed, message):
         replace(SKY, **changed)
 
 
-def test_a_truth_that_ends_before_the_maps_is_compared_as_far_as_it_goes():
+def test_a_residual_that_ends_before_the_maps_is_compared_as_far_as_it_goes():
     degrees, k = np.arange(20.0), np.arange(4.0)
-    cl = np.where(degrees <= 12, 1.0, 0.0) * np.ones((30, 1))
     power = PowerSpectra(
-        angular=AngularPower(degrees=degrees, cl=cl), frequency=FrequencyPower(k=k, power=np.ones(4))
+        angular=AngularPower(degrees=degrees, cl=np.ones((30, 20))),
+        frequency=FrequencyPower(k=k, power=np.ones(4)),
     )
-    assert SKY._comparison(power, power).degrees.tolist() == list(range(2, 13))
+    ending = replace(power, angular=power.angular.upto(12))
+    assert SKY._comparison(ending, power).degrees.tolist() == list(range(2, 13))
+    assert SKY._comparison(power, power).degrees.tolist() == list(range(2, 17))
 
 
 @pytest.mark.parametrize("counts", [(), (0, 1), (30, 31)])
