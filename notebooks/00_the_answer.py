@@ -4,6 +4,8 @@
 #     figures: []
 #     reads:
 #     - book/results/claims_*.json
+#     - book/results/readings*.json
+#     - book/results/restarts*.json
 #     - book/results/*/figures.json
 #     section: "6"
 #   jupytext:
@@ -43,6 +45,7 @@ from pathlib import Path
 
 from IPython.display import Markdown
 
+from himap.app.causes import other_records
 from himap.app.stored import RESULTS, read_ledger
 from himap.app.stored_tables import angular_ratios, ledgers_table, picture, stored_curves
 from himap.figures import plotting, styles
@@ -54,6 +57,7 @@ from himap.store.provenance import Provenance
 
 folder = Path(results or RESULTS)
 ledgers = [read_ledger(folder / f"{name}.json") for name in (several, f"claims_{large}")]
+others = other_records(ledgers[0][1], folder)
 by_id = [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
 
 
@@ -86,7 +90,7 @@ def badge(conclusion, entries):
 def told(number):
     """The claims of a conclusion, with verdicts and numbers of both ledgers."""
     own = CONCLUSIONS[number - 1]
-    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in own.claims))
+    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in own.claims, others))
 
 
 # %% tags=["hide-input"]

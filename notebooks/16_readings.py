@@ -23,18 +23,19 @@
 # > - **Time and memory**: {cost}`16_readings`.
 #
 # A method that is described in words can be written as a program in more than one way. For PCA the ways agree. For SDecGMCA they do not. {glue:text}`readings_options` choices are looked at here: where the text of
-# {cite:t}`gkogkou2025` leaves one open, where a program of the authors does otherwise than it says, and where one asks what a word does. Here every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: four that have a name, and the default with one choice changed at a time.
+# {cite:t}`gkogkou2025` leaves one open, where a program of the authors does otherwise than it says, and where one asks what a word does. Here every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those that have a name, and the default with one choice changed at a time.
 #
-# - **letter**: nothing that the paper's text speaks against, and where that is silent what is usual.
+# - **letter**: nothing that the paper's text contradicts, and where that says nothing what is usual.
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the numbers of the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
-# - **follow-up**: that with what the later code of the paper's first author changes in the inversion. There a network stands in the place of thresholds, which himap does not have.
-# - **default**: what this book uses, the letter with the noise of the instrument in its thresholds, where the letter has the median absolute deviation of each scale. The text does not say which; the code of C21 has
-#   both, and its example the former.
+# - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, not at $10^{-9}$ of the largest.
+# - **follow-up**: the code with what the later code of the paper's first author changes in the inversion. There a network is in the place of thresholds, which himap does not have.
+# - **instrument-noise**: the letter with the noise of the instrument in its thresholds, where the letter has the median absolute deviation of each scale: the former default.
 #
-# The default is chosen by a rule: *of the readings that speak against no word of the text and fail in no run, the one with the fewest choices unlike the letter*. A run fails if the mean $|C/C_0 - 1|$ through the
-# oscillating beam is above {glue:text}`readings_failing` at $10 < \ell < 200$, or up to the end of the maps. The paper's mark is of every $\ell$: not to fail is not yet to be right.
+# The default is chosen by a rule of charity, not by performance: *of the candidates, which are the readings with a name and each way to go on beyond $\ell = 200$, the one under which most of the paper's statements on SDecGMCA hold*, as its authors most likely ran
+# that. A main part of a claim that holds in a share $p$ of skies and restarts counts $p$, all compared with one truth; a tie goes to the one with fewer departures from the text. A run fails if the mean $|C/C_0 - 1|$ through the
+# oscillating beam is above {glue:text}`readings_failing` at $10 < \ell < 200$, or up to the end of the maps.
 #
-# Why *any* run? Because the iteration is chaotic: a change of the start in the tenth digit should change nothing, and under many readings does. So every reading is run on {glue:text}`readings_skies` from several starts,
+# Why restarts? Because the iteration is chaotic: a change of the start in the tenth digit should change nothing, and under many readings does. So every reading is run on {glue:text}`readings_skies` from several starts,
 # {glue:text}`readings_runs` runs for each.
 
 # %% tags=["parameters"]
@@ -53,7 +54,7 @@ from himap.paper import readings_table
 from himap.paper.authors_code import ITERATIONS, VARIANTS, AuthorsCode
 from himap.paper.claims import CLAIMS, UNDECIDED
 from himap.paper.experiments import find_experiment
-from himap.paper.readings import BANDS, FAILING, readings
+from himap.paper.readings import BANDS, FAILING, candidates, default_reading, readings
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure
 from himap.paper.readings_table import EVERY, NONE, SOME, VOID
@@ -62,7 +63,7 @@ from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 record = Record.load(find_experiment("readings"), results or RESULTS / "readings.json")
 outcomes, made = outcomes_of(record.rows), record.made
-known = readings()
+known = readings() | candidates()
 runs = {label: one.runs for label, one in outcomes.items()}
 Markdown(f"*{made.footer()}*")
 
@@ -172,15 +173,19 @@ plotting.stamp(claims_figure(outcomes), made)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the four readings that have a name, for every sky. Thick lines: the first start. Thin lines: the others. Curves of runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the readings that have a name, for every sky. Thick lines: the first start. Thin lines: the others. Curves of runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]
 # (readings-default)=
 # ## How the default was chosen
 #
-# The first table has a row for each reading: how many of its choices the paper's text speaks against, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–). The second has of
+# The first table has the candidates: how many of the paper's statements on SDecGMCA hold, and which words of the text each of them departs from. The second has a row for each reading: how many of its choices the paper's text speaks against, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–). The third has of
 # bands and bump the value that is furthest from 1 in any run. Without a column there: {glue:text}`readings_empty`.
+
+# %% tags=["hide-input"]
+table = readings_table.candidates_table(outcomes)
+Table(table.columns, table.to_numpy())
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -197,10 +202,10 @@ Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
 # The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in
-# {glue:text}`readings_fails_follow_up`. Readings that fail in none of the runs shown here: {glue:text}`readings_sound`. Of these, nearest to the text: {glue:text}`readings_nearest`.
+# {glue:text}`readings_fails_follow_up`. Readings that fail in none of the runs shown here: {glue:text}`readings_sound`. The most charitable of the candidates on this page: {glue:text}`readings_charitable`.
 #
-# The default has been chosen twice. First it was the letter with the sign of $\mathbf{A}$ free; readings at `ci` were stored with it, and there it failed in a run. Then the rule was applied again, to runs at `laptop` on the real Galaxy with two skies and three noise
-# levels, in which this default failed in none. It is not chosen again when the numbers on this page change; where the page and the rule disagree, this page shows it. The mean error of one reading on one sky differs
+# The default has been chosen by three rules. First it was the letter with the sign of $\mathbf{A}$ free, which failed in a run; then the letter with the noise of the instrument, as it failed in none of six runs: by performance, of a method that is chaotic. The rule of
+# charity is the third. The mean error of one reading on one sky differs
 # between starts by a factor of up to {glue:text}`readings_moved`, and by a factor of {glue:text}`readings_moved_default` for the default.
 
 # %% tags=["hide-input"]
@@ -220,7 +225,7 @@ quote(
     readings_fails_code=failures("code"),
     readings_fails_follow_up=failures("follow-up"),
     readings_sound=listed(sound),
-    readings_nearest=listed([known[label].title for label in readings_table.closest_converged(outcomes)]),
+    readings_charitable=known[default_reading(outcomes)].title,
     readings_moved=(largest, 0.1 * largest),
     readings_moved_default=(moved(runs.get("default", ())), 0.1),
 )
@@ -293,7 +298,7 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Not by the rule above, which asks for none. Where nobody knows the truth, the run that failed cannot be told from the five that did not.
+# By the rule above it may: the paper shows one run, and a reading under which most of its statements hold in five of six is most likely its own. But where nobody knows the truth, the run that failed looks like the five that did not.
 #
 # </details>
 #

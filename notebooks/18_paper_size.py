@@ -4,6 +4,8 @@
 #     figures: []
 #     reads:
 #     - book/results/claims_*.json
+#     - book/results/readings*.json
+#     - book/results/restarts*.json
 #     - book/results/*/figures.json
 #     section: all
 #   jupytext:
@@ -50,6 +52,7 @@ from pathlib import Path
 import numpy as np
 from IPython.display import Markdown
 
+from himap.app.causes import other_records
 from himap.app.stored import RESULTS, read_ledger
 from himap.app.stored_tables import differing, ledgers_table, pictures, verdicts_table
 from himap.core.errors import InputError
@@ -64,6 +67,7 @@ for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
         ledgers.append(read_ledger(folder / f"{name}.json"))
     except InputError:  # none, or one of the claims as they were judged before
         missing.append(f"`{name}`")
+others = other_records(ledgers[0][1], folder)
 
 # %% [markdown]
 # (ledgers)=
@@ -74,7 +78,9 @@ for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
 
 # %% tags=["hide-input"]
 told = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."
-Markdown("\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers), *[told] * bool(missing)]))
+Markdown(
+    "\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=others), *[told] * bool(missing)])
+)
 
 # %% [markdown]
 # (changes)=

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from ledgers import entry, finding, luminance
+from ledgers import NOT_PCA, SD, entry, finding, judged, luminance
 from pages import cells
 
 from himap.app.notebook_files import read_notebook
@@ -19,7 +19,7 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import BEAMS
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, restarts, skies
-from himap.paper.ledger_table import BADGES, LedgerTable, plain_table, summary
+from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
 from himap.paper.methods import BEAM_AWARE
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -91,6 +91,26 @@ def test_table_says_what_the_entries_say():
     assert '<a href="01_simulations.html">chapter</a>' in rows[2][1]
     assert rows[4][3].startswith("0.15 (0.116 to 0.184)") and rows[4][4] == "&lt; 0.1"
     assert repr(LedgerTable(several)).count("\n") == 3
+
+
+def test_the_cause_of_a_verdict_is_measured():
+    """What else there is under which the claim holds; of a claim in part, under which it is reproduced."""
+
+    def others(verdict):
+        return {"reading code": {"D1": entry(verdict)}}
+
+    assert cause(entry(REPRODUCED), others(REPRODUCED)) == ""
+    assert cause(entry(FAILED), others(REPRODUCED)) == cause(entry(FAILED), others(IN_PART)) == "reading code"
+    assert (
+        cause(entry(FAILED), others(FAILED))
+        == cause(entry(FAILED, id="D2"), others(REPRODUCED))
+        == "none found"
+    )
+    assert cause(entry(IN_PART), others(IN_PART)) == "none found"
+    assert cause(entry(IN_PART), others(REPRODUCED)) == "reading code"
+    failing = judged([(NOT_PCA, SD)])  # no part about SDecGMCA fails
+    assert cause(failing, others(FAILED)) == "PCA/ICA, not SD"
+    assert ">reading code</td>" in LedgerTable([entry(FAILED)], others=others(REPRODUCED))._repr_html_()
 
 
 def test_every_claim_has_its_row():
@@ -203,6 +223,8 @@ def test_intro_says_what_the_ledger_says():
         "claims_undecided": count[UNDECIDED],
         "claims_failed": count[FAILED],
         "claims_inapplicable": count[INAPPLICABLE],
+        "claims_sd_reproduced": summary(one for one in found if one.about_sd)[REPRODUCED],
+        "claims_others_failed": summary(one for one in found if not one.about_sd)[FAILED],
         "claims_realisations": found[0].n_skies,
     }
     text = (ROOT / "book" / "intro.md").read_text()

@@ -21,10 +21,10 @@ PAGES = {
 DEFINED = {
     "README.md": "ten thousand times, 100 MHz",
     "book/conventions.md": (
-        "1400 MHz, 5 MHz, 4 MHz, 2 MHz, 1 MHz, 0.1, 0.1 arcmin, 0.5 arcmin, 0.14 %, 0.7 %, 10 MHz, "
+        "1400 MHz, 5 MHz, 4 MHz, 2 MHz, 1 MHz, 0.1, 0.1 arcmin, 0.5 arcmin, 0.14 %, 0.7 %, 10 MHz, 84 %, "
         "15°, 1.4 GHz, 0.01"
     ),
-    "book/intro.md": "2511.13328, 0.1 %",
+    "book/intro.md": "2511.13328",
     "notebooks/00_the_answer.py": "10 %, 5 %, 84 %",
     "notebooks/01_simulations.py": "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2",
     "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 20 MHz",

@@ -5,37 +5,55 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ledgers import judged
 from outcomes import outcome, run
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper import pipeline
-from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED, Part
 from himap.paper.experiments import readings as experiment
+from himap.paper.experiments import restarts
 from himap.paper.experiments.claims import judge
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import BANDS, COLUMNS, outcomes, readings
+from himap.paper.readings import (
+    BANDS,
+    COLUMNS,
+    Outcome,
+    Reading,
+    candidates,
+    charity,
+    default_reading,
+    outcomes,
+    readings,
+)
+from himap.paper.readings_table import candidates_table
 from himap.paper.realisation import Realisation
-from himap.removal.sdecgmca.readings import OPTIONS, READINGS
+from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
 SURVEY = {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0}
 TINY = {"preset": "ci", "survey": SURVEY, "n_sources_max": 2}
-CHOSEN = ("default", "last = unregularised")
+SHORT = ("n_warmup", 2), ("n_refinement", 2), ("warmup_tolerance", 1e300), ("tolerance", 1e300)
+CHOSEN = {
+    name: Reading(label=name, options=(*given, *SHORT))
+    for name, given in {"default": (), "letter": (("reading", "letter"),)}.items()
+}
 
 
 class TestReadings:
     def test_every_choice_is_there_once(self):
         changes = [reading.changed for reading in readings().values() if reading.changed]
+        assert len(set(changes)) == len(changes) and set(readings()) > set(READINGS)
         default = READINGS["default"]
-        wanted = [
-            (name, value)
-            for name, option in OPTIONS.items()
-            for value in option.choices
-            if value != default[name]
-        ]
-        assert sorted(map(str, changes)) == sorted(map(str, wanted))
-        assert set(readings()) > set(READINGS)
+        for name, option in OPTIONS.items():
+            for value in option.choices:
+                try:
+                    resolved("default", default | {name: value})
+                except InputError:  # options that exclude each other
+                    assert (name, value) not in changes
+                else:
+                    assert ((name, value) in changes) == (value != default[name])
 
     def test_the_options_give_these_values(self):
         """The method that a realisation makes of them has every choice as the reading says."""
@@ -46,41 +64,33 @@ class TestReadings:
                 name, value = reading.changed
                 assert reading.values == READINGS["default"] | {name: value}
 
-    def test_one_that_has_a_name_goes_by_it(self):
+    def test_one_that_has_a_name_goes_by_it(self, monkeypatch):
+        monkeypatch.setitem(READINGS, "default", READINGS["letter"] | {"sign": "free"})
         there = readings()
-        assert there["letter"].changed == ("thresholds", "mad")
-        assert there["letter"].title == "letter (thresholds = mad)"
+        assert there["letter"].changed == ("sign", "nonnegative")
+        assert there["letter"].title == "letter (sign = nonnegative)" and "sign = nonnegative" not in there
         assert there["code"].title == "code" and there["code"].changed is None
-        assert "thresholds = mad" not in there
         assert there["last = repeated"].title == "last = repeated"
+        assert there["last = repeated"].departures == {"sign": "free"}
 
-    def test_distance_from_the_text_counts_what_it_speaks_of(self):
+    def test_distance_from_the_text_counts_what_it_is_about(self):
         there = readings()
-        assert [there[name].distance for name in ("letter", "default", "last = repeated", "sign = free")] == [
-            0,
-            0,
-            0,
-            1,
-        ]
-        assert there["floor = 1e-09"].distance == 0
-        assert there["code"].distance == 6
+        assert there["letter"].distance == there["instrument-noise"].distance == 0
+        assert there["code"].distance == len(there["code"].departures) == 6
 
     def test_the_text_speaks_against_choices_that_there_are_and_never_against_the_letter(self):
         for name, option in OPTIONS.items():
             assert set(option.against) < set(option.choices)
             assert READINGS["letter"][name] not in option.against
 
-    def test_options_that_exclude_each_other_are_left_out(self, monkeypatch):
-        monkeypatch.setitem(READINGS, "default", READINGS["default"] | {"beyond": "regularised"})
-        there = readings()
-        assert "last = repeated" in there
-        assert not {"last = unregularised", "last = thresholded"} & set(there)
-
     @pytest.mark.parametrize(
         ("last", "beyond"), [("repeated", "regularised"), ("unregularised", "projection")]
     )
     def test_beyond_200_it_goes_on_as_its_last_step_can(self, last, beyond):
-        sky = Realisation(survey=Survey(nside=8, n_channels=30, box_cells=16), options=(("last", last),))
+        sky = Realisation(
+            survey=Survey(nside=8, n_channels=30, box_cells=16),
+            options=(("reading", "letter"), ("last", last)),
+        )
         _, method, peaks, post = sky._beyond("evolving")
         assert (method.last, method.beyond, peaks, post) == (last, beyond, True, False)
 
@@ -90,8 +100,7 @@ def tiny(tmp_path_factory):
     """Outcomes of two readings on one tiny sky, and the realisation; the cache is that of all tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
-        some = {label: readings()[label] for label in CHOSEN}
-        patch.setattr(experiment, "readings", lambda: some)
+        patch.setattr(experiment, "readings", lambda: CHOSEN)
         (sky,) = experiment.skies(**TINY, n_realisations=1, n_restarts=1)
         yield outcomes(experiment.EXPERIMENT.table([sky])), sky.realisations["default"][0]
 
@@ -99,7 +108,7 @@ def tiny(tmp_path_factory):
 class TestEvaluate:
     def test_every_reading_claim_and_restart(self, tiny):
         found, sky = tiny
-        assert tuple(found) == CHOSEN
+        assert tuple(found) == tuple(CHOSEN)
         for one in found.values():
             assert tuple(one.entries) == tuple(CLAIMS)
             members = [(sky.survey.seed, k) for k in range(len(one.runs))]
@@ -108,10 +117,9 @@ class TestEvaluate:
 
     def test_the_verdicts_are_those_of_the_ledger(self, tiny):
         found, sky = tiny
-        judged = judge(replace(sky, options=(("last", "unregularised"),)))
-        for claim, finding in judged.items():
-            (one,) = found["last = unregularised"].entries[claim].findings.values()
-            assert (one.verdict, one.parts) == (finding.verdict, finding.parts)
+        for claim, finding in judge(replace(sky, options=CHOSEN["letter"].options)).items():
+            (one,) = found["letter"].entries[claim].findings.values()
+            assert one.parts == finding.parts
             assert one.value == pytest.approx(finding.value, nan_ok=True)
 
     def test_observations_do_not_stay(self, tiny):
@@ -123,7 +131,7 @@ class TestEvaluate:
     @pytest.mark.parametrize("label", CHOSEN)
     def test_a_run_is_what_the_assessment_says(self, tiny, label):
         found, sky = tiny
-        one = replace(sky, options=readings()[label].options)
+        one = replace(sky, options=CHOSEN[label].options)
         comparison, assessed = one.of("oscillating")["sdecgmca"], one.assessed("sdecgmca")
         ratio, degrees = comparison.angular_ratio, comparison.degrees
         numbers = found[label].runs[0].numbers
@@ -155,7 +163,7 @@ class TestEvaluate:
         assert at == pytest.approx(comparison.degrees)  # so few that each has its own bin
         assert ratio == pytest.approx(comparison.angular_ratio)
         x = np.arange(2.0, 500)
-        at, means = zip(*experiment._binned(x, 3 * x), strict=True)
+        at, means = zip(*restarts._binned(x, 3 * x), strict=True)
         assert at[:3] == (2, 3, 4) and at[-1] > 450 and len(at) <= 40
         assert means == pytest.approx(3 * np.array(at))
 
@@ -167,10 +175,51 @@ class TestEvaluate:
                 outcomes(rows)
 
 
+class TestDefault:
+    """The most charitable candidate, on made-up outcomes."""
+
+    @staticmethod
+    def outcome(*shares):
+        """One claim with a main part on SDecGMCA for each share, over ten restarts, and parts of others."""
+        members = [
+            (
+                *(Part(f"{n}", k < 10 * share, True, "SD") for n, share in enumerate(shares)),
+                Part("other", True, True, "PCA/ICA"),
+                Part("not main", True, False, "SD"),
+            )
+            for k in range(10)
+        ]
+        return Outcome(entries={"D1": judged(members)}, runs=())
+
+    def test_a_main_part_counts_the_share_in_which_it_holds(self):
+        assert charity(self.outcome(0.3, 0.9).entries.values()) == pytest.approx(1.2)
+        entries = {"M2": judged([(Part("lower peak", None, True, "SD"),)]), "O6": judged([()])}
+        assert charity(entries.values()) == 0  # premise absent, and does not apply
+
+    def test_the_default_is_the_most_charitable_and_of_two_that_nearer_to_the_text(self):
+        found = {
+            "code": self.outcome(0.3, 0.9),
+            "letter": self.outcome(0.6, 0.6),
+            "follow-up": self.outcome(1),
+        }
+        assert readings()["letter"].distance < readings()["code"].distance
+        assert default_reading(found) == "letter"
+        assert default_reading(found | {"code": self.outcome(0.4, 0.9)}) == "code"
+        single = next(label for label, one in readings().items() if label not in candidates() and one.changed)
+        assert default_reading(found | {single: self.outcome(1, 1)}) == "letter"  # no candidate
+        table = candidates_table(found)
+        assert table["candidate"].tolist()[0] == "letter" and table["which"][0] == "none"
+        assert table["statements on SD that hold"].tolist() == ["1.2", "1.2", "1.0"]
+
+    def test_what_departs_from_the_text_is_named(self):
+        assert readings()["letter"].departures == {}
+        assert readings()["code"].departures["sign"] == "free"
+
+
 class TestOutcome:
-    def test_verdict_is_that_of_most_seeds_or_the_worse(self):
-        one = outcome({"D1": [REPRODUCED, FAILED], "D2": [IN_PART] * 2 + [FAILED], "E1": INAPPLICABLE})
-        assert [one.verdict(claim) for claim in ("D1", "D2", "E1")] == [FAILED, IN_PART, INAPPLICABLE]
+    def test_verdict_is_that_of_the_ledger(self):
+        one = outcome({"D1": [REPRODUCED, FAILED], "D2": [IN_PART] * 2, "E1": INAPPLICABLE})
+        assert [one.verdict(claim) for claim in ("D1", "D2", "E1")] == [UNDECIDED, IN_PART, INAPPLICABLE]
         assert [one.holds(claim) for claim in ("D1", "D2", "E1")] == [False, True, False]
         assert one.verdict("S1") is None and one.holds("S1") is None
 

@@ -4,20 +4,19 @@ import os
 
 import numpy as np
 
+from himap.app.causes import GALAXIES, SIZES
 from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, read_stored, stored_figure
 from himap.figures import styles
 from himap.figures.tables import Table
 from himap.paper.claims import INAPPLICABLE
-from himap.paper.ledger_table import BADGES, measured, members_text, shares_text, summary
+from himap.paper.ledger_table import BADGES, cause, measured, members_text, shares_text, summary
 from himap.store.provenance import Provenance
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
 _TOP = 200  # the largest l that is shown
 _PARTS = 3  # of a claim that a cell can list
-_SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}
-_GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
 _DISTURBED = {
     "run_killed": ("`himap run` killed", "kills"),
     "claims_killed": ("`himap measure claims` killed, with two processes", "kills"),
@@ -108,7 +107,7 @@ def endurance_table(stored):
     return "\n\n".join([_markdown(head, rows), _footer(stored["about"])])
 
 
-def ledgers_table(ledgers, only=None):
+def ledgers_table(ledgers, only=None, others=None):
     """Verdicts and numbers of several ledgers side by side, and the parts that fail, as Markdown.
 
     Parameters
@@ -118,6 +117,9 @@ def ledgers_table(ledgers, only=None):
     only
         Function from the entries of one claim, one of each ledger, to whether it is shown, such as
         `of_chapter("10_results")` or `differing`; all claims unless given, and then their count as well.
+    others
+        As of `himap.paper.ledger_table.cause`, for a column with what the verdict in the first ledger is due
+        to.
     """
     names = []
     for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
@@ -127,14 +129,16 @@ def ledgers_table(ledgers, only=None):
         if only is None or only(entries):
             claim = entries[0].claim
             first = [f"**{claim.id}**", f"{claim.number} ({claim.beam})", claim.paper]
-            rows.append([*first, *map(_cell, entries)])
+            why = [] if others is None else [cause(entries[0], others)]
+            rows.append([*first, *map(_cell, entries), *why])
     if only is None:
         counts = [
             [f"{BADGES[verdict][0]} {n}" for verdict, n in summary(entries).items() if n]
             for entries, _ in ledgers
         ]
-        rows.append(["all", "", "", *map(" · ".join, counts)])
-    table = _markdown(["Claim", "Measured", "The paper says", *names], rows)
+        rows.append(["all", "", "", *map(" · ".join, counts), *([] if others is None else [""])])
+    head = ["Claim", "Measured", "The paper says", *names, *([] if others is None else ["Cause"])]
+    table = _markdown(head, rows)
     # The words that all have in common are in a paragraph of their own.
     footers = [Provenance.of_stored(about).footer().split(" · ") for _, about in ledgers]
     shared = [word for word in footers[0] if len(footers) > 1 and all(word in words for words in footers)]
@@ -182,8 +186,8 @@ def _ledger_names(ledgers):
     several, names = len({made.galaxy for made in every}) > 1, []
     for made in every:
         changed = dict(made.overrides)
-        name = [_SIZES.get(made.preset, made.preset)]
-        name += [_GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
+        name = [SIZES.get(made.preset, made.preset)]
+        name += [GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
         name += [styles.numbered(changed["method"], None)] if "method" in changed else []
         name += [str(changed["reading"])] if "reading" in changed else []
         names.append(", ".join(name))

@@ -56,6 +56,33 @@ def plain_table(entries):
     )
 
 
+def cause(entry, others):
+    """What makes a claim hold that is not reproduced, in words: measured, not guessed.
+
+    Parameters
+    ----------
+    entry
+        The `himap.paper.claims.entries.Entry`.
+    others
+        {what is different: {claim: its `Entry`}}, such as "reading code".
+
+    Returns
+    -------
+    str
+        The names of those under which the claim holds, at least in part where it is not; "none found", and
+        nothing of a claim that is reproduced. Where no part about SDecGMCA fails, the methods that do.
+    """
+    if entry.verdict == REPRODUCED:
+        return ""
+    better = (REPRODUCED,) if entry.verdict == IN_PART else (REPRODUCED, IN_PART)
+    id = entry.claim.id
+    found = [name for name, several in others.items() if id in several and several[id].verdict in better]
+    failing = {share.part.method for share in entry.main_shares if not share.holds}
+    if failing and not failing & {"SD", ""}:
+        found.insert(0, f"{', '.join(sorted(failing))}, not SD")
+    return "; ".join(found) or "none found"
+
+
 class LedgerTable:
     """To end a notebook cell with: the ledger, grouped by section of the paper.
 
@@ -65,10 +92,12 @@ class LedgerTable:
         A list of `himap.paper.claims.entries.Entry`.
     links
         {notebook: {figure of the paper: name of the figure in the book}}, for links from claims to figures.
+    others
+        As of `cause`.
     """
 
-    def __init__(self, entries, links=None):
-        self.entries, self.links = entries, links or {}
+    def __init__(self, entries, links=None, others=None):
+        self.entries, self.links, self.others = entries, links or {}, others or {}
 
     def __repr__(self):
         return repr(Table([], plain_table(self.entries).to_numpy().tolist()))
@@ -78,8 +107,8 @@ class LedgerTable:
         for section, title in _SECTIONS.items():
             claims = [self._row(entry) for entry in self.entries if entry.claim.section == section]
             if claims:
-                rows += [["", HTML(f"<strong>{title}</strong>"), "", "", ""], *claims]
-        return Table(["", "claim", "verdict", "measured", "paper"], rows).html()
+                rows += [["", HTML(f"<strong>{title}</strong>"), "", "", "", ""], *claims]
+        return Table(["", "claim", "verdict", "measured", "paper", "cause"], rows).html()
 
     def _row(self, entry):
         claim = {name: html.escape(getattr(entry.claim, name)) for name in _WORDS}
@@ -102,6 +131,7 @@ class LedgerTable:
             f"{badge}<br>{members_text(entry)}",
             f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>",
             claim["paper"],
+            html.escape(cause(entry, self.others)),
         )
         return [HTML(cell) for cell in cells]
 

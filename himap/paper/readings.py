@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -106,9 +107,14 @@ class Reading:
         return sum(self.values[name] != READINGS["letter"][name] for name in OPTIONS)
 
     @property
+    def departures(self):
+        """{option: value} of those that contradict the paper's text."""
+        return {name: self.values[name] for name, one in OPTIONS.items() if self.values[name] in one.against}
+
+    @property
     def distance(self):
         """How many values contradict the paper's text."""
-        return sum(self.values[name] in option.against for name, option in OPTIONS.items())
+        return len(self.departures)
 
 
 def readings():
@@ -204,19 +210,23 @@ class Outcome:
 
 
 def outcomes(rows):
-    """{label: `Outcome`} of a table with `COLUMNS`, in the order of `readings`. Some may be missing.
+    """{label: `Outcome`} of a table with `COLUMNS`, in the order of `readings` and `candidates`. Some
+    may be missing.
 
     Raises
     ------
     InputError
-        Readings or quantities that himap does not have.
+        Readings or claims that himap does not have.
     """
-    known = readings()
-    for column, names in (("reading", known), ("quantity", (*CLAIMS, *QUANTITIES))):
-        if unknown := sorted(set(rows[column]) - set(names)):
+    known = readings() | candidates()
+    if "case" in rows:  # of a record of restarts, which has other beams too
+        rows = rows[rows["case"].isna() | (rows["case"] == "oscillating")]
+    judged = {name for name in rows["quantity"] if re.fullmatch(r"[A-Z]\d+", name)}
+    for column, unknown in (("reading", {*rows["reading"]} - {*known}), ("claim", judged - {*CLAIMS})):
+        if unknown:
             raise InputError(
-                f"the record has a {column} of another version of himap, {', '.join(unknown)}; measure it "
-                "again with `himap measure readings`."
+                f"the record has a {column} of another version of himap, {', '.join(sorted(unknown))}; "
+                "measure it again."
             )
     groups = dict(list(rows.groupby("reading")))
     return {label: _outcome(groups[label]) for label in known if label in groups}
@@ -233,3 +243,34 @@ def _outcome(rows):
         curves = {name: curves[name] for name in CURVES if name in curves}
         runs.append(Run(seed=seed, restart=restart, numbers=numbers, curves=curves))
     return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=tuple(runs))
+
+
+def charity(entries):
+    """How many of the paper's statements on SDecGMCA hold: the sum of the shares of the main parts about it.
+
+    Parameters
+    ----------
+    entries
+        `himap.paper.claims.entries.Entry` of each claim, under one reading.
+    """
+    shares = [share for entry in entries for share in entry.main_shares]
+    return sum(share.mean for share in shares if share.part.method == "SD")
+
+
+def ranked_candidates(outcomes):
+    """[(label, `charity`, departures from the text)] of the candidates for the default, the best first.
+
+    A tie goes to fewer departures.
+    """
+    known = readings() | candidates()
+    ranked = [
+        (label, charity(one.entries.values()), known[label].distance)
+        for label, one in outcomes.items()
+        if label in candidates() or label == "default"
+    ]
+    return sorted(ranked, key=lambda row: (-round(row[1], 9), row[2]))
+
+
+def default_reading(outcomes):
+    """Label of the most charitable candidate: under it most statements of the paper on SDecGMCA hold."""
+    return ranked_candidates(outcomes)[0][0]

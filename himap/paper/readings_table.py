@@ -5,7 +5,7 @@ import math
 import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.readings import BANDS, readings
+from himap.paper.readings import BANDS, candidates, ranked_candidates, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
@@ -28,7 +28,7 @@ def summary_table(outcomes):
 
     Of bands and bump the value that is furthest from 1 over all runs, as a factor, or a dash.
     """
-    known, rows = readings(), []
+    known, rows = readings() | candidates(), []
     for label, one in outcomes.items():
         verdicts = [entry.verdict for entry in one.entries.values()]
         rows.append(
@@ -97,18 +97,20 @@ def _judged(outcomes):
     return [claim for claim in CLAIMS if any(claim in one.entries for one in outcomes.values())]
 
 
-def closest_converged(outcomes):
-    """Labels of the readings of which no run fails, and that have the fewest choices off the text.
-
-    Of several such, those that have the fewest choices unlike the letter.
-    """
-    known = readings()
-    distances = {
-        label: (known[label].distance, known[label].unlike)
-        for label, one in outcomes.items()
-        if not one.n_failing
-    }
-    return [label for label, distance in distances.items() if distance == min(distances.values())]
+def candidates_table(outcomes):
+    """A DataFrame of texts with a row for each candidate for the default, the most charitable first."""
+    known = readings() | candidates()
+    return pd.DataFrame(
+        {
+            "candidate": known[label].title,
+            "statements on SD that hold": f"{count:.1f}",
+            "departures from the text": f"{distance}",
+            "which": ", ".join(f"{name} = {value}" for name, value in known[label].departures.items())
+            or "none",
+            "fails": f"{outcomes[label].n_failing} of {len(outcomes[label].runs)}",
+        }
+        for label, count, distance in ranked_candidates(outcomes)
+    )
 
 
 def option_rows(outcomes):
