@@ -131,18 +131,10 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER):
     alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
     rows = progress(flat, "analysis") if len(flat) > 1 else flat
     for row, alm in zip(rows, alms, strict=True):
-        pixels = row.astype(real)
-        alm += _adjoint(pixels, lmax, nside)
-        for _ in range(n_iter):
-            alm += _adjoint(row - synthesise(alm, nside), lmax, nside)
+        for turn in range(n_iter + 1):
+            residual = row - synthesise(alm, nside) if turn else row.astype(real)
+            alm += 4 * np.pi / len(row) * _adjoint_synthesis(residual, lmax, _geometry(nside))
     return alms.reshape(*maps.shape[:-1], -1)
-
-
-def _adjoint(pixels, lmax, nside):
-    """Plain quadrature: coefficients of one map with equal pixel weights."""
-    alm = _adjoint_synthesis(pixels, lmax, _geometry(nside))
-    alm *= 4 * np.pi / len(pixels)
-    return alm
 
 
 def _synthesise(alm, out, lmax, rings):
@@ -185,16 +177,11 @@ def analyse_closely(pixels, lmax, tolerance):
     share = np.linalg.norm(residual) / np.linalg.norm(pixels)
     if share <= tolerance:
         return alm
-    correction = ducc0.sht.pseudo_analysis(
-        map=residual[None],
-        lmax=lmax,
-        spin=0,
-        nthreads=0,
-        maxiter=50,
-        epsilon=tolerance / share,
-        **_geometry(nside),
+    enough = {"maxiter": 50, "epsilon": tolerance / share}
+    (correction,), *_ = ducc0.sht.pseudo_analysis(
+        map=residual[None], lmax=lmax, **enough, **_PLAIN, **_geometry(nside)
     )
-    return alm + correction[0][0]
+    return alm + correction
 
 
 @lru_cache(maxsize=4)

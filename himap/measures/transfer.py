@@ -224,11 +224,12 @@ def mock_power(alms, error, channel_width):
     """
     more = sphere.analyse(error.maps.astype(np.float32), sphere.lmax_of_size(alms.shape[-1]))
     spectra = fft.rfft(error.spectra, axis=0)
-
-    def output(waves, degree):
-        return waves + spectra @ _real_modes(more, degree)
-
-    return _mock_power(alms, len(error.spectra), channel_width, output)
+    return _mock_power(
+        alms,
+        len(error.spectra),
+        channel_width,
+        lambda waves, degree: waves + spectra @ _real_modes(more, degree),
+    )
 
 
 def mock_power_of_cubes(alms, output_alms, channel_width):
@@ -242,32 +243,21 @@ def mock_power_of_cubes(alms, output_alms, channel_width):
     InputError
         The two have not the same channels.
     """
-
-    def output(waves, degree):
-        return fft.rfft(_real_modes(output_alms, degree), axis=0)
-
-    return _mock_power(alms, len(output_alms), channel_width, output)
+    return _mock_power(
+        alms,
+        len(output_alms),
+        channel_width,
+        lambda _, degree: fft.rfft(_real_modes(output_alms, degree), axis=0),
+    )
 
 
 def expected_mock_power(separation, channel_width):
-    """The `MockPower` of HI and noise with the covariance C_l of a linear filter: no mocks, and no truth.
+    """The `MockPower` of HI and noise with the covariance C_l of a `FilteredSeparation`: no mocks, no truth.
 
     Of the modes n_l of HI and noise the filter W_l G_l leaves n_l - W_l G_l n_l, whose powers are sums over
     C_l: those of infinitely many mocks, of a Gaussian field. The filter is held fixed, as a Wiener filter of
     smooth spectra nearly is. A residual spectrum is to be divided by the share of `cross` alone: it has as
-    much foreground as is missing in `output`, if its covariance is the right one.
-
-    Parameters
-    ----------
-    separation
-        A `FilteredSeparation`.
-    channel_width
-        MHz.
-
-    Returns
-    -------
-    MockPower
-        To l = ``separation.filter.lmax``; `TransferFunction` makes shares by l and k of it.
+    much foreground as is missing in `output`, if its covariance is the right one. `channel_width` in MHz.
     """
     linear, n_channels = separation.filter, len(separation.mixing)
     waves, rows = fft.rfft(np.eye(n_channels), axis=0), []
