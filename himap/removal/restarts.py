@@ -50,7 +50,7 @@ def checked_restarts(method, n=None):
     """
     if has_restarts(method):
         return RESTARTS if n is None else whole_number("restarts", n, 1, 10_000)
-    if n is not None:
+    if n not in (None, 1):
         raise InputError(f"{method.name} does not depend on its start: leave restarts out, got {n}.")
     return 1
 

@@ -333,7 +333,9 @@ def sensitivity(asked):
     if asked.beam is not None:
         measured.perturbed_beams(asked.beam, **errors, period=asked.period)  # before the work
     cube, beams = _cube_and_beams(asked, remover)
-    cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks)
+    cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)
+    for remark in cleaned.remarks:
+        _tell(remark)
     found = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
     click.echo(measured.sensitivity_table(found))
     if page is not None:
