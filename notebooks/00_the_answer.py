@@ -117,8 +117,7 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# And along the line of sight, as it was drawn when it was measured; the axis of ratios is even, from 0 to 2. SDecGMCA ends at $\ell = 200$ and so does the truth that it is held against, which is why its curve can lie
-# below that of HI and noise where its ratio is 1.
+# And along the line of sight, as it was drawn when it was measured; the axis of ratios is even, from 0 to 2. A method that ends at some $\ell$ lacks the power beyond, and is compared with all of it.
 
 # %% tags=["hide-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -140,7 +139,7 @@ told(2)
 
 # %% [markdown]
 # **The order of the methods is the paper's; how far each of them gets is not in every case.** The parametric fit fails, GMCA leaves more than PCA, and SDecGMCA stays near 1 in $C_\ell$. But PCA and FastICA with four components are off by up to
-# {glue:text}`answer_evolving` at the highest multipoles at the paper's size, and {glue:text}`answer_evolving_several` at half of it, where the beam that shrinks makes new spectra of the foreground; one component more takes these ({doc}`22_how_many`). The excess of GMCA begins at lower multipoles than in the paper on the real Galaxy.
+# {glue:text}`answer_evolving` at 95 % of the multipoles at the paper's size, and {glue:text}`answer_evolving_several` at half of it, where the beam that shrinks makes new spectra of the foreground; one component more takes these ({doc}`22_how_many`). The excess of GMCA begins at lower multipoles than in the paper on the real Galaxy.
 #
 # ## 3. The oscillating beam
 
@@ -148,7 +147,7 @@ told(2)
 told(3)
 
 # %% [markdown]
-# **SDecGMCA is the most accurate of the six, as the paper says**, and the most consistent over the beams: off by {glue:text}`answer_oscillating` at most at $10 < \ell < 200$ at the paper's size, and by {glue:text}`answer_oscillating_several` at half of
+# **SDecGMCA is the most accurate of the six, as the paper says**, and the most consistent over the beams: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ at the paper's size, and {glue:text}`answer_oscillating_several` at half of
 # it, where the paper has 5 %; but on {glue:text}`25_side_by_side.ipynb::side_larger_failed:s` of {glue:text}`25_side_by_side.ipynb::side_larger_total:s` skies at that size, of both Galaxies, it fails altogether ([side by side](side-larger)). (O6 is SDecGMCA run on beyond $\ell = 200$, where it is cut in all figures.) What does not come out is the peak near $k_\nu = 0.3$ that the paper finds in every
 # method of blind separation: PCA, FastICA and GMCA have it, SDecGMCA has none to suppress. It loses HI at low $k_\nu$, where the paper finds too much power. Which of this hangs on what the paper's text leaves open is in {doc}`16_readings`.
 #

@@ -180,7 +180,7 @@ plotting.stamp(curves_figure(outcomes), made)
 # (readings-default)=
 # ## How the default was chosen
 #
-# The first table has the candidates: how many of the paper's statements on SDecGMCA hold, and which words of the text each of them departs from. The second has a row for each reading: how many of its choices the paper's text speaks against, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–). The third has of
+# The first table has the candidates: how many of the paper's statements on SDecGMCA hold, and which words of the text each of them departs from. The second has a row for each reading: how many of its choices the paper's text contradicts, how many statements hold, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–). The third has of
 # bands and bump the value that is furthest from 1 in any run. Without a column there: {glue:text}`readings_empty`.
 
 # %% tags=["hide-input"]

@@ -98,7 +98,7 @@ rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 
 # %% [markdown]
-# The claims take most: they measure what 64 separations leave (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18. No cleaned cube is made for it: a method gives a few spectra times maps, and
+# The claims take most: they measure what 72 separations leave (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, 8 with other regularisations and restarts of it, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18. No cleaned cube is made for it: a method gives a few spectra times maps, and
 # so does its error.
 
 # %% [markdown]
@@ -214,7 +214,7 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
 #
 # What Figs. 1 and 2 need: six methods, three beams, both spectra. *Times* is how often a step is done in each realisation. *Memory* is what himap asks for before it begins.
-# The ledger measures what 64 separations leave of each realisation where these two figures have 18.
+# The ledger measures what 72 separations leave of each realisation where these two figures have 18.
 
 # %% tags=["hide-input"]
 rows = [

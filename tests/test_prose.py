@@ -25,7 +25,7 @@ DEFINED = {
         "15°, 1.4 GHz, 0.01"
     ),
     "book/intro.md": "2511.13328",
-    "notebooks/00_the_answer.py": "10 %, 5 %, 84 %",
+    "notebooks/00_the_answer.py": "10 %, 5 %, 84 %, 95 %",
     "notebooks/01_simulations.py": "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2",
     "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 20 MHz",
     "notebooks/03_peak_masking.py": "10°, 60°, four times",

@@ -5,7 +5,7 @@ import math
 import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.readings import BANDS, candidates, ranked_candidates, readings
+from himap.paper.readings import BANDS, candidates, charity, ranked_candidates, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
@@ -26,7 +26,8 @@ _MANY = 1e3  # from where on one digit and a power of ten are enough
 def summary_table(outcomes):
     """A DataFrame of texts with a row for each of {label: `Outcome`}.
 
-    Of bands and bump the value that is furthest from 1 over all runs, as a factor, or a dash.
+    How many of the paper's statements on SDecGMCA hold is the `charity`. Of bands and bump it is the value
+    that is furthest from 1 over all runs, as a factor, or a dash.
     """
     known, rows = readings() | candidates(), []
     for label, one in outcomes.items():
@@ -35,6 +36,7 @@ def summary_table(outcomes):
             {
                 "reading": known[label].title,
                 "choices off the text": f"{known[label].distance}",
+                "statements on SD": f"{charity(one.entries.values()):.1f}",
                 "fails": f"{one.n_failing} of {len(one.runs)}",
                 **{sign: f"{verdicts.count(verdict)}" for verdict, (sign, *_) in MARKS.items()},
                 **{
