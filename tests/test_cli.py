@@ -1,6 +1,5 @@
 """The `himap` command."""
 
-import importlib
 import os
 import re
 import subprocess
@@ -36,37 +35,6 @@ from himap.core.errors import InputError
 if n_sources > 10:
     raise InputError("too many sources.")
 """
-
-
-PRODUCTS = """\
-import numpy as np
-
-from himap.store.store import product
-
-
-@product
-def sky(seed):
-    return np.ones(100_000)
-
-
-@product
-def spectra():
-    return np.ones(100_000)
-
-
-@product
-def of_survey(survey):
-    return np.ones(100_000)
-"""
-
-
-@pytest.fixture
-def made(tmp_path, monkeypatch):
-    """A module of products."""
-    (tmp_path / "cli_products.py").write_text(PRODUCTS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delitem(sys.modules, "cli_products", raising=False)
-    return importlib.import_module("cli_products")
 
 
 @pytest.fixture
@@ -128,9 +96,8 @@ def test_run_passes_parameters_of_any_type(himap_command, runs):
     pairs = ["-p", "n_sources=4", "-p", 'survey={"nside": 16}', "-p", "seed=7"]
     code, out, _ = himap_command("run", "01_toy", "--preset", "ci", *pairs, "-o", "out.ipynb")
     values = {"n_sources": 4, "survey": {"nside": 16}, "seed": 7}
-    options = {"preset": "ci", "parameters": values, "output": "out.ipynb", "again": True}
-    options |= {"overwrite": False}
-    assert runs == [("01_toy", options)]
+    options = {"preset": "ci", "output": "out.ipynb", "again": True, "overwrite": False}
+    assert runs == [("01_toy", options | {"parameters": values})]
     assert code == 0 and out.startswith("results/01_toy.ipynb")
 
 
@@ -259,31 +226,32 @@ def test_stale_notebooks_are_run_and_named(himap_command, monkeypatch, tmp_path)
     assert calls == [(name, {}, tmp_path / "notebooks") for name in ("02_other", "01_toy")]
 
 
-def test_the_cache(himap_command, made):
+def test_the_cache(himap_command, lab):
     code, out, _ = himap_command("cache", "info")
     assert code == 0 and out.strip().endswith("cache: 0 B")
-    for result in [made.sky(1), made.sky(2), made.spectra()]:
-        assert result.sum() == 100_000
-    _, out, _ = himap_command("cache", "info")
-    assert out.splitlines()[0].endswith("cache: 2.4 MB")
-    assert [line.split()[:2] for line in out.splitlines()[1:]] == [
+    lab.odd()
+    for size in (100_000, 100_001):
+        assert lab.slow(size).sum() == size
+    first, *table = himap_command("cache", "info")[1].splitlines()
+    assert first.endswith("cache: 1.6 MB")
+    assert [line.split()[:2] for line in table] == [
         ["product", "preset"],
-        ["sky", "other"],
-        ["spectra", "other"],
+        ["odd", "other"],
+        ["slow", "other"],
     ]
-    assert "{seed: 2}" in himap_command("cache", "info", "--all")[1]
-    assert himap_command("cache", "clear", "sky")[:2] == (0, "freed 1.6 MB\n")
-    code, _, err = himap_command("cache", "clear", "sky")
-    assert code == 2 and "it holds spectra" in err
+    assert "size: 100001}" in himap_command("cache", "info", "--all")[1]
+    assert himap_command("cache", "clear", "slow")[:2] == (0, "freed 1.6 MB\n")
+    code, _, err = himap_command("cache", "clear", "slow")
+    assert code == 2 and "it holds odd" in err
     assert himap_command("cache", "clear", input="n\n")[0] == 1 and cache.cache_info()
     assert himap_command("cache", "clear", "--yes")[0] == 0 and not cache.cache_info()
 
 
-def test_the_cache_by_preset_and_age(himap_command, made):
+def test_the_cache_by_preset_and_age(himap_command, lab):
     ci, laptop = PRESETS["ci"], PRESETS["laptop"]
     surveys = [replace(ci, seed=1), replace(ci, nside=16), laptop, replace(laptop, seed=1)]
     for survey in surveys:
-        made.of_survey(survey)
+        lab.base(survey)
     _, out, _ = himap_command("cache", "info")
     counts = [line.split()[1:3] for line in out.splitlines()[2:]]
     assert counts == [["ci", "1"], ["laptop", "2"], ["other", "1"]]
@@ -294,12 +262,12 @@ def test_the_cache_by_preset_and_age(himap_command, made):
     clear = ("cache", "clear", "--preset", "laptop", "--older-than")
     assert himap_command(*clear, "4")[:2] == (0, "freed 0 B\n")
     assert himap_command(*clear, "2")[0] == 0
-    assert [made.of_survey.is_cached(survey) for survey in surveys] == [True, True, True, False]
+    assert [lab.base.is_cached(survey) for survey in surveys] == [True, True, True, False]
     assert himap_command("cache", "clear", "--preset", "ci")[0] == 0
-    assert [made.of_survey.is_cached(survey) for survey in surveys] == [False, True, True, False]
+    assert [lab.base.is_cached(survey) for survey in surveys] == [False, True, True, False]
     for days in ("-1", "nan", "inf", "1e400"):
         assert himap_command("cache", "clear", "--older-than", days)[0] == 2
-    assert made.of_survey.is_cached(surveys[1])
+    assert lab.base.is_cached(surveys[1])
     for file in cache.cache_folder().rglob("*.npy"):
         os.utime(file, (time.time() + 3 * 86_400,) * 2)  # by a clock that goes wrong
     assert himap_command("cache", "clear", "--older-than", "0", "--yes")[0] == 0 and not cache.cache_info()

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-import healpy as hp
 import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
@@ -18,6 +18,19 @@ def maps(rng):
     return power_law_maps(rng)
 
 
+def cube_of(folder, maps, freqs=FREQS):
+    np.save(folder / "a.npy", maps)
+    return read_cube(folder / "a.npy", freqs=freqs, unit="mK", order="RING")
+
+
+def made_up(**changed):
+    """A suggestion for 1 to 5 sources whose criterion and eigenvalues say 3."""
+    given = {"eigenvalues": np.ones(24), "line": np.ones(24), "n_bright": 3, "method": "pca"}
+    given |= {"n_sources": np.arange(1, 6), "criterion": np.array([5, 1, 0, 0.1, 0.2]), "stable": None}
+    given |= {"change": np.array([1, 0.5, 0.12, 0.13]), "knows_beam": False, "at_one_resolution": False}
+    return suggestion.Suggestion(**given | changed)
+
+
 class TestSuggestion:
     """On skies whose number of foreground components is known."""
 
@@ -25,8 +38,7 @@ class TestSuggestion:
     def test_all_views_find_the_number(self, n_components, rng, tmp_path):
         smooth = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
         bright = smooth @ (1e3 * rng.standard_normal((n_components, N_PIX)))
-        np.save(tmp_path / "a.npy", bright + rng.standard_normal((24, N_PIX)))
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        cube = cube_of(tmp_path, bright + rng.standard_normal((24, N_PIX)))
         found = suggestion.suggest(cube, "pca", n_sources=range(1, 8))
         assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
         assert found.range == (n_components, n_components)
@@ -37,8 +49,7 @@ class TestSuggestion:
     def test_spectra_by_difference_those_of_another_number(self, share, maps, rng, tmp_path):
         """From the few spectra by which two cleaned cubes differ, as if each were analysed anew."""
         maps[:, rng.random(N_PIX) < share] = np.nan
-        np.save(tmp_path / "a.npy", maps)
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        cube = cube_of(tmp_path, maps)
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
         beside = spectra.spectra_by_difference(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
@@ -57,8 +68,7 @@ class TestSuggestion:
         alms = spectra @ np.stack([sphere.gaussian_alm(power, rng) for _ in range(2)])
         seen = zip(alms, windows, strict=True)
         maps = [sphere.synthesise(sphere.multiply_beam(alm, window), NSIDE) for alm, window in seen]
-        np.save(tmp_path / "a.npy", maps + rng.standard_normal((24, N_PIX)))
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        cube = cube_of(tmp_path, maps + rng.standard_normal((24, N_PIX)))
         blind = suggestion.suggest(cube, "pca", n_sources=range(1, 5))
         knowing = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 5), beams=windows)
         assert blind.n_bright > 3
@@ -71,10 +81,9 @@ class TestSuggestion:
     def test_on_a_part_of_the_sky_the_criterion_alone_counts_for_a_method_that_knows_the_beam(self, tmp_path):
         """There eigenvalues have what the beam adds, as for PCA."""
         observation = Study(preset="ci").observed(named("oscillating"))
-        n_pix = observation.maps.shape[1]
-        latitudes = hp.pix2ang(sphere.nside_of(observation.maps), np.arange(n_pix), lonlat=True)[1]
-        np.save(tmp_path / "a.npy", np.where(np.abs(latitudes) > 15, observation.maps, np.nan))
-        cube = read_cube(tmp_path / "a.npy", freqs=observation.freqs, unit="mK", order="RING")
+        latitudes = sphere.pixel_latitude(sphere.nside_of(observation.maps))
+        seen = np.where(np.abs(latitudes) > 15, observation.maps, np.nan)
+        cube = cube_of(tmp_path, seen, observation.freqs)
         beams = beams_of(cube, "oscillating")
         found = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 7), beams=beams)
         assert found.n_bright > found.best and found.range == (found.best, found.best)
@@ -87,15 +96,11 @@ class TestSuggestion:
     )
     def test_where_the_views_differ(self, knows_beam, change, expected):
         """The criterion, of what a method leaves, decides where the spectra hardly move after its number."""
-        found = suggestion.Suggestion(
+        found = made_up(
             n_sources=np.arange(2, 7),
-            eigenvalues=np.ones(24),
-            line=np.ones(24),
-            n_bright=3,
             criterion=np.array([5, 0.2, 0, 0.1, 0.2]),
             change=np.array([1, 0.3, change, 0.02]),
             stable=5,
-            method="sdecgmca",
             knows_beam=knows_beam,
             at_one_resolution=knows_beam,
         )
@@ -105,8 +110,8 @@ class TestSuggestion:
 
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
         falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))
-        np.save(tmp_path / "a.npy", (np.linalg.qr(rng.standard_normal((24, 24)))[0] @ falling).astype("f4"))
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
+        mixed = np.linalg.qr(rng.standard_normal((24, 24)))[0] @ falling
+        cube = cube_of(tmp_path, mixed.astype("f4"))
         found = suggestion.suggest(cube, "pca", n_sources=range(1, 4))
         assert found.range is None
         assert suggestion.advice(found).endswith("try larger ones, or a method that knows the beam.")
@@ -114,18 +119,7 @@ class TestSuggestion:
 
     def test_what_both_say_counts_where_nothing_is_stable(self):
         """With few channels each source takes so much HI that spectra never stand still."""
-        found = suggestion.Suggestion(
-            n_sources=np.arange(1, 6),
-            eigenvalues=np.ones(24),
-            line=np.ones(24),
-            n_bright=3,
-            criterion=np.array([5, 1, 0, 0.1, 0.2]),
-            change=np.array([1, 0.5, 0.12, 0.13]),
-            stable=None,
-            method="pca",
-            knows_beam=False,
-            at_one_resolution=False,
-        )
+        found = made_up()
         assert found.range == (3, 3)
         told = suggestion.advice(found)
         assert "consider n_sources = 3, by both criteria." in told and "himap transfer" in told
@@ -137,22 +131,17 @@ class TestSuggestion:
         done = himap("suggest", path, "--to", 4, "-o", page)
         assert done.exit_code == 0 and "For pca, consider n_sources = 2, by both criteria." in done.output
         assert page.read_text().count("<img alt=") == 1
-        again = himap("suggest", path, "-o", page)
-        assert again.exit_code == 2 and "give --overwrite" in again.output
-
-    def test_from_the_shell_with_a_beam(self, maps, tmp_path):
-        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
         done = himap("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
         assert done.exit_code == 0 and "2 eigenvalues stand above HI and noise." in done.output, done.output
-
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
+        for options, message in (
+            (["-o", page], "give --overwrite"),
             (["--method", "polynomial"], "no parameter 'n_sources'"),
             (["-o", "n.txt"], "is a .html file"),
-        ],
-    )
-    def test_what_it_refuses(self, options, message, maps, tmp_path):
-        path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
-        done = himap("suggest", path, *options)
-        assert done.exit_code == 2 and message in done.output
+        ):
+            done = himap("suggest", path, *options)
+            assert done.exit_code == 2 and message in done.output
+
+    @pytest.mark.parametrize("counts", [[1, 3], [3], [], [0, 1], range(20, 26), range(1, 10**30), [2, 1]])
+    def test_numbers_that_are_not_in_a_row(self, counts, maps, tmp_path):
+        with pytest.raises(InputError, match="two or more numbers in a row, from 1 to .*, 24, got"):
+            suggestion.suggest(cube_of(tmp_path, maps), n_sources=counts)
