@@ -87,6 +87,12 @@ def himap_command(tmp_path, monkeypatch):
     return call
 
 
+@pytest.fixture
+def no_pages(monkeypatch):
+    """Commands on cubes write empty pages: to draw them takes longer than all the rest."""
+    monkeypatch.setattr("himap.cubes.report.write_report", lambda cleaned, path, **_: Path(path).touch())
+
+
 @pytest.fixture(scope="session")
 def html(tmp_path_factory):
     """The folder of the book, rendered once for all workers from what is committed; a warning is an error."""

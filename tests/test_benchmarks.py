@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is n
 from benchmarks import __main__ as chain_of_steps
 from benchmarks import alternatives, methods, scaling
 from benchmarks.machine import Machine, Needs
+from benchmarks.measure import Measured, measured
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
 COMPARED = {"sdecgmca", "peak masking", "pca", "fastica", "gmca", "polynomial", "parametric", "beam_subspace"}
@@ -105,14 +106,30 @@ def test_floors_add_up():
     assert needs.floor(machine) == pytest.approx(0.1 + 0.1 + 3 + 1 + 0.5)
 
 
-def test_what_the_machine_can_do():
+@pytest.fixture
+def small_trials(monkeypatch):
+    """The machine is measured with arrays that are soon done."""
+    monkeypatch.setattr("benchmarks.machine._BYTES", 2**22)
+    monkeypatch.setattr("benchmarks.machine._SIDE", 300)
+
+
+def test_what_the_machine_can_do(small_trials):
     found = Machine.measured(8)
     assert 1e8 < found.bandwidth < 1e12 and 1e8 < found.operations < found.operations_single * 3
     assert found.transform > 0
 
 
-def test_steps_in_processes_of_their_own(tmp_path):
-    """Two of them, as from the shell: the table, and the file with all that it shows."""
+def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
+    """As from the shell, one of them in a process, which takes long to start: the table, and the file."""
+
+    def measured_here(step, case, *, beside):
+        if step.name == "PCA":
+            return measured(step, case, beside=beside)
+        needs, (name, work, times) = step.needs(case.survey, step.work(case)), step.beside(case)
+        work()
+        return Measured(seconds=1.0, memory=10**9, needs=needs, alternative=(name, 1.0, 1 / times))
+
+    monkeypatch.setattr(chain_of_steps, "measured", measured_here)
     sizes = [word for pair in TINY.items() for word in ("--survey", *pair)]
     only = ["--only", "PCA", "--only", "all measures"]
     path = tmp_path / "steps.json"

@@ -21,6 +21,9 @@ from himap.cubes.layout import SpherePixels
 from himap.maps.healpix_io import read_maps
 
 
+pytestmark = pytest.mark.usefixtures("no_pages")
+
+
 @pytest.fixture
 def maps():
     return good_maps()

@@ -14,6 +14,9 @@ from himap.cubes.files import read_truth
 from himap.removal.pca import PCA
 
 
+pytestmark = pytest.mark.usefixtures("no_pages")
+
+
 @pytest.fixture
 def maps():
     return good_maps()

@@ -209,6 +209,7 @@ class TestCleaning:
         assert np.isfinite(corrected["frequency"].corrected).all()
 
 
+@pytest.mark.usefixtures("no_pages")
 class TestCommands:
     def test_clean(self, hits, flags):
         np.save("hits.npy", hits)

@@ -95,6 +95,7 @@ class TestCleaning:
             )
             assert np.array_equal(cleaned.residual, expected.residual)
 
+    @pytest.mark.usefixtures("no_pages")
     def test_kelvin_nested_shuffled_partial_through_the_command(self, maps, shuffled, rng, tmp_path):
         """As healpy writes it; the residual is that of the library on the seen lines of sight."""
         seen = np.sort(rng.permutation(N_PIX)[: int(0.7 * N_PIX)])
@@ -114,6 +115,7 @@ class TestCleaning:
         assert 1e3 * found[np.argsort(shuffled)][:, seen] == pytest.approx(expected.residual, abs=1e-3)
         assert (np.delete(found, seen, axis=1) == hp.UNSEEN).all()
 
+    @pytest.mark.usefixtures("no_pages")
     @pytest.mark.parametrize("name", ["pca", "beam_subspace"])
     def test_with_a_mask_through_the_command(self, name, maps, tmp_path):
         """A NESTED mask; what is left is that of the library, and UNSEEN outside."""

@@ -96,6 +96,7 @@ class TestReading:
         assert np.isnan(found[:, 0]).all() and np.array_equal(found[:, 1:], cleaned.residual)
 
 
+@pytest.mark.usefixtures("no_pages")
 class TestCleaning:
     @pytest.mark.parametrize("kind", [fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU])
     def test_the_command_gives_the_header_back_and_the_residual_of_the_library(self, maps, kind, tmp_path):
@@ -187,6 +188,7 @@ class TestCleaning:
         assert suggest(read_cube(path), n_sources=range(1, 6)).best == 2
 
 
+@pytest.mark.usefixtures("no_pages")
 class TestSeveralFiles:
     def ranges(self, folder, maps, gap=0):
         high = ("FREQ", 1e6 * (MHZ[12] + gap), 1.0, 2e6, "Hz")
