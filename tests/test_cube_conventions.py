@@ -20,7 +20,6 @@ from himap.cubes.files import read_truth
 from himap.cubes.layout import SpherePixels
 from himap.maps.healpix_io import read_maps
 
-
 pytestmark = pytest.mark.usefixtures("no_pages")
 
 

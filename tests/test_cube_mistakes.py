@@ -13,7 +13,6 @@ from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, write_rep
 from himap.cubes.files import read_truth
 from himap.removal.pca import PCA
 
-
 pytestmark = pytest.mark.usefixtures("no_pages")
 
 
