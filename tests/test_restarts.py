@@ -95,10 +95,11 @@ def rms_of_error():
 
 
 def test_contrast(rng, planted):
-    """1 of noise, whatever the foreground; of a change the residual with it counts."""
+    """1 of noise, whatever the foreground, and of nothing; of a change the residual with it counts."""
     one = planted(error=planted.follows)
     foreground = one.separation.foreground
     assert contrast(planted().residual, foreground) == pytest.approx(1, abs=0.1)
+    assert contrast(0 * one.residual, foreground) == 1
     found = contrast(one.residual, foreground)
     assert found > 2
     change = planted().separation.foreground + -foreground

@@ -179,7 +179,8 @@ def contrast(residual, foreground, change=None):
         for power, lines in zip(powers[:, block], (foreground.lines(block), left), strict=True):
             power[:] = np.mean(np.square(lines, dtype=np.float64), axis=0)
     bright = powers[0] > np.quantile(powers[0], 1 - BRIGHT)
-    return powers[1, bright].mean() / powers[1, ~bright].mean() if bright.any() else 1.0
+    elsewhere = powers[1, ~bright].mean()
+    return powers[1, bright].mean() / elsewhere if bright.any() and elsewhere > 0 else 1.0
 
 
 def _rms(cube):
