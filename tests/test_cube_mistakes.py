@@ -112,8 +112,8 @@ class TestBeams:
             beams_of(read_cube("good.h5"), "beam.npy")
 
     def test_the_command_says_how_wide_they_are(self):
-        method = ["--method", "sdecgmca", "-p", "noise=0.1", "-p", "beyond=cut", "--beam", "evolving", "--dish", 2]
-        done = himap("clean", "good.h5", *method, "-o", "c.h5")
+        method = ["--method", "sdecgmca", "-p", "noise=0.1", "-p", "beyond=cut", "--restarts", 1]
+        done = himap("clean", "good.h5", *method, "--beam", "evolving", "--dish", 2, "-o", "c.h5")
         assert done.exit_code == 0 and "FWHM of 8.06 to 9.04 deg" in done.output, done.output
         assert "sdecgmca finds nothing beyond l = 8: what is left ends there" in done.output
 
