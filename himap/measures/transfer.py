@@ -106,11 +106,11 @@ class MockPower:
         InputError
             The input has no power at some other l or k.
         """
-        found = {}
+        ratios = {}
         for kind in ("angular", "frequency"):
             power, true = (getattr(getattr(self, name), kind)[1:] for name in (part, "input"))
-            found[kind] = np.r_[np.nan, diagnostics.ratio(power, true)]
-        return found
+            ratios[kind] = np.r_[np.nan, diagnostics.ratio(power, true)]
+        return ratios
 
     def band_means(self, ratios=None):
         """Means over `diagnostics.bands` of `ratios`, those of the output unless given, {band: (...)}."""

@@ -32,7 +32,7 @@ class CubeModes:
     bright
         Modes of the maps that go with them, (n_bright, n_modes) float64.
     rest
-        Modes of what is left, (n_channels, n_modes) float32.
+        Modes of the rest, (n_channels, n_modes) float32.
     """
 
     spectra: np.ndarray
@@ -72,7 +72,7 @@ def cube_modes(maps, kept=None):
     With a mask `kept` (n_pix,) bool, of the maps of the pixels that it keeps, (n_channels, n_kept): what is
     bright is continued outside (`himap.maps.inpaint`), the rest is zero there.
 
-    Foregrounds are a few spectra times maps; these are analysed until less than HI and noise is left. For
+    Foregrounds are a few spectra times maps; these are analysed until less than HI and noise remains. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """

@@ -15,7 +15,7 @@ def channel_covariance(maps):
     """X X^T / n_pix of maps less their channel means, (n_channels, n_channels) float64.
 
     Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
-    drown HI in rounding, so products are taken in float64, block by block, on one thread: the number of
+    drown HI in rounding, so products are in float64, block by block, on one thread: the number of
     threads changes their last bits.
     """
     n_channels, n_pix = maps.shape
@@ -40,7 +40,7 @@ def principal_axes(covariance, n_axes):
 def bright_axes(covariance, *, least=1):
     """Principal axes of what float32 cannot hold together with HI, and `least` of them in any case.
 
-    What is left has no axis with more than 1000 times the typical variance, the median: six digits do.
+    The rest has no axis with more than 1000 times the typical variance, the median: six digits do.
     """
     values = np.linalg.eigvalsh(covariance)
     return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))

@@ -29,7 +29,7 @@ class Data:
         Channel centres, MHz, ascending, (n_channels,).
     grid
         Which pixels these are: of a HEALPix sphere, RING, (12 nside^2,) bool; of an image in the plane,
-        (n_y, n_x) bool. None for a whole sphere, or for lines of sight anywhere.
+        (n_y, n_x) bool. None for a full sphere, or for lines of sight anywhere.
     weights
         Hits or inverse variances, of which only ratios matter: of pixels, (n_pix,), or of voxels,
         (n_channels, n_pix), 0 where one is missing. None where all are equal.
@@ -77,7 +77,7 @@ class Data:
         Parameters
         ----------
         maps
-            (n_channels, n_pix), mK; left as they are.
+            (n_channels, n_pix), mK; not changed.
         freqs
             Channel centres, MHz, ascending, (n_channels,).
         mask
@@ -172,15 +172,15 @@ class Data:
         return value
 
     def on_sphere(self):
-        """The same on the whole sphere, less the means: outside of `grid` what is bright goes on smoothly."""
+        """The same on the full sphere, less the means: outside of `grid` what is bright goes on smoothly."""
         if self.grid is None:
             return self
         from himap.removal.analysis import inpainted_maps
 
         maps = inpainted_maps(self.centred, self.grid, self.modes)
-        whole = replace(self, maps=maps, grid=None, weights=None, inside=self.grid)
-        whole.known.update(means=self.means, centred=maps, modes=self.modes)
-        return whole
+        full = replace(self, maps=maps, grid=None, weights=None, inside=self.grid)
+        full.known.update(means=self.means, centred=maps, modes=self.modes)
+        return full
 
     def with_mock(self, mock):
         """The same with a mock (n_channels, n_pix) of HI and noise, mK, added; missing voxels stay so.
@@ -192,7 +192,7 @@ class Data:
         return replace(self, maps=self.maps + mock, noise=noise)
 
     def on(self, mask):
-        """The same of the pixels that `mask`, (n_pix,) bool, keeps, of maps of a whole sphere.
+        """The same of the pixels that `mask`, (n_pix,) bool, keeps, of maps of a full sphere.
 
         Raises
         ------

@@ -30,7 +30,7 @@ class GaussianProcess(ForegroundRemover):
 
     K_smooth and K_mix squared exponentials, v exp(-x^2 / (2 L^2)) for channels x MHz apart: the foreground as
     it was emitted, and what instruments add to it, which is less smooth; K_HI an exponential, v exp(-x / L);
-    and white noise. The foreground is (K_smooth + K_mix) K^-1 d, the rest is left (Mertens et al. 2018; for
+    and white noise. The foreground is (K_smooth + K_mix) K^-1 d (Mertens et al. 2018; for
     single dishes Soares et al. 2022, whose kernels these are). No noise level is assumed: s is fitted with
     everything else, at the maximum of the marginal likelihood of all n lines of sight,
 
@@ -40,7 +40,7 @@ class GaussianProcess(ForegroundRemover):
     sight as independent draws, which changes how sure it is and not where its maximum is.
 
     The foreground is linear in the data, so it is a mixing matrix times sources: the eigenvectors of
-    K_foreground against K_HI + s^2 1, each taken by its share of foreground in K, a dozen with any at all.
+    K_foreground against K_HI + s^2 1, each times its share of foreground in K, a dozen with any at all.
     Bounds keep the four apart: no foreground is shorter than `shortest`, no HI longer than `longest_hi`.
     """
 
@@ -125,9 +125,9 @@ class _Kernels:
         _, rows, power = _whitened(root, rest)
         # K^-1 = rows^T rows, and ln det K is that of its parts.
         rows /= np.sqrt(1 + power)[:, None]
-        found = rows @ covariance @ rows.T
-        value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(found))
-        excess, slope = np.eye(len(found)) - found, []
+        known = rows @ covariance @ rows.T
+        value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(known))
+        excess, slope = np.eye(len(known)) - known, []
         for root, derivative in roots:
             seen = excess @ (rows @ root)
             slope += [0.5 * np.vdot(seen, rows @ root), np.vdot(seen, rows @ derivative)]

@@ -28,7 +28,7 @@ class GMCA(ForegroundRemover):
     sources take shape: the share of coefficients kept, among those above `n_sigma` times the noise, grows
     evenly to all of them in `n_falling` iterations. The noise of a source in a scale is 1.48 times its
     median absolute coefficient. It stops when the foreground moves, from one iteration to the next, by less
-    than `tolerance` times the rms of what is left. (A itself drifts on: its columns become nearly parallel.)
+    than `tolerance` times the rms of the residual. (A itself drifts on: its columns become nearly parallel.)
 
     At the end S = A^+ X with no threshold, so that the foreground A S depends on the space that the
     columns of A span and on nothing else. The smooth scale has no part in A: its few large structures are
@@ -37,7 +37,7 @@ class GMCA(ForegroundRemover):
     The cube is never transformed. X^wt = X Phi^T with Phi linear, so A^+ X^wt = Phi(A^+ X), and
     X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
 
-    Pixels must be a whole HEALPix sphere, or of an image in the plane: there starlets are the B-spline
+    Pixels must be a full HEALPix sphere, or of an image in the plane: there starlets are the B-spline
     wavelets of Starck et al. (2007), made of the seen pixels alone (`himap.maps.starlets`). Those that
     are not seen, and what lies beyond the border, have no part in A and in the thresholds. Of a masked
     sphere all pixels count: bright foreground goes on smoothly outside of the mask (`himap.maps.inpaint`).
@@ -116,7 +116,7 @@ def _updated(mixing, cube, sources, starlets):
 
 
 def _settled(before, after, covariance, tolerance):
-    """Whether the foregrounds of two A differ by less than `tolerance` times what is left, or than rounding.
+    """Whether the foregrounds of two A differ by less than `tolerance` times the residual, or than rounding.
 
     Both are rms values over the maps, tr(D C D)^(1/2): C is their covariance, D a difference of projections.
     """
@@ -153,7 +153,7 @@ def details_of(maps, n_scales, image=None):
     Raises
     ------
     InputError
-        No whole HEALPix sphere, or too small an image for so many scales.
+        No full HEALPix sphere, or too small an image for so many scales.
     """
     if image is None:
         return SphereDetails(n_scales, sphere.nside_of(maps))

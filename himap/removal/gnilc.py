@@ -48,12 +48,12 @@ class GNILC(ForegroundRemover):
 
     The paper takes R around each pixel, from a region with so many modes that channels over modes, the
     bias of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not
-    as many modes on the whole sky has one R, as all have with a bias of 0. With a hundred channels only
+    as many modes on the full sky has one R, as all have with a bias of 0. With a hundred channels only
     the finest have regions, and their filters (`local_difference`) cost much more than the rest. For the
     same reason the first needlet needs many more modes than there are channels: with hundreds of channels
     a `first_peak` of 20 is too small, and takes HI at the lowest l. Beyond the last l the filter is that
-    of the whole sky. Not as published is that an axis with *less* power than expected never counts as
-    foreground: in the sum as it stands, many that are far too faint would.
+    of the full sky. Not as published is that an axis with *less* power than expected never counts as
+    foreground: in the published sum, many that are far too faint would.
 
     Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
     mock has few modes. Without it Q has its shape from theory and its level from the data
@@ -120,8 +120,8 @@ class GNILC(ForegroundRemover):
         last = _last(window)
         data = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
         more = local_difference(data, prior, everywhere, np.sqrt(share))
-        found = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
-        return found * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
+        alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
+        return alms * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
 
 
 def _last(window):
@@ -152,8 +152,8 @@ def n_foreground(values):
     """How many of the eigenvalues of R~, descending, have foreground in them."""
     values = np.maximum(values, 1)
     unexplained = values - np.log(values) - 1
-    left = np.append(np.cumsum(unexplained[::-1])[::-1], 0)
-    return int(np.argmin(2 * np.arange(len(left)) + left))
+    beyond = np.append(np.cumsum(unexplained[::-1])[::-1], 0)
+    return int(np.argmin(2 * np.arange(len(beyond)) + beyond))
 
 
 def local_difference(maps, prior, everywhere, width):
@@ -194,7 +194,7 @@ def local_difference(maps, prior, everywhere, width):
         spectra, rows = foreground_filter(covariance, prior)
         share = weight(places, centre) ** 2 / total
         near = share > _FAINT * share.max()
-        # Differences alone: a share that is left out of them is one of HI, and not of the foreground.
+        # Differences alone: a share that they lack is one of HI, and not of the foreground.
         both = np.hstack([spectra, -everywhere[0]]), np.vstack([rows, everywhere[1]])
         more[:, near] += share[near] * (both[0] @ (both[1] @ maps[:, near]))
     return more
@@ -255,7 +255,7 @@ def stationary(covariance):
 
     ln s^2 is a cubic in frequency, rho the mean along each diagonal, less far off it by the share of channels
     that are so far apart: so it is the autocorrelation of a series, which has no negative power. Channels are
-    taken as evenly spaced.
+    assumed to be evenly spaced.
     """
     deviation = np.sqrt(_smoothed(np.diag(covariance)))
     correlation = covariance / np.outer(deviation, deviation)

@@ -74,7 +74,7 @@ def safe_inverse(matrices):
     Returns
     -------
     inverses
-        (n_l, n_sources, n_channels). Directions below rounding are left out, so nothing is singular.
+        (n_l, n_sources, n_channels). Directions below rounding are dropped, so nothing is singular.
     """
     q, square = np.linalg.qr(matrices)
     return _inverses(square) @ np.swapaxes(q, -1, -2)

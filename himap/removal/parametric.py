@@ -27,12 +27,12 @@ _value = partial(chebyshev.chebval, tensor=False)  # of series (degree + 1, n), 
 
 @dataclass(frozen=True, kw_only=True)
 class Parametric(ForegroundRemover):
-    """Two power laws in frequency, fitted to each line of sight on its own.
+    """Two power laws in frequency, fitted to each line of sight.
 
     T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), least squares in mK, all channels with the same
-    weight unless voxels have weights of their own: the paper names none. Those of whole pixels change
+    weight unless voxels have their weights: the paper names none. Those of pixels change
     nothing. The amplitudes are linear and of either sign, so for a given beta they follow at once, and what
-    is left to search is the best beta alone (variable projection, Golub & Pereyra 1973). beta is bounded,
+    remains is the best beta alone (variable projection, Golub & Pereyra 1973). beta is bounded,
     because the two terms are one at beta = -2.13, where the amplitudes diverge. The default range holds every
     synchrotron index that is plausible: electrons of energy index p = 2 to 3 give -2.5 to -3, energy losses
     and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
@@ -106,7 +106,7 @@ class _TwoPowerLaws:
     """The model over the channels, in an orthonormal basis that holds for every beta.
 
     At a given beta the model spans two directions: q1, the unit vector along x^-2.13, and q2(beta), the unit
-    vector along what x^beta adds to it. It is taken from (x^beta - x^-2.13) / (beta + 2.13), written with
+    vector along what x^beta adds to it. It comes from (x^beta - x^-2.13) / (beta + 2.13), written with
     exprel, which loses no digits where the power laws meet. q2 is smooth in beta: a short Chebyshev series,
     in t from -1 to 1 over the range of beta, holds it to rounding.
 

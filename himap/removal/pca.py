@@ -30,8 +30,8 @@ class PCA(ForegroundRemover):
     def _separate(self, data):
         if data.weights is None:
             return principal_components(data, self.n_sources)
-        found = weighted_components(data.centred, data.weights, self.n_sources)
-        return replace(found, means=data.means + found.means)
+        components = weighted_components(data.centred, data.weights, self.n_sources)
+        return replace(components, means=data.means + components.means)
 
 
 def principal_components(data, n_sources):

@@ -68,7 +68,7 @@ class PeakMasked:
 def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
     """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
-    A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` is left as it is.
+    A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` does not change.
     """
     baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, spread=spread, weights=weights)
     smooth = np.array(maps, dtype=np.float32)

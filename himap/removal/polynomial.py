@@ -11,13 +11,13 @@ from himap.removal.peaks import check_clipping, least_channels, smooth_baselines
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(ForegroundRemover):
-    """A polynomial in frequency, fitted to each line of sight on its own.
+    """A polynomial in frequency, fitted to each line of sight.
 
     T(nu, p) = sum_n a_n(p) nu^n, n = 0..order (Eq. 18), fitted again without the channels that the first fit
     leaves more than `n_sigma` standard deviations away. The mixing matrix A holds polynomials that are
     orthonormal over the channels instead of powers of nu, the sources S their coefficients: the same fit.
 
-    With weights of voxels it has the least weighted squares; those of whole pixels change nothing.
+    With weights of voxels it has the least weighted squares; those of pixels change nothing.
     """
 
     name: ClassVar[str] = "polynomial"

@@ -47,10 +47,10 @@ class SmoothSpectra(ForegroundRemover):
       between channels; its covariance beyond what C explains is shrunk to what random matrices of that size
       let one believe (`shrunk_variance`), and to its `n_sources` largest axes. What does not stand out is not
       taken, so that a source too many does no harm;
-    - C comes from what is left, X less the mean of the foreground given X, and the covariance of that mean
+    - C comes from the residual, X less the mean of the foreground given X, and the covariance of that mean
       (expectation maximisation, Dempster et al. 1977; with free spectra, Delabrouille et al. 2003).
 
-    What is taken is the mean of the foreground given X, a Wiener filter. What it must take of HI with it is
+    Subtracted is the mean of the foreground given X, a Wiener filter. What it must subtract of HI with it is
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
     `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. There is
     no threshold to choose, no noise level to know and no randomness.
@@ -219,7 +219,7 @@ def faint_covariance(products, freqs, n_removed):
     freqs
         Channel centres, MHz, (n_channels,).
     n_removed
-        Smooth spectra that were taken: the power below half a wave more in the band is not looked at.
+        Smooth spectra that were subtracted: the power below half a wave more in the band is not looked at.
 
     Returns
     -------
@@ -271,5 +271,5 @@ def _correlation(power, places, waves):
     weights[[0, -1]] /= 2
     even = np.allclose(np.diff(places), 1)
     lags = places if even else np.abs(places[:, None] - places).ravel()
-    found = np.cos(np.pi / (len(waves) - 1) * np.outer(lags, waves)) @ weights / weights.sum()
-    return toeplitz(found) if even else found.reshape(len(places), -1)
+    rows = np.cos(np.pi / (len(waves) - 1) * np.outer(lags, waves)) @ weights / weights.sum()
+    return toeplitz(rows) if even else rows.reshape(len(places), -1)

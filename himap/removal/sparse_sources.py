@@ -1,4 +1,4 @@
-"""Sparse sources: starlet coefficients below a threshold are noise, and are taken out."""
+"""Sparse sources: starlet coefficients below a threshold are noise, and are removed."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class SparseSources:
         Noise propagated from that of the sources; otherwise 1.48 times the median absolute coefficient.
     weights
         Of every point of the grid to `lmax`, 0 to 1, (n_grid,), for a part of the sky: what is looked at are
-        coefficients times their weights, and medians are of those above zero. None for the whole sky.
+        coefficients times their weights, and medians are of those above zero. None for the full sky.
     """
 
     def __init__(self, lmax, n_scales, *, n_sigma, analytic, weights=None):

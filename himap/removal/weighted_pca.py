@@ -37,7 +37,7 @@ def weighted_components(maps, weights, n_sources):
     """The `Separation` with the least weighted squares of the residual, sum w (x - m - A s)^2; `means` are m.
 
     Where pixels have weights, A are the principal axes of the weighted covariance, S = A^T X. Where voxels
-    have, there is no closed form; it is found in turns, which go on until the squares settle:
+    have, there is no closed form; it is fitted in turns, which go on until the squares settle:
 
     1. s of every line of sight, by least squares with its own weights;
     2. the residual of the model m + A s, times the weights over the largest of the line of sight, is added to
@@ -47,7 +47,7 @@ def weighted_components(maps, weights, n_sources):
     No turn makes the squares larger: this is expectation maximisation for principal components with missing
     values (Tipping & Bishop 1999, without noise; Bailey 2012 has weights). Channels are brought to weights
     that are alike in the mean before, so that where weights are a product of one of the pixel and one of
-    the channel nothing is left for the turns to do.
+    the channel the turns have nothing to do.
 
     Turns start with one component, then two, and so on, each time until they settle. To begin with all of
     them is not safe: what is missing of the brightest is far above the faintest, and would be

@@ -175,13 +175,13 @@ def radial_displacement(modes, box_size):
     """Linear displacement of matter along the line of sight, Mpc/h, for growth 1.
 
     psi = -grad(inverse Laplacian of delta), so psi_k = i k delta_k / k^2; the radial component is
-    taken at the cell centres. In redshift space a cell at growth D and rate f moves by f D psi_r
+    at the cell centres. In redshift space a cell at growth D and rate f moves by f D psi_r
     (Kaiser 1987).
 
     Parameters
     ----------
     modes
-        From `gaussian_modes`; left as they are.
+        From `gaussian_modes`; not changed.
     box_size
         Mpc/h.
 

@@ -1,7 +1,7 @@
 """Extragalactic radio sources (paper, Sect. 2.1.4).
 
 Faint sources are a field with a mean, clustering and Poisson fluctuations; sources between
-`FLUX_FAINT` and `FLUX_REMOVED` are injected one by one; brighter ones are taken as removed. Counts of
+`FLUX_FAINT` and `FLUX_REMOVED` are injected one by one; brighter ones count as removed. Counts of
 Battye et al. (2013) at 1.4 GHz, in the recipe of Olivari et al. (2016). No flux is counted twice:
 the field's mean and clustering are those of the faint sources alone.
 """
@@ -19,7 +19,7 @@ FREQ_COUNTS = 1400.0
 FLUX_FAINT = 0.01
 """Sources above this flux, Jy, are injected one by one."""
 FLUX_REMOVED = 1.0
-"""Sources above this flux, Jy, are taken as identified and removed."""
+"""Sources above this flux, Jy, count as identified and removed."""
 
 _FLUX_MIN = 1e-6  # Jy; fainter sources add nothing (Battye et al. 2013)
 _COUNTS = (2.593, 9.333e-2, -4.839e-4, 2.488e-1, 8.995e-2, 8.506e-3)
