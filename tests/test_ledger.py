@@ -18,6 +18,7 @@ from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.claims.base import BEAMS
 from himap.paper.claims.entries import entries, finding_rows
+from himap.paper.claims.verdicts import places_of
 from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, restarts, skies
 from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
 from himap.paper.methods import BEAM_AWARE
@@ -39,7 +40,11 @@ class Readable:
         pass
 
 
-TINY = {"preset": "ci", "survey": {"nside": 8, "box_cells": 16}, "n_sources_max": 3}
+TINY = {
+    "preset": "ci",
+    "survey": {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0},
+    "n_sources_max": 3,
+}
 SHORT = ("n_warmup", 2), ("n_refinement", 2), ("warmup_tolerance", 1e300), ("tolerance", 1e300)
 
 
@@ -111,6 +116,12 @@ def test_the_cause_of_a_verdict_is_measured():
     failing = judged([(NOT_PCA, SD)])  # no part about SDecGMCA fails
     assert cause(failing, others(FAILED)) == "PCA/ICA, not SD"
     assert ">reading code</td>" in LedgerTable([entry(FAILED)], others=others(REPRODUCED))._repr_html_()
+
+
+def test_places_of_a_minimum_have_their_share():
+    one = judged([(SD, *places_of({"least at": n})) for n in (5, 6, 5, 5)])
+    page = LedgerTable([one])._repr_html_()
+    assert " (least at 5 in 75%, least at 6 in 25%)" in page and "place" not in page
 
 
 def test_every_claim_has_its_row():

@@ -120,7 +120,9 @@ class LedgerTable:
         page, figure = entry.claim.notebook, entry.claim.figure
         name = self.links.get(page, {}).get(figure, "")
         link = f'<a href="{page}.html{name and "#"}{name}">{f"Fig. {figure}" if figure else "chapter"}</a>'
-        parts = html.escape(shares_text(entry.shares.values()))
+        parts = html.escape(
+            shares_text(share for share in entry.shares.values() if PLACE not in share.part.name)
+        )
         shares = f"<br>Holds in what share of the members: {parts}" if parts else ""
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
@@ -129,7 +131,7 @@ class LedgerTable:
             f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
             f"{html.escape(entry.sentence)}{shares}</details></div>",
             f"{badge}<br>{members_text(entry)}",
-            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>",
+            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{html.escape(places_text(entry))}",
             claim["paper"],
             html.escape(cause(entry, self.others)),
         )
@@ -146,7 +148,13 @@ def share_text(share):
 
 def shares_text(shares):
     """The `Share` of some parts, one after the other."""
-    return "; ".join(f"{share.part.name.replace(PLACE, ' ')} {share_text(share)}" for share in shares)
+    return "; ".join(f"{share.part.name} {share_text(share)}" for share in shares)
+
+
+def places_text(entry):
+    """The places of a minimum, each with the share of the members that have it there; may be empty."""
+    places = ", ".join(f"{place} in {share:.0%}" for place, share in sorted(entry.places.items()))
+    return f" ({places})" if places else ""
 
 
 def members_text(entry):
