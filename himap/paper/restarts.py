@@ -71,14 +71,16 @@ def _rates(values, flagged, failed):
 def chosen_failures(table):
     """Of how many ensembles the member that a criterion chooses failed, {criterion: (failed, ensembles)}.
 
-    Criteria are the least of each quantity, "distance" that of the medoid; "any" is a member at random.
+    Criteria are the least of each quantity, "distance" that of the medoid; "any" is a member at random. A
+    quantity whose least value several members of an ensemble share chooses none.
     """
     members = members_of(table)
     found = {"any": (int(members["failed"].sum()), len(members))}
     for name in FLAGS:
         if name in members:
-            chosen = members.loc[members.groupby("ensemble")[name].idxmin()]
-            found[name] = int(chosen["failed"].sum()), len(chosen)
+            least = members[members[name] == members.groupby("ensemble")[name].transform("min")]
+            if least["ensemble"].is_unique:
+                found[name] = int(least["failed"].sum()), len(least)
     return found
 
 
