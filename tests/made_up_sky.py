@@ -106,8 +106,8 @@ class World:
         """The iteration, the error of flagged lines, noise, point sources, bright lines, and settings."""
         stages = {"n_warmup": 101, "warmup_change": 5e-3, "n_refinement": 30, "refinement_change": 5e-5}
         self.stages = {beam: dict(stages) for beam in BEAMS}
-        self.error = {"n_spectra": 5, "error": 4.0, "in spectra": 3.0, "foreground": 3.5, "hi": 0.5}
-        self.error |= {"truth": 1.0, "truth in spectra": 0.1}
+        self.error = {"n_spectra": 5, "error": 4.0, "in spectra": 3.0, "foreground residual": 3.5}
+        self.error |= {"signal loss": 0.5, "truth": 1.0, "truth in spectra": 0.1}
         self.sourceless = {kind: row + 0.05 for kind, row in self.degraded["parametric"].items()}
         self.noise = {beam: {kind: 0.5 * row for kind, row in ones()["pca"].items()} for beam in BEAMS}
         self.tops = {method: [3.0, 2.8, 2.5, 1.5, 1.2, 3.0] for method in BSS}

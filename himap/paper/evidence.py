@@ -147,8 +147,8 @@ def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
     dict
         "n_spectra": how many these are. Mean squares over the flagged lines (`diagnostics.flagged_lines`)
         and channels, mK^2, 0 if there is none: "error"; "in spectra", its part in these spectra;
-        "foreground", the foreground residual, and "hi", the HI and noise lost (`leakage.split_error`), whose
-        difference the error is; "truth" and "truth in spectra".
+        "foreground residual" and "signal loss" (`leakage.split_error`), whose difference the error is;
+        "truth" and "truth in spectra".
     """
     lmax = cleaned.separation(case, remover, mask_peaks).lmax
     lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks, post_mask).line_errors)
@@ -162,8 +162,8 @@ def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
     squares = {
         "error": error,
         "in spectra": axes.T @ error,
-        "foreground": left,
-        "hi": lost,
+        "foreground residual": left,
+        "signal loss": lost,
         "truth": truth,
         "truth in spectra": axes.T @ truth,
     }

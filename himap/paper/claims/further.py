@@ -50,11 +50,11 @@ _LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
     notebook="09_sdecgmca",
 )
 def convergence(realisation):
-    """The paper iterates until the relative change of S from one iteration to the next is below a tolerance.
-    A stage has converged if the change of its last iteration is below that of the paper, 1e-2 in the warm-up
-    and 1e-4 in the refinement. Stages end after 150 and 50 iterations at most, as in the public code of C21;
-    one that ends there above its tolerance has not converged. Six main parts: each stage with each beam. It
-    does not apply to a method without these stages.
+    """The paper stops each stage when the relative change of S between two iterations is below a tolerance.
+    A stage has converged if the change in its last iteration is below the paper's tolerance, 1e-2 in the
+    warm-up and 1e-4 in the refinement. As in the public code of C21 a stage ends after 150 or 50 iterations
+    at the latest; if its change is then above the tolerance, it has not converged. Six main parts: each stage
+    with each beam. It does not apply to a method without these stages.
     """
     found = {beam: realisation.diagnostics(beam) for beam in BEAMS}
     if not all(found.values()):
@@ -82,30 +82,28 @@ def convergence(realisation):
     notebook="12_post_masking",
 )
 def leaked_foreground(realisation):
-    """The error is residual less truth of SD, on the lines of sight that are flagged by it, as a mean square
-    over these and over channels. It is coherent if most of it, more than half, lies in the foreground's
-    spectra: the principal spectra of the true foreground through the beam that each hold more variance than
-    HI and noise do in all channels together. An error without structure has the share n / n_channels there.
-    But HI that a separation subtracts lies in such spectra too. So the error is split into foreground
-    residual and HI lost, with the mixing matrix as it was estimated, and it is leaked foreground if the
-    residual is the larger, by more than 1 %. Two parts, both main. The premise is absent if no line is
-    flagged.
+    """The error is the residual of SD less the truth, on the lines of sight that the paper's rule flags, as a
+    mean square over these lines and all channels. Coherent: more than half of it lies in the foreground's
+    spectra, those principal spectra of the true foreground through the beam of which each has more variance
+    than HI and noise have in all channels together; an error without structure has n / n_channels of itself
+    in n spectra. Signal loss lies in such spectra too, so the error is split into foreground residual and
+    signal loss, for the mixing matrix as estimated. Leaked foreground: the foreground residual is larger than
+    the signal loss, by more than 1 %. Two parts, both main. The premise is absent if no line is flagged.
     """
     found = realisation.flagged_error()
-    flagged = found["error"] > 0
-    share = found["in spectra"] / found["error"] if flagged else math.nan
-    held = (share > MOST, is_smaller(found["hi"], found["foreground"])) if flagged else (None, None)
-    names = "most of the error in the foreground's spectra", "more foreground than HI lost"
-    parts = tuple(Part(name, one, method="SD") for name, one in zip(names, held, strict=True))
-    if not flagged:
-        return Finding(share, parts, "No line of sight is flagged.")
+    names = "most of the error in the foreground's spectra", "foreground residual above signal loss"
+    if found["error"] == 0:
+        parts = tuple(Part(name, None, method="SD") for name in names)
+        return Finding(math.nan, parts, "No line of sight is flagged.")
+    share = found["in spectra"] / found["error"]
+    of_truth = found["truth in spectra"] / found["truth"]
+    held = share > MOST, is_smaller(found["signal loss"], found["foreground residual"])
+    rms = {name: found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")}
     return Finding(
         share,
-        parts,
+        tuple(Part(name, one, method="SD") for name, one in zip(names, held, strict=True)),
         f"{share:.0%} of the error of flagged lines lies in the {found['n_spectra']} spectra in which the "
-        f"foreground is brighter than the truth, which has {found['truth in spectra'] / found['truth']:.0%} "
-        f"there. Rms of the error {found['error'] ** 0.5:.3g} mK, of the foreground residual "
-        f"{found['foreground'] ** 0.5:.3g}, of HI lost {found['hi'] ** 0.5:.3g}.",
+        f"foreground is brighter than the truth, which has {of_truth:.0%} there. Rms in mK: {listing(rms)}.",
     )
 
 
@@ -113,17 +111,17 @@ def leaked_foreground(realisation):
     "V3",
     "degraded",
     "Point sources are absorbed by the two components of the parametric fit.",
-    number="change of C or P by the point sources, over the true one, that 95 % do not exceed",
+    number="change of C or P by the point sources over the truth, at 95 % of the l or k",
     paper="small",
     section="3.2",
     figure="",
     notebook="08_parametric",
 )
 def absorbed_sources(realisation):
-    """The same sky is observed and cleaned by PAR once more without its point sources; HI, Galaxy and noise
-    are the same. They are absorbed if this makes no difference to what the paper calls recovered: if C, with
-    less without, is within 10 % of the true C at 95 % or more of 3 < l < 200, and so is P at k > 0.03 (the
-    ranges of D1 and D2). Two parts, both main. Whether the residual itself is near the truth is D1 and D2.
+    """The same sky, with the same HI, Galaxy and noise, is observed and cleaned by PAR again without its
+    point sources. They are absorbed if their presence changes C by less than 10 % of the true C, the accuracy
+    that the paper calls recovered, at 95 % or more of 3 < l < 200, and P likewise at k > 0.03 (the ranges of
+    D1 and D2). Two parts, both main. How near the residual is to the truth is judged by D1 and D2.
     """
     one, other = realisation.of("degraded")["parametric"], realisation.without_sources()
     angular = np.abs(one.angular - other.angular) / one.true_angular
@@ -135,7 +133,7 @@ def absorbed_sources(realisation):
     return Finding(
         largest(tops),
         parts_of(tops, recovered, "the same without point sources", method="PAR"),
-        f"Change by point sources over the true spectrum, at 95 % of l or k no more than: {listing(tops)}.",
+        f"Change by point sources over the true spectrum, at 95 % of the l or k below: {listing(tops)}.",
     )
 
 
@@ -143,18 +141,19 @@ def absorbed_sources(realisation):
     "V4",
     "all three",
     "The noise is subdominant, by a long observing time.",
-    number="noise over HI in C or P that 95 % do not exceed, largest of the beams",
+    number="noise over HI in C or P at 95 % of the l or k, largest of the beams",
     paper="< 1",
     section="2.2",
     figure="",
     notebook="02_beams_and_noise",
 )
 def subdominant_noise(realisation):
-    """Noise and HI, each by itself as it is in the truth: HI through the beam, and the noise of the pixels,
-    which only the degraded beam smooths. The noise is subdominant if its power is below that of HI, by more
-    than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
-    spectrum with each beam. The paper's noise is that of a pixel, whatever its size, so its C_l shrinks with
-    the area of the pixels: the answer is that for the maps that are judged.
+    """The power spectra of noise and HI, each by itself as it enters the truth: HI through the beam; the
+    noise of the pixels, which only the degraded beam smooths. The noise is subdominant if its power is below
+    that of HI, by more than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k.
+    Six main parts: each spectrum with each beam. The paper gives the noise of a pixel, whatever the size of
+    the pixel, so that its C_l is proportional to the area of the pixels: the result holds for the resolution
+    at which it was measured.
     """
     tops, parts, words = {}, [], []
     for beam in BEAMS:
@@ -164,7 +163,7 @@ def subdominant_noise(realisation):
             found["P"] = frequency_band(statistic)(noise)
         tops |= {(beam, name): value for name, value in here.items()}
         parts += parts_of(here, smaller, f"of noise below HI, {beam} beam")
-        words.append(f"{beam}: {listing(medians)}, at 95 % no more than {listing(here)}")
+        words.append(f"{beam}: {listing(medians)}, at 95 % of the l or k below {listing(here)}")
     return Finding(largest(tops), tuple(parts), f"Noise over HI, median {'; '.join(words)}.")
 
 
@@ -172,7 +171,7 @@ def subdominant_noise(realisation):
     "V5",
     "oscillating",
     "The peak is driven by the lines of sight with the brightest foreground.",
-    number="share of the excess at the peak of SD that is left without the brightest 10 %",
+    number="share of the excess of SD that remains without the brightest 10 % of the lines",
     paper="< 0.5",
     section="5.2",
     figure="7",
@@ -180,26 +179,26 @@ def subdominant_noise(realisation):
 )
 def bright_lines(realisation):
     """Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess
-    is the highest P/P0 near k = 0.31, less 1, with residual and truth on the same lines. Those that are
-    exceptionally bright are the brightest tenth, and they drive the peak if without them more than half of
-    the excess is gone. Main part: of SD. Others: of PCA/ICA and GMCA as far as they have a peak, a P/P0 above
-    1.1; and it is the brightest lines that matter, so that more than half of the excess of SD stays without
-    the faintest tenth. The premise is absent if SD has no peak.
+    is the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
+    how many lines are exceptionally bright; the brightest tenth is read here, and it drives the peak if more
+    than half of the excess is gone without it. Main part: SD. Others: PCA/ICA and GMCA; and as a control,
+    more than half of the excess of SD remains without the faintest tenth. The premise is absent for a method
+    without a peak, which is a P/P0 above 1.1.
     """
-    tops, left, words = {}, {}, []
+    tops, remaining, words = {}, {}, []
     for method in BSS:
         shares, values = realisation.without_brightest(method)
         name = METHODS[method]
         tops[name] = dict(zip((*shares, "faintest"), values, strict=True))
         peak = values[0] > CLEAR
-        left[name] = (tops[name][_LEFT_OUT] - 1) / (values[0] - 1) if peak else None
+        remaining[name] = (tops[name][_LEFT_OUT] - 1) / (values[0] - 1) if peak else None
         words.append(f"{name} {', '.join(f'{top:.4g}' for top in values[:-1])}")
-    sd, listed = {"SD": left.pop("SD")}, ", ".join(f"{share:.0%}" for share in shares)
+    sd, listed = {"SD": remaining.pop("SD")}, ", ".join(f"{share:.0%}" for share in shares)
     faint = None if sd["SD"] is None else (tops["SD"]["faintest"] - 1) / (tops["SD"][0.0] - 1)
     parts = (
         *parts_of(sd, below(MOST), "excess gone without the brightest"),
-        *parts_of(left, below(MOST), "excess gone without the brightest", main=False),
-        *parts_of({"SD": faint}, above(MOST), "excess there without the faintest", main=False),
+        *parts_of(remaining, below(MOST), "excess gone without the brightest", main=False),
+        *parts_of({"SD": faint}, above(MOST), "excess remains without the faintest", main=False),
     )
     return Finding(
         math.nan if sd["SD"] is None else sd["SD"],
@@ -220,12 +219,12 @@ def bright_lines(realisation):
     notebook="09_sdecgmca",
 )
 def regularisation_scheme(realisation):
-    """Settings are c of 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
-    Table 1, all else as it is. The spread at one l or k is the highest less the lowest ratio to the truth;
-    its median is over 10 < l < 200, or all k. SD depends on the regularisation if the spread is above 10 %,
-    so that the setting alone can decide whether a spectrum is recovered, and if it is larger than the spread
-    of as many restarts that differ in nothing else, by more than 1 %: the iteration is chaotic, and without
-    this the answer would always be yes. Four main parts: each of the two for C/C0 and P/P0. It does not
+    """The settings are c = 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
+    Table 1; all else is unchanged. The spread at each l or k is the highest less the lowest ratio to the
+    truth, and its median is over 10 < l < 200 or over all k. SD depends on the regularisation if this spread
+    is above 10 %, so that the setting can decide whether a spectrum is recovered; and if it is larger, by
+    more than 1 %, than the spread of as many restarts with the same setting: the iteration is chaotic, and
+    any change of a setting acts as a restart too. Four main parts: both for C/C0 and for P/P0. It does not
     apply to a method without these settings.
     """
     settings = realisation.by_regularisation()
@@ -269,9 +268,10 @@ def _spreads(comparisons):
     notebook="10_results",
 )
 def robust(realisation):
-    """A member fails if the mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, and to be robust
-    is not to fail: a main part for each beam, on the sky with its Galactic plane. The share of the members in
-    which a part holds is one less the probability of failure.
+    """A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
+    that the paper gives for these scales. SD is robust if it does not fail on the full sky, the Galactic
+    plane included, before any mask: a main part for each beam. The share of the members in which a part holds
+    is one less the probability of failure.
     """
     errors = {beam: angular_band("error", 10, 200)(realisation.of(beam)["sdecgmca"]) for beam in BEAMS}
     parts = tuple(
