@@ -20,7 +20,6 @@ from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
-from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.spectral_filter import on_sky
 from himap.store.parallel import dask_address, make_all, n_jobs
 from himap.store.store import product, temporary
@@ -34,7 +33,7 @@ def cleaning(case, remover, mask_peaks=True):
     data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
     basis = replace(data, maps=pipeline.basis(case, mask_peaks)) if mask_peaks else data
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
-    if isinstance(remover, SDecGMCA):
+    if hasattr(remover, "iteration"):  # named by no class, or an edit of that would make all stale
         basis.known[remover.iteration] = lambda: fit(case, remover.iteration, mask_peaks)
     return Cleaning(data=data, method=remover, basis=basis)
 
@@ -49,7 +48,7 @@ def data_of(case, maps, seed=None):
 
 @product
 def fit(case, remover, mask_peaks=True):
-    """The `Fit` of a case by the iteration of an `SDecGMCA`, which readings of its last S share."""
+    """The `Fit` of a case by an `SDecGMCA.iteration`, which readings of its last S share."""
     data = cleaning(case, remover, mask_peaks).basis
     del data.known[remover]  # which is this product
     with threadpool_limits(1, user_api="blas"):
