@@ -27,7 +27,7 @@
 # Power spectra averaged over channels, as in {doc}`10_results`, can be right for the wrong reason: power that was lost may be replaced by power that
 # does not belong there, and a channel that is too bright hides one that is too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics that see one of these
 # each: how well the *maps* agree, channel by channel, and how much the error of $C_\ell$ *scatters* from channel to channel. Here they are for all
-# six methods on one beam, at the defaults the oscillating one. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
+# six methods on one beam, at the defaults the oscillating one; SDecGMCA, which is chaotic, from several starts ({doc}`09_sdecgmca`). {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -39,6 +39,7 @@ beam: str = "oscillating"  # degraded, evolving, oscillating, meerkat or a file 
 ripple: str = "bracket"  # reading of the ripple: bracket, additive or additive_strong
 n_sources: int = 5  # sources of PCA, FastICA, GMCA and SDecGMCA
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
+n_restarts: int = 4  # starts of SDecGMCA, which is chaotic: all of them are shown
 
 # %% tags=["hide-input"]
 import warnings
@@ -49,13 +50,14 @@ from IPython.display import Markdown
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
-from himap.figures.numbers import one_run, quote, show_table
+from himap.figures.numbers import of_restarts, one_run, quote, show_table
 from himap.instrument.beams import named
 from himap.maps.low_rank import centred
 from himap.measures.diagnostics import error_variance
 from himap.paper import captions, pipeline
 from himap.paper.methods import methods_for, paper_beams
-from himap.paper.study import Study
+from himap.paper.study import Study, over_restarts
+from himap.paper.study_figures import ensemble_style
 from himap.removal.base import SeparationWarning
 
 beams = paper_beams(ripple=ripple)
@@ -66,20 +68,27 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
+    n_restarts=n_restarts,
 )
 study.case(selected)  # an unknown beam is refused here
 removers = {selected: methods_for(selected, n_sources, reading=reading)}
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is in the table at the end
-quote(diagnostics_reading=captions.in_short(removers[selected][3], study.survey.nside))
+quote(diagnostics_reading=captions.in_short(removers[selected][3], study.survey.nside, n_restarts))
 
 # %%
 study.prepare(removers)
 
 # %% tags=["hide-input"]
 labels = {remover.name: styles.method_style(remover)["label"] for remover in removers[selected]}
-looks = {remover.name: styles.method_style(remover) for remover in removers[selected]}
-assessments = {remover.name: study.assessed(selected, remover) for remover in removers[selected]}
+assessments = {
+    remover.name: [study.assessed(selected, member) for member in study.members(remover)]
+    for remover in removers[selected]
+}
+looks = {
+    remover.name: ensemble_style(styles.method_style(remover), study.ensemble(selected, remover))
+    for remover in removers[selected]
+}
 component = [remover for remover in removers[selected] if hasattr(remover, "n_sources")]
 freqs = study.survey.freqs
 
@@ -104,9 +113,12 @@ freqs = study.survey.freqs
 # one curve crosses another: the paper has SDecGMCA on top at every frequency.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA remove the same foreground, so their curves coincide."}}
-curves = [(freqs, assessed.correlation, looks[name]) for name, assessed in assessments.items()]
-near = [(freqs, assessments[remover.name].correlation, looks[remover.name]) for remover in component]
-low = min(values.min() for _, values, _ in near)
+correlations = {  # (n_members, n_channels) of an ensemble
+    name: np.squeeze([one.correlation for one in members]) for name, members in assessments.items()
+}
+curves = [(freqs, values, looks[name]) for name, values in correlations.items()]
+near = [curve for curve, remover in zip(curves, removers[selected], strict=True) if remover in component]
+low = min(np.median(np.atleast_2d(values), axis=0).min() for _, values, _ in near)
 common = {"xlabel": styles.CHANNELS, "ylabel": "Pearson $r$", "xlim": (freqs[0], freqs[-1])}
 panels = [
     common
@@ -127,10 +139,10 @@ panels = [
 study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% tags=["hide-input"]
-correlations = {name: assessed.correlation for name, assessed in assessments.items()}
+of_sd = np.atleast_2d(correlations["sdecgmca"])
 quote(
-    diagnostics_r_sd_median=one_run((np.median(correlations["sdecgmca"]), 0.01)),
-    diagnostics_r_sd_lowest=one_run((correlations["sdecgmca"].min(), 0.05)),
+    diagnostics_r_sd_median=of_restarts([(np.median(one), 0.01) for one in of_sd]),
+    diagnostics_r_sd_lowest=of_restarts([(one.min(), 0.01) for one in of_sd]),
     diagnostics_r_pca_lowest=(correlations["pca"].min(), 0.02),
     diagnostics_r_gmca_lowest=(correlations["gmca"].min(), 0.02),
     diagnostics_r_polynomial_median=(np.median(correlations["polynomial"]), 0.01),
@@ -158,9 +170,8 @@ relative = observation.beams / observation.beams.max(axis=0)
 
 
 def lost_and_left(remover):
-    """q_nu and f_nu, (n_channels,), of the truth to the multipole at which what is left ends."""
-    truth = pipeline.truth(study.case(selected), study.separation(selected, remover).lmax)
-    maps, truth = centred(study.residual(selected, remover)), centred(truth)
+    """q_nu and f_nu, (n_channels,), of the truth at every multipole."""
+    maps, truth = centred(study.residual(selected, remover)), centred(pipeline.truth(study.case(selected)))
     products = [np.sum(maps * other, axis=1, dtype=float) for other in (truth, maps)]
     slope, variance = products / np.sum(truth**2, axis=1, dtype=float)
     return 1 - slope, variance - slope
@@ -179,10 +190,12 @@ def share_taken(remover):
     return np.average(np.sum(spaces**2, axis=2).T, axis=1, weights=weights)
 
 
-taken = {remover.name: share_taken(remover) for remover in component}
-signal_lost, foreground = {}, {}
+taken, signal_lost, foreground = {}, {}, {}
 for remover in component:
-    signal_lost[remover.name], foreground[remover.name] = lost_and_left(remover)
+    members, name = study.members(remover), remover.name
+    taken[name] = np.squeeze([share_taken(member) for member in members])
+    both = np.array([lost_and_left(member) for member in members])
+    signal_lost[name], foreground[name] = np.squeeze(both[:, 0]), np.squeeze(both[:, 1])
 
 # %% [markdown]
 # From left to right: what was lost, what counting says must be lost, and what was left of the foreground. Where the first two go together, a method
@@ -190,7 +203,7 @@ for remover in component:
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
-top = 1.05 * max(values.max() for values in signal_lost.values())
+top = 1.05 * max(np.median(np.atleast_2d(values), axis=0).max() for values in signal_lost.values())
 panels = [
     shared
     | {
@@ -226,40 +239,39 @@ study.stamped(
 
 
 # %% tags=["hide-input"]
-def of_run(name, row):
-    """The row, marked if rounding alone moves it: see the chapter of SDecGMCA."""
-    return one_run(row) if name == "sdecgmca" else row
-
-
 rows = {}
 for remover in component:
-    name = remover.name
-    r, q, f = correlations[name], signal_lost[name], foreground[name]
-    row = {
-        "lowest r": (r.min(), 0.02),
-        "at": (freqs[r.argmin()], study.survey.channel_width, "MHz"),
-        "mean q": (q.mean(), 0.003),
-        "correlation of q and h": (np.corrcoef(q, taken[name])[0, 1], 0.05),
-        "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
-    }
-    rows[labels[name]] = of_run(name, row)
+    quantities = [
+        np.atleast_2d(each[remover.name]) for each in (correlations, signal_lost, taken, foreground)
+    ]
+    members = [
+        {
+            "lowest r": (r.min(), 0.02),
+            "at": (freqs[r.argmin()], study.survey.channel_width, "MHz"),
+            "mean q": (q.mean(), 0.003),
+            "correlation of q and h": (np.corrcoef(q, h)[0, 1], 0.05),
+            "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
+        }
+        for r, q, h, f in zip(*quantities, strict=True)
+    ]
+    rows[labels[remover.name]] = over_restarts(remover, members)
 show_table(rows)
 
 # %% tags=["hide-input"]
 LOW_END = freqs < 1000
-q = signal_lost["sdecgmca"]
+of_sd, left_sd = (np.atleast_2d(each["sdecgmca"]) for each in (signal_lost, foreground))
 quote(
     diagnostics_f_pca=(foreground["pca"].mean(), 0.02),
     diagnostics_f_gmca=(foreground["gmca"].mean(), 0.02),
-    diagnostics_f_sd=one_run((foreground["sdecgmca"].mean(), 0.02)),
+    diagnostics_f_sd=of_restarts([(f.mean(), 0.02) for f in left_sd]),
     diagnostics_f_pca_low_end=(foreground["pca"][LOW_END].mean(), 0.1),
     diagnostics_f_pca_above=(foreground["pca"][~LOW_END].mean(), 0.01),
     diagnostics_q_pca=(100 * np.median(signal_lost["pca"]), 0.3, "%"),
-    diagnostics_q_sd=one_run((100 * np.median(q), 0.5, "%")),
+    diagnostics_q_sd=of_restarts([(100 * np.median(q), 0.5, "%") for q in of_sd]),
     diagnostics_q_least=(100 * n_sources / len(freqs), 0.1, "%"),
-    diagnostics_q_sd_most=one_run((100 * q.max(), 5, "%")),
-    diagnostics_q_sd_at=one_run((freqs[q.argmax()], 10 * study.survey.channel_width, "MHz")),
-    diagnostics_q_and_h=one_run((rows["SDecGMCA"]["correlation of q and h"][0], 0.02)),
+    diagnostics_q_sd_most=of_restarts([(100 * q.max(), 5, "%") for q in of_sd]),
+    diagnostics_q_sd_at=of_restarts([(freqs[q.argmax()], study.survey.channel_width, "MHz") for q in of_sd]),
+    diagnostics_q_and_h=rows["SDecGMCA"]["correlation of q and h"],
 )
 
 # %% [markdown]
@@ -288,15 +300,19 @@ quote(
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
-def both_cl(assessed):
-    """l from 2 to 2 nside, or where the curve ends, and C_l of each channel, recovered and true."""
-    power, of_truth = assessed.power_spectra.angular, study.truth(selected).angular
-    inside = np.flatnonzero((power.degrees >= 2) & (power.degrees <= study.l_top))
-    return power.degrees[inside], power.cl[:, inside], of_truth.cl[:, inside]
+def both_cl(members):
+    """l from 2 to 2 nside, or where the curve ends, C_l of each member and channel, and those of the truth."""
+    powers, of_truth = [one.power_spectra.angular for one in members], study.truth(selected).angular
+    degrees = powers[0].degrees
+    inside = np.flatnonzero((degrees >= 2) & (degrees <= study.l_top))
+    return degrees[inside], np.array([power.cl[:, inside] for power in powers]), of_truth.cl[:, inside]
 
 
-spectra = {name: both_cl(assessed) for name, assessed in assessments.items()}
-variances = {name: error_variance(cl, true_cl) for name, (_, cl, true_cl) in spectra.items()}
+spectra = {name: both_cl(members) for name, members in assessments.items()}
+variances = {
+    name: np.squeeze([error_variance(one, true_cl) for one in cl])
+    for name, (_, cl, true_cl) in spectra.items()
+}
 LOW, HIGH = 10, min(200, *(degrees[-1] for degrees, _, _ in spectra.values()))
 claimed = {name: (degrees >= LOW) & (degrees <= HIGH) for name, (degrees, _, _) in spectra.items()}
 curves = [(spectra[name][0], values, looks[name]) for name, values in variances.items()]
@@ -318,44 +334,65 @@ for title, shown, headroom in (("all six", curves, 1e4), ("the component methods
     )
 study.stamped(plotting.lines(panels, size=(5, 3.8)), beam=selected, n_sources=n_sources, reading=reading)
 
+
 # %% tags=["hide-input"]
-highest = np.max(list(correlations.values()), axis=0)
-smallest = np.min([values[claimed[name]] for name, values in variances.items()], axis=0)
-rows, by_channel = {}, {}
-for name, assessed in assessments.items():
-    variance = float(np.exp(np.log(variances[name][claimed[name]]).mean()))
+def squares_of(name, member):
+    """R_l of each channel, and its squared deviation from the mean over channels, (n_channels, n_l)."""
     _, cl, true_cl = spectra[name]
-    fractional = (1 - cl / true_cl)[:, claimed[name]]
-    squares = (fractional - fractional.mean(axis=0)) ** 2
-    by_channel[name], squares = squares.sum(axis=1), np.sort(squares, axis=0)
-    best, least = correlations[name] >= highest, variances[name][claimed[name]] <= smallest
-    row = {
-        "mean r": (correlations[name].mean(), 0.005),
-        "channels where highest": one_run((100 * best.mean(), 5, "%")),  # SDecGMCA is one of the six
-        "variance of R_l": (variance, 0.1 * variance),
-        "l where smallest": one_run((100 * least.mean(), 5, "%")),
-        "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
-        "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
-        "settled": "yes" if assessed.converged else "no",
-    }
-    rows[labels[name]] = of_run(name, row)
+    fractional = (1 - cl[member] / true_cl)[:, claimed[name]]
+    return fractional, (fractional - fractional.mean(axis=0)) ** 2
+
+
+def rivals(values, name):
+    """The values of the five other methods, of SDecGMCA the median of its restarts, (5, n)."""
+    return np.array([np.median(np.atleast_2d(one), axis=0) for other, one in values.items() if other != name])
+
+
+on_claimed = {name: np.atleast_2d(values)[:, claimed[name]] for name, values in variances.items()}
+rows = {}
+for remover in removers[selected]:
+    name, members = remover.name, []
+    for n, assessed in enumerate(assessments[name]):
+        r, variance = assessed.correlation, on_claimed[name][n]
+        fractional, squares = squares_of(name, n)
+        squares = np.sort(squares, axis=0)
+        best, least = (
+            r >= rivals(correlations, name).max(axis=0),
+            variance <= rivals(on_claimed, name).min(axis=0),
+        )
+        variance = float(np.exp(np.log(variance).mean()))
+        row = {
+            "mean r": (r.mean(), 0.005),
+            "channels where highest": (100 * best.mean(), 5, "%"),
+            "variance of R_l": (variance, 0.1 * variance),
+            "l where smallest": (100 * least.mean(), 5, "%"),
+            "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
+            "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
+            "settled": "yes" if assessed.converged else "no",
+        }
+        against_sd = ("channels where highest", "l where smallest")  # SDecGMCA is one of the six
+        members.append({what: one_run(one) if what in against_sd else one for what, one in row.items()})
+    rows[labels[name]] = over_restarts(remover, members)
 show_table(rows)
 
 # %% tags=["hide-input"]
-sd, of_sd = rows["SDecGMCA"], by_channel["sdecgmca"]
+sd = rows["SDecGMCA"]
+of_sd = [squares_of("sdecgmca", n)[1].sum(axis=1) for n in range(len(assessments["sdecgmca"]))]
 nearest = min(row["variance of R_l"][0] for label, row in rows.items() if label != "SDecGMCA")
-times_smaller = nearest / sd["variance of R_l"][0]
+times_smaller = [nearest / np.exp(np.log(values).mean()) for values in on_claimed["sdecgmca"]]
 in_two = [row["of it in two channels"][0] for row in rows.values()]
 quote(
-    diagnostics_r_sd=one_run((sd["mean r"][0], 0.01)),
+    diagnostics_r_sd=sd["mean r"],
     diagnostics_r_pca=rows["PCA"]["mean r"],
     diagnostics_r_gmca=rows["GMCA"]["mean r"],
     diagnostics_highest=sd["channels where highest"],
     diagnostics_smallest=sd["l where smallest"],
-    diagnostics_variance_ratio=one_run((times_smaller, 0.3 * times_smaller)),
+    diagnostics_variance_ratio=of_restarts([(ratio, 0.1 * ratio) for ratio in times_smaller]),
     diagnostics_in_two=one_run((np.mean(in_two), 5, "%")),
-    diagnostics_top_share=one_run((100 * of_sd.max() / of_sd.sum(), 5, "%")),
-    diagnostics_top_channel=one_run((freqs[of_sd.argmax()], 10 * study.survey.channel_width, "MHz")),
+    diagnostics_top_share=of_restarts([(100 * one.max() / one.sum(), 5, "%") for one in of_sd]),
+    diagnostics_top_channel=of_restarts(
+        [(freqs[one.argmax()], study.survey.channel_width, "MHz") for one in of_sd]
+    ),
 )
 
 # %% [markdown]

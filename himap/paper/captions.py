@@ -1,5 +1,6 @@
 """What captions and prose say of the paper's SDecGMCA, wherever a result of it is shown."""
 
+from himap.paper.claims.verdicts import FAILING
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 _FEW = 3  # departures from the text that a caption can list
@@ -39,13 +40,25 @@ def of_sdecgmca(method, nside):
     return f"SDecGMCA is read as “{method.reading}”: {text}; {beyond[method.beyond]}"
 
 
-def in_short(method, nside):
-    """`of_sdecgmca` for under a figure: choices by name, as `OPTIONS` has them, and where it ends."""
+def in_short(method, nside, n_restarts=1):
+    """`of_sdecgmca` for under a figure: choices by name, as `OPTIONS` has them, and where it ends.
+
+    Of several restarts, how they are drawn too.
+    """
     against, silent = _departures(method, lambda name, value: f"{name} = {value}")
     text = "the text" + (f" but for {_few(against)}" if against else "")
     text += f", with {_few(silent)}" if silent else ""
     goes = "ends at" if method.beyond == "cut" else "goes on beyond"
-    return f"SDecGMCA “{method.reading}”: {text}; {goes} ℓ = {min(method.lmax, 2 * nside)}"
+    said = f"SDecGMCA “{method.reading}”: {text}; {goes} ℓ = {min(method.lmax, 2 * nside)}"
+    return said if n_restarts == 1 else f"{said}; {of_restarts(n_restarts)}"
+
+
+def of_restarts(n):
+    """How `n` restarts are drawn, and when one of them failed: a clause."""
+    return (
+        f"of {n} restarts the median, the 16–84 % band and, thin, each; a restart failed if its mean "
+        f"|C/C0 - 1| at 10 < ℓ < 200 is above {100 * FAILING:g} %"
+    )
 
 
 def _departures(method, words):
