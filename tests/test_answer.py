@@ -73,6 +73,15 @@ class TestCurves:
         assert sdecgmca[0].tolist() == list(range(5, 201)) and np.all(sdecgmca[1] == 0.5)
         assert panel["title"] == "sky"
 
+    def test_an_ensemble_is_its_median_and_its_band(self):
+        degrees, name = np.arange(2, 9), "SDecGMCA, median of 4 (1 failed)"
+        parts = {"16 %": 0.9, "median": 1.0, "84 %": 1.2, "restart 0": 30.0}
+        curves = {f"{name}: {part}": (degrees, np.full(7, value)) for part, value in parts.items()}
+        ((_, middle, low, high, look),) = angular_ratios(curves | {"HI + noise": (degrees, np.ones(7))})[
+            "curves"
+        ]
+        assert (look["label"], middle[0], low[0], high[0]) == (name, 1.0, 0.9, 1.2)
+
     def test_no_such_figure(self, results):
         with pytest.raises(InputError, match="no stored figure fig-two in large; there are fig-one"):
             stored_curves("large", "fig-two", results)

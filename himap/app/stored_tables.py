@@ -274,8 +274,7 @@ def stored_curves(folder, figure, results=None):
 def angular_ratios(curves, **settings):
     """A panel of `himap.figures.plotting.ratios`: C/C0 of all methods among some curves, 2 <= l <= 200.
 
-    Not for P(k): a method that ends at some l is compared there with a truth that ends there, which is not
-    among the curves. C_l has no such other truth.
+    Of an ensemble, the median and its 16 to 84 %.
 
     Parameters
     ----------
@@ -287,11 +286,16 @@ def angular_ratios(curves, **settings):
     at, true = curves["HI + noise"]
     drawn = []
     for look in styles.METHOD_STYLES.values():
-        if look["label"] in curves:
-            degrees, power = curves[look["label"]]
+        for label in curves:
+            name, _, part = label.partition(": ")
+            if name.partition(", median of ")[0] != look["label"] or part not in ("", "median"):
+                continue
+            degrees, _ = curves[label]
             shown = (degrees >= 2) & (degrees <= _TOP)
-            ratio = (power / true[np.searchsorted(at, degrees)])[shown]
-            drawn.append((degrees[shown], ratio, ratio, ratio, look))
+            ends = [f"{name}: {end}" for end in ("16 %", "84 %")] if part else [label] * 2
+            over = true[np.searchsorted(at, degrees)]
+            ratios = [(curves[one][1] / over)[shown] for one in (label, *ends)]
+            drawn.append((degrees[shown], *ratios, look | {"label": name}))
     return {"curves": drawn, "xlabel": styles.AXES["angular"]["xlabel"]} | settings
 
 
