@@ -211,6 +211,24 @@ class TestDefault:
         assert table["candidate"].tolist()[0] == "letter" and table["which"][0] == "none"
         assert table["statements on SD that hold"].tolist() == ["1.2", "1.2", "1.0"]
 
+    def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
+        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"seed": 7, "n_sources": 0}
+        rows = [
+            empty | {"reading": label, "restart": k, "quantity": "D1", "part": "a", "method": "SD"}
+            for label in ("code", "letter, beyond = projection")
+            for k in range(2)
+        ]
+        for row in rows:
+            row |= {"main": True, "held": row["reading"] != "code" or row["restart"] == 0}
+        for case, value in (("degraded", 0.5), ("oscillating", 0.02)):
+            numbers = {"case": case, "quantity": "mean error", "value": value, "restart": 0}
+            rows.append(empty | {"reading": "code"} | numbers)
+        found = outcomes(restarts.EXPERIMENT.frame(rows))
+        assert [run.numbers["mean error"] for run in found["code"].runs] == [0.02]
+        counts = {label: charity(one.entries.values()) for label, one in found.items()}
+        assert counts == {"code": 0.5, "letter, beyond = projection": 1.0}
+        assert default_reading(found) == "letter, beyond = projection"
+
     def test_what_departs_from_the_text_is_named(self):
         assert readings()["letter"].departures == {}
         assert readings()["code"].departures["sign"] == "free"

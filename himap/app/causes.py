@@ -6,7 +6,6 @@ from pathlib import Path
 from himap.app.stored import RESULTS
 from himap.core.errors import InputError
 from himap.figures import styles
-from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import outcomes
@@ -23,8 +22,8 @@ GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
 def other_records(about, folder=RESULTS):
     """{what differs from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
 
-    In a record of several readings a claim that holds under all of them, or by default, is due to the size or
-    the Galaxy, not to a reading.
+    In a record of several readings a claim that holds under that of the ledger, or under all of them, is due
+    to the size or the Galaxy, not to a reading.
 
     Parameters
     ----------
@@ -45,29 +44,29 @@ def other_records(about, folder=RESULTS):
 
 def _judgements(record, made):
     """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
-    words = _difference(made, record.made)
+    words, changed = _difference(made, record.made), dict(record.made.overrides)
+    own = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
-        several = {"default": {entry.claim.id: entry for entry in entries(record.rows)}}
+        label = own if "method" in changed else changed.get("reading", "default")
+        several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
     else:
         several = {label: one.entries for label, one in outcomes(record.rows).items()}
-    shared = set(CLAIMS)
-    for by_id in several.values():
-        shared &= {id for id, one in several.get("default", by_id).items() if one.holds}
+    judging = [several[own]] if own in several else list(several.values()) if len(several) > 1 else []
+    holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
+    shared = set.intersection(*holding) if holding else set()  # which are not due to a reading
     for label, by_id in several.items():
-        if label != "default":
-            own = {id: one for id, one in by_id.items() if id not in shared}
-            yield ", ".join(filter(None, (f"reading {label}", words))), own
-    if words:
-        base = next(iter(several.values()))
-        yield words, several.get("default") or {id: base[id] for id in shared}
+        other = {id: entry for id, entry in by_id.items() if id not in shared}
+        if label != own:
+            yield ", ".join(filter(None, (f"reading {label}", words))), other
+    if words and judging:
+        yield words, several.get(own) or {id: judging[0][id] for id in shared}
 
 
 def _difference(made, other):
-    """What of another `Provenance` differs, in words: Galaxy, size, method or reading; may be empty."""
+    """What of another `Provenance` differs, in words: method, size or Galaxy; may be empty."""
     changed = dict(other.overrides)
     words = [
         f"{styles.numbered(changed['method'], None)} in its place" if "method" in changed else "",
-        f"reading {changed['reading']}" if changed.get("reading", "all") != "all" else "",
         SIZES.get(other.preset, other.preset) if other.preset != made.preset else "",
         GALAXIES.get(other.galaxy.partition(" ")[0], other.galaxy) if other.galaxy != made.galaxy else "",
     ]

@@ -1,0 +1,68 @@
+"""Causes of verdicts from stored records, on records made up for it."""
+
+import pytest
+from ledgers import entry
+
+from himap.app.causes import other_records
+from himap.paper.claims import FAILED, REPRODUCED
+from himap.paper.claims.entries import finding_rows
+from himap.paper.experiments import find_experiment
+from himap.paper.ledger_table import cause
+from himap.paper.record import Record
+
+MADE = {
+    "preset": "laptop",
+    "overrides": [["reading", "letter"]],
+    "galaxy": "synthetic",
+    "seed": 1,
+    "commit": "a",
+}
+MADE |= {"dirty": False, "seconds": 1.0, "version": "1", "packages": [], "code": {"code": "0"}}
+
+
+def write(folder, name, verdicts, **changed):
+    """A record of D1: of claims from a verdict, of readings from {reading: verdict}."""
+    experiment, rows = find_experiment(name.partition("_")[0]), []
+    for reading, verdict in verdicts.items():
+        for row in finding_rows({"D1": entry(verdict).findings[0, 0]}, 0):
+            empty = dict.fromkeys(experiment.columns)
+            own = {"reading": reading, "quantity": "D1"} if "reading" in empty else {}
+            rows.append({"seed": 1} | empty | {k: v for k, v in row.items() if k in empty} | own)
+    record = Record(experiment=experiment, rows=experiment.frame(rows), about=MADE | changed)
+    record.save(folder / f"{name}.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "verdicts", "changed", "expected"),
+    [
+        ("claims_a", {"": REPRODUCED}, {"overrides": []}, "reading default"),
+        (
+            "claims_a",
+            {"": REPRODUCED},
+            {"overrides": [["method", "beam_subspace"]]},
+            "BeamSubspace in its place",
+        ),
+        ("claims_a", {"": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
+        (
+            "claims_a",
+            {"": REPRODUCED},
+            {"preset": "paper", "overrides": []},
+            "reading default, the paper's size",
+        ),
+        ("claims_a", {"": FAILED}, {"preset": "paper"}, "none found"),
+        ("claims_a", {"": REPRODUCED}, {}, "none found"),  # the ledger itself
+        ("readings", {"letter": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
+        ("readings", {"letter": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),
+        ("readings", {"follow-up": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),
+        ("readings", {"follow-up": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
+        ("readings", {"code": REPRODUCED}, {"overrides": []}, "reading code"),
+    ],
+)
+def test_what_makes_a_claim_hold(tmp_path, name, verdicts, changed, expected):
+    write(tmp_path, name, verdicts, **changed)
+    assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
+
+
+def test_records_of_another_version_are_left_out(tmp_path):
+    (tmp_path / "claims_old.json").write_text('{"format": 1}')
+    assert other_records(MADE, tmp_path) == {}
