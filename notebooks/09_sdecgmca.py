@@ -63,7 +63,7 @@ from himap.instrument.noise import noise_sigma
 from himap.measures.diagnostics import Comparison
 from himap.paper import captions
 from himap.paper.methods import TABLE_1, paper_beams, sdecgmca_for, table_1
-from himap.paper.study import Study, fails, over_restarts
+from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import (
     angular_figure,
     both_figure,
@@ -202,7 +202,7 @@ frequency_figure(study, removers)
 # %% tags=["hide-input"]
 numbers = study.band_numbers(removers, tolerance=0.05)
 for each, methods in removers.items():
-    failed = ["yes" if fails(one) else "no" for one in study.ensemble(each, methods[0])]
+    failed = ["yes" if one.fails else "no" for one in study.ensemble(each, methods[0])]
     results = [study.assessed(each, member) for member in study.members(methods[0])]
     numbers[f"{each}: failed"] = over_restarts(remover, failed)
     numbers[f"{each}: iterations"] = over_restarts(remover, [(one.n_iterations, 1) for one in results])
@@ -343,8 +343,8 @@ quote(
     sdecgmca_other_moves=second,
     sdecgmca_subspace_moves=subspace,
     sdecgmca_restarts=n_restarts,
-    sdecgmca_failed=one_run((sum(map(fails, runs[f"SDecGMCA, {reading}"])), 1)),
-    sdecgmca_other_failed=one_run((sum(map(fails, runs[f"SDecGMCA, {other}"])), 1)),
+    sdecgmca_failed=one_run((sum(one.fails for one in runs[f"SDecGMCA, {reading}"]), 1)),
+    sdecgmca_other_failed=one_run((sum(one.fails for one in runs[f"SDecGMCA, {other}"]), 1)),
 )
 
 # %% [markdown]

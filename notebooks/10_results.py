@@ -53,7 +53,7 @@ from himap.figures import styles
 from himap.figures.numbers import one_run, quote, show, show_table
 from himap.paper import captions
 from himap.paper.methods import methods_for, paper_beams
-from himap.paper.study import Study, fails, over_restarts
+from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import angular_figure, frequency_figure
 from himap.removal.base import SeparationWarning
 from himap.removal.pca import PCA
@@ -134,7 +134,7 @@ for beam, methods in removers.items():
         members = study.members(method)
         settled = ["yes" if study.assessed(beam, member).converged else "no" for member in members]
         if method.name == "sdecgmca":
-            failed = ["yes" if fails(one) else "no" for one in study.ensemble(beam, method)]
+            failed = ["yes" if one.fails else "no" for one in study.ensemble(beam, method)]
             numbers[f"{name}: failed"] = over_restarts(method, failed)
         if method.name == "sdecgmca" or "no" in settled:
             numbers[f"{name}: settled"] = over_restarts(method, settled)

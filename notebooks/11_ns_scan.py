@@ -64,7 +64,7 @@ from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper import captions
 from himap.paper.claims.base import LOW_K, angular_band, bump, frequency_band
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.study import Study, fails, over_restarts
+from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure
 from himap.removal.base import REGISTRY, SeparationWarning
 from himap.removal.restarts import has_restarts
@@ -293,7 +293,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]
-    failed = f" ({sum(map(fails, members))} of {len(members)} failed)" if len(members) > 1 else ""
+    failed = f" ({sum(one.fails for one in members)} of {len(members)} failed)" if len(members) > 1 else ""
     return f"$n_s$ = {n}{failed}"
 
 

@@ -21,7 +21,7 @@ HIMAP = Path(himap.__file__).resolve().parent
 
 CHAPTERS = {f"{n:02}" for n in range(27)}
 SKIES = CHAPTERS - {"00", "16", "18", "19"}  # those show what is stored
-JUDGING = {"claims", "readings"}
+JUDGING = {"claims", "readings", "restarts", "flags"}
 RECORDS = {"transfer", "beam_errors", "methods", "n_sources"}
 STORED = JUDGING | RECORDS
 JUDGED = {"15"} | JUDGING
@@ -155,7 +155,7 @@ WORDS = [
     ("core/errors.py", "class InputError(", 'TEXT = "a longer text"\n\n\nclass InputError('),
     ("core/survey.py", "number of", "how many"),
     ("paper/claims/smooth_beams.py", "All six methods recover C/C0", "Each method recovers C/C0"),
-    ("paper/claims/smooth_beams.py", "Largest |C/C0 - 1|", "Most of |C/C0 - 1|"),
+    ("paper/claims/smooth_beams.py", "at 95 % of the l is below", "at 95 % of the l lies below"),
     ("paper/claims/smooth_beams.py", "The parametric fit is too high", "The fit is too high"),
     ("core/survey.py", "def preset(cls, name", "def preset(cls, name: str"),
     ("removal/base.py", "def _separation_of(self, data)", "def _separation_of(self, data: object)"),

@@ -24,6 +24,9 @@ BANDS = {f"C/C0, {first}-{last}": ("angular", first - 0.5, last + 0.5) for first
 JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
 """Those by which cleanings are judged: below are few multipoles, and slow modes are lost with any beam."""
 
+FAILING = 0.1
+"""To *fail* is to be off by more than this in the mean |C/C0 - 1| for 10 < l < 200, or up to 2 nside."""
+
 MSE_DEFINITIONS = {
     "relative": "mean of (S / S_true - 1)^2",
     "logarithmic": "mean of (ln S / S_true)^2",
@@ -257,6 +260,12 @@ class Comparison:
         if _within(self.k, *BUMP).any():
             means["P/P0, highest near k = 0.31"] = band_max(self.k, self.frequency_ratio, *BUMP)
         return {name: float(value) for name, value in means.items()}
+
+    @property
+    def fails(self):
+        """Whether the mean |C/C0 - 1| for 10 < l < 200 is above `FAILING`; never where l ends before."""
+        inside = _within(self.degrees, 10, 200)
+        return bool(inside.any() and np.abs(self.angular_ratio[inside] - 1).mean() > FAILING)
 
     def in_bins_of(self, other):
         """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""

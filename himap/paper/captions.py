@@ -1,6 +1,6 @@
 """What captions and prose say of the paper's SDecGMCA, wherever a result of it is shown."""
 
-from himap.paper.claims.verdicts import FAILING
+from himap.measures.diagnostics import FAILING
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 _FEW = 3  # departures from the text that a caption can list

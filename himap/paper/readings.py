@@ -7,10 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from himap.core.errors import InputError
-from himap.measures.diagnostics import ANGULAR_BANDS
+from himap.measures.diagnostics import ANGULAR_BANDS, FAILING
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
-from himap.paper.claims.verdicts import FAILING
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
 BANDS = {f"C/C0, {low} to {high}": ("C/C0", low - 0.5, high + 0.5) for low, high in ANGULAR_BANDS} | {

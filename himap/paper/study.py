@@ -7,8 +7,6 @@ shows is in `himap.paper.study_figures`.
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
@@ -17,7 +15,6 @@ from himap.figures.numbers import of_restarts
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
-from himap.paper.claims.verdicts import FAILING
 from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming, Galaxy
 from himap.store.provenance import Provenance
@@ -197,12 +194,6 @@ class Study:
             for method in methods
             for name, entry in self.band_entries(beam, method, **options).items()
         }
-
-
-def fails(comparison):
-    """Whether the mean |C/C0 - 1| at 10 < l < 200 is above `FAILING`; never where l ends before."""
-    inside = (comparison.degrees > 10) & (comparison.degrees < 200)
-    return bool(inside.any() and np.abs(comparison.angular_ratio[inside] - 1).mean() > FAILING)
 
 
 def over_restarts(remover, entries):

@@ -8,7 +8,6 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
-from himap.paper.study import fails
 from himap.removal.restarts import has_restarts
 
 _LINES = ("-", "--", "-.", ":", (0, (8, 2)))
@@ -46,7 +45,7 @@ def _by_beam(study, kind, removers, titles, options):
 
 def ensemble_style(style, *ensembles):
     """A style whose label says, of lists of `Comparison` in panels in turn, how many there are and fail."""
-    failed = [sum(map(fails, members)) for members in ensembles]
+    failed = [sum(one.fails for one in members) for members in ensembles]
     return styles.of_restarts(style, *failed, n=len(ensembles[0]))
 
 

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from himap.measures.diagnostics import FAILING
 from himap.paper.claims.base import (
     BEAMS,
     STATISTICS,
@@ -23,7 +24,6 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import (
     CLEAR,
-    FAILING,
     METHODS,
     MOST,
     RECOVERED,

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from himap.measures.diagnostics import FAILING
 from himap.paper.claims.base import (
     BEAMS,
     LOW_K,
@@ -22,7 +23,6 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import (
     CLEAR,
-    FAILING,
     MUCH,
     RECOVERED,
     STRONG,

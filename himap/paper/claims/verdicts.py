@@ -31,12 +31,6 @@ STRONG = 1.5
 MUCH = 2
 """*Much larger*: at least this many times as large."""
 
-FAILING = 0.1
-"""To *fail* is to be off by more than this in the mean |ratio - 1|: of C/C0 for 10 < l < 200 or 2 nside."""
-
-FAILING = 0.1
-"""Mean |C/C0 - 1| at 10 < l < 200 above which a member fails: twice the paper's 5 %."""
-
 ORDERS = 100
 """Too high *by orders of magnitude*: two of them or more, in the median."""
 
