@@ -112,10 +112,10 @@ def spectrum(panels):
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
         list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,), or
         (n_members, n) of an ensemble, which is drawn as in `lines`; optional "x_limits". Curves of one label
-        are the same in all panels: where they are many, one legend stands above.
+        are the same in all panels: where these or they are many, one legend stands above.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
-    many_curves = max(len(panel["curves"]) for panel in panels) > 2
+    many = len(panels) > 2 or max(len(panel["curves"]) for panel in panels) > 2
     shown = [_shown(panel) for panel in panels]
     limits = ratio_limits([ratio for _, curves in shown for *_, ratio in curves], least=2 * _BAND)
     share = {"sharex": "col", "sharey": "row" if one_scale else "none"}
@@ -131,7 +131,7 @@ def spectrum(panels):
         bottom.set(xlabel=panel["xlabel"], xscale="log")
         set_ratio_axis(bottom, limits)
         set_plain_ticks(bottom.xaxis, x[0], x[-1])
-        if not many_curves:
+        if not many:
             top.legend()
         if panel is panels[0] or not one_scale:
             top.set_ylabel(panel["ylabel"])
@@ -141,7 +141,7 @@ def spectrum(panels):
             points += _points(panel, at, recovered, style)
             if not np.array_equal(np.atleast_2d(true)[0], panel["true"][1]):
                 points += _points(panel, at, true, style | {"label": f"{style['label']}: truth"})
-    if many_curves:  # many curves leave no room inside the panels
+    if many:  # no room inside the panels
         legend_above_all(figure)
     return with_curves(figure, points)
 
