@@ -132,10 +132,7 @@ def _first(eigenvalues):
 
 def _assessed(assessment):
     """Spectra of the residual, at the level of HI; of an iteration neither its length nor its diagnostics."""
-    shown = vars(assessment) | {"mixing": np.abs(assessment.mixing), "n_iterations": 0}
-    shown["truth"] = shown.pop("cut_truth")
-    del shown["diagnostics"]
-    return shown
+    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
 
 
 def _fitted(fit):
