@@ -19,7 +19,7 @@ from himap.store.fingerprint import CodeTree, moved
 
 HIMAP = Path(himap.__file__).resolve().parent
 
-CHAPTERS = {f"{n:02}" for n in range(27)}
+CHAPTERS = {f"{n:02}" for n in range(28)}
 SKIES = CHAPTERS - {"00", "16", "18", "19"}  # those show what is stored
 JUDGING = {"claims", "readings", "restarts", "flags"}
 RECORDS = {"transfer", "beam_errors", "methods", "n_sources"}

@@ -26,7 +26,7 @@ from himap.instrument.beams.meerkat import MeerKAT, MeerKATLobes
 from himap.instrument.beams.others import FromFile, PerturbedBeam
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
-from himap.paper.experiments import beam_errors
+from himap.paper.experiments import authors, beam_errors
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gaussian_process import GaussianProcess
@@ -44,6 +44,7 @@ FINE = Survey(nside=64, n_channels=12, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=Oscillating())
 SMOOTHED = replace(CASE, beam=Degraded())
 FINE_CASE = replace(CASE, survey=FINE)
+RIPPLE_CASE = replace(CASE, survey=replace(SURVEY, n_channels=64))  # its k hold the ripple
 REGION = masked.Region(latitude=20.0)
 PLAIN = PCA(n_sources=3)
 AWARE = BeamSubspace(n_sources=3, lmax=32)
@@ -87,6 +88,8 @@ _PRODUCTS = {
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
     leakage.decompose: [(CASE, PLAIN), (CASE, SmoothSpectra())],
     leakage.expected_loss: [(CASE, SmoothSpectra())],
+    authors.member: [(RIPPLE_CASE, SDecGMCA(**ONCE, beyond="cut"))],
+    authors.first_mixings: [(CASE, SDecGMCA(**ONCE), 1)],
     beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
 }
 _CHOSEN_METHODS = (
@@ -140,7 +143,17 @@ def _fitted(fit):
     return fit.mixing @ fit.sources
 
 
+def _spectra_of_member(numbers):
+    """Without the condition number and the changes of an iteration that does not converge."""
+    return {name: list(values.values()) for name, values in numbers.items() if name not in _ITERATED}
+
+
+_ITERATED = ("condition", "change", "converged")
+
+
 _SHOWN = {
+    authors.first_mixings: np.abs,
+    authors.member: _spectra_of_member,
     cleaned.assessment: _assessed,
     cleaned.fit: _fitted,
     cleaned.separation: _separated,

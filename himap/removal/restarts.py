@@ -30,8 +30,8 @@ FLAGS = {
 and noise have, and where a quarter of the power differs."""
 
 _WAY_OUT = (
-    "Take beam_subspace, which does not depend on its start; or share=1, n_warmup=1, sign='free', with which "
-    "sdecgmca settles; or more sources."
+    "Take beam_subspace, which does not depend on its start; or thresholds='analytic', share=1, n_warmup=1, "
+    "sign='free', with which sdecgmca settles; or more sources."
 )
 
 

@@ -48,6 +48,7 @@ def measure(name, **options):
     """Measure the experiment NAME on many skies, print a summary, and write its record.
 
     \b
+    authors      SDecGMCA as its authors' code was measured          (27_restarts)
     beam_errors  what it costs a method to assume a wrong beam      (21_beam_errors)
     claims       every claim of the paper, with a verdict           (15_claims)
     flags        how often a failure shows without the truth         (15_claims)

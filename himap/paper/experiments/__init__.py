@@ -7,6 +7,7 @@ from himap.core.errors import InputError
 __all__ = ["EXPERIMENTS", "find_experiment"]
 
 EXPERIMENTS = {
+    "authors": "SDecGMCA from many starts, as the runs of its authors' code were measured.",
     "beam_errors": "What it costs a method to assume a wrong beam.",
     "claims": "Every claim of the paper, with a verdict.",
     "flags": "How often what is known without the truth says that SDecGMCA failed.",

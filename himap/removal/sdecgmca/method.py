@@ -175,13 +175,7 @@ class SDecGMCA(ForegroundRemover):
         return data.get_or_compute(self.iteration, lambda: self._fit(data))
 
     def _fit(self, data):
-        mixture = self._mixture(data, self._lmax(data))
-        scales = Scales.of(self, mixture.lmax, sphere.nside_of(data.maps))
-        start = mixture.start(self.n_sources, self.start_channel)
-        if self.restart:
-            normal = np.random.default_rng(self.restart).standard_normal(start.shape)
-            start = start * (1 + _PERTURBATION * normal)
-        stages = {}
+        (mixture, scales, start), stages = self.problem(data), {}
         for step in self.iterate(mixture, scales, start):
             stages.setdefault(step.refining, []).append(step.change)
         return Fit(
@@ -197,6 +191,15 @@ class SDecGMCA(ForegroundRemover):
                 "cost": self._cost(mixture, scales, step),
             },
         )
+
+    def problem(self, data):
+        """Where `fit` of the `data` starts: `BlurredMixture`, `Scales`, and A, perturbed by `restart`."""
+        mixture = self._mixture(data, self._lmax(data))
+        start = mixture.start(self.n_sources, self.start_channel)
+        if self.restart:
+            normal = np.random.default_rng(self.restart).standard_normal(start.shape)
+            start = start * (1 + _PERTURBATION * normal)
+        return mixture, Scales.of(self, mixture.lmax, sphere.nside_of(data.maps)), start
 
     def _cost(self, mixture, scales, step):
         """The paper's cost function of A and S, mK^2: misfit, and coefficients times their thresholds."""

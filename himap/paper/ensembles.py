@@ -1,0 +1,101 @@
+"""SDecGMCA as an ensemble: how a change of its start grows, how it is distributed, and how often it fails.
+
+Tables are those of the experiments `authors` and `restarts`.
+"""
+
+import numpy as np
+import pandas as pd
+
+from himap.paper import cleaned
+from himap.paper.claims.verdicts import wilson
+from himap.paper.experiments.authors import first_mixings, growth, of_code
+from himap.paper.readings import FAILING
+
+_NO_K = {"share": 1.0, "n_warmup": 1}
+
+VARIANTS = {
+    "as in the code": {},
+    "no $K$": _NO_K,
+    "instrument's noise": {"thresholds": "analytic"},
+    r"no $K$, instrument's noise, $\mathbf{A} \geq 0$": {
+        "thresholds": "analytic",
+        "sign": "nonnegative",
+        **_NO_K,
+    },
+    "no $K$, instrument's noise": {"thresholds": "analytic", **_NO_K},
+    "no thresholds": {"n_sigma": 0.0, **_NO_K},
+}
+"""{variant of the iteration: options of `SDecGMCA` beside the reading "code"}: without K all coefficients
+above the noise are kept, from the first iteration."""
+
+MEASURES = ("C/C0, 2 to 9", "C/C0, 10 to 64", "P/P0, k < 0.03", "P/P0, 0.03 to 0.1", "bump", "flagged")
+"""Quantities of the last S in which two ensembles are compared."""
+
+_RUN = ["reading", "case", "n_sources"]
+
+
+def variant_growth(case, options, n_restarts, **common):
+    """Angles and condition numbers of a variant, rows as of the experiment `authors`.
+
+    Parameters
+    ----------
+    case
+        A `pipeline.Case`.
+    options
+        As in `VARIANTS`; `common` are options of all variants.
+    n_restarts
+        Starts, the plain one among them, which the angles are from.
+    """
+    plain, *others = (
+        first_mixings(case, of_code(case.beam, restart=k, **common | options, tolerance=0.0))
+        for k in range(n_restarts)
+    )
+    return pd.DataFrame(
+        {"restart": k, "quantity": quantity, "x": x, "value": value}
+        for k, mixings in enumerate(others, 1)
+        for quantity, curve in growth(mixings, plain).items()
+        for x, value in curve.items()
+    )
+
+
+def first_kept(case, options):
+    """Share of the starlet coefficients of each source that the first thresholds of a variant keep."""
+    method = of_code(case.beam, **options)
+    mixture, scales, start = method.problem(cleaned.cleaning(case, method).basis)
+    inverses = mixture.inverses(start, mixture.epsilon_of_matrices(start, method.regularisation))
+    empty = scales.empty_memory(method.n_sources)
+    _, kept = scales.threshold(mixture, inverses, method.share / method.n_warmup, empty)
+    return np.mean(kept != 0, axis=(1, 2))
+
+
+def curves(rows, quantity):
+    """Values of a quantity, a DataFrame with a row for each restart and a column for each x."""
+    chosen = rows[rows["quantity"] == quantity]
+    return chosen.pivot_table(index="restart", columns="x", values="value")
+
+
+def samples(rows, floor, quantities=MEASURES):
+    """Values at one floor of the last S, and the last condition number of A, (n_restarts, n)."""
+    columns = [curves(rows, name)[floor] for name in quantities]
+    return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
+
+
+def failures(rows):
+    """How often SDecGMCA fails, a DataFrame with a row for each reading, case and number of sources.
+
+    `rows` are of the experiment `restarts`. Columns beside these: "failed", "members", "skies", and "low" and
+    "high", the Wilson interval of the probability, two sigma.
+    """
+    found, errors = [], rows[rows["quantity"] == "mean error"]
+    for run, group in errors.groupby(_RUN, sort=False):
+        failed, members = int((group["value"] > FAILING).sum()), len(group)
+        low, high = wilson(failed, members, z=2)
+        counts = {"failed": failed, "members": members, "skies": group["seed"].nunique()}
+        found.append(dict(zip(_RUN, run, strict=True)) | counts | {"low": low, "high": high})
+    return pd.DataFrame(found)
+
+
+def any_within(values, stored):
+    """Whether one value at least is within the range of stored ones, widened by half, of logarithms."""
+    low, high = np.log([np.min(stored), np.max(stored)])
+    return bool(np.any(np.abs(np.log(values) - (low + high) / 2) <= 0.75 * (high - low)))
