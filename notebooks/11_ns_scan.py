@@ -255,11 +255,9 @@ def best_of(values, name):
     """The number with the least median, and those of single restarts where these are others."""
     numbers = sorted({best(one) for one in values})
     others = f" (of single restarts {' and '.join(map(str, numbers))})" if len(numbers) > 1 else ""
-    return (
-        over_restarts(remover(name, first), [f"{best(values)}{others}"])
-        if chaotic[name]
-        else (best(values), 1)
-    )
+    if not has_restarts(remover(name, first)):
+        return best(values), 1
+    return over_restarts(remover(name, first), [f"{best(values)}{others}"])
 
 
 at_best = study.members(remover(method, best(of_method)))
