@@ -177,7 +177,7 @@ plotting.stamp(claims_figure(outcomes), made)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the readings that have a name, for every sky. Thick lines: the first start. Thin lines: the others. Curves of runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the readings that have a name, for every sky: median and 16 to 84 % band of the restarts, each of them a thin line. Curves of runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]

@@ -94,19 +94,20 @@ def _points(outcomes, places, band, *, shown):
 def curves_figure(outcomes):
     """C/C0(l) and P/P0(k) of the readings with a name, two panels for each sky.
 
-    Thick lines are the first start, thin ones the others. Ratios that are wrong by more than the panels show
-    leave them.
+    Median and 16 to 84 % band of the restarts, which are thin lines. Ratios that are wrong by more than the
+    panels show leave them.
     """
-    runs = [(label, run) for label in READINGS if label in outcomes for run in outcomes[label].runs]
+    named = [label for label in READINGS if label in outcomes]
+    seeds = dict.fromkeys(run.seed for label in named for run in outcomes[label].runs)
     directions = ("angular", "across the sky"), ("frequency", "along the line of sight")
     panels = []
-    for seed in dict.fromkeys(run.seed for _, run in runs):
+    for seed in seeds:
         for curve, (kind, across) in zip(CURVES, directions, strict=True):
-            curves = [
-                (*run.curves[curve], _LOOKS[label] | _of_restart(label, run.restart))
-                for label, run in runs
-                if run.seed == seed
-            ]
+            members = {
+                label: [run.curves[curve] for run in outcomes[label].runs if run.seed == seed]
+                for label in named
+            }
+            curves = [(*_ensemble(those), _LOOKS[label]) for label, those in members.items() if those]
             ends = [min(x[0] for x, _, _ in curves), max(x[-1] for x, _, _ in curves)]
             panels.append(
                 {
@@ -121,10 +122,10 @@ def curves_figure(outcomes):
     return plotting.lines(panels, size=(5, 3.6), legend_above=True)
 
 
-def _of_restart(label, restart):
-    if restart == 0:
-        return {"label": label, "linewidth": 1.8}
-    return {"label": f"_{label}, restart {restart}", "linewidth": 0.7}
+def _ensemble(curves):
+    """x, and the y of some restarts, (n_members, n), or of the only one, (n,)."""
+    (x, *_), ys = zip(*curves, strict=True)
+    return x, ys[0] if len(ys) == 1 else np.array(ys)
 
 
 def code_figure(compared, iterations):
