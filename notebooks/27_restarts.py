@@ -62,6 +62,7 @@ from himap.app.stored import RESULTS
 from himap.figures import plotting
 from himap.figures.numbers import one_run, quote, show, show_table
 from himap.figures.tables import Table
+from himap.measures.diagnostics import FAILING
 from himap.measures.ensembles import compare_samples
 from himap.paper import ensembles
 from himap.paper.authors_code import read_authors_ensemble
@@ -69,7 +70,6 @@ from himap.paper.ensembles import MEASURES, VARIANTS, curves
 from himap.paper.ensembles_figures import distributions_figure, growth_figure, variants_figure
 from himap.paper.experiments import authors, find_experiment
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.readings import FAILING
 from himap.paper.record import Record
 from himap.paper.restarts import flag_table
 from himap.paper.study import Study

@@ -23,13 +23,13 @@ CHAPTERS = {f"{n:02}" for n in range(28)}
 SKIES = CHAPTERS - {"00", "16", "18", "19"}  # those show what is stored
 JUDGING = {"claims", "readings", "restarts", "flags"}
 RECORDS = {"transfer", "beam_errors", "methods", "n_sources"}
-STORED = JUDGING | RECORDS
+STORED = JUDGING | RECORDS | {"authors"}
 JUDGED = {"15"} | JUDGING
-CLAIMED = JUDGED | {"00", "11", "12", "13", "14", "16", "18"}  # these show what the claims say
+CLAIMED = JUDGED | {"00", "11", "12", "13", "14", "16", "18", "27"}  # these show what the claims say
 ALL_SIX = {"10", "12", "13", "14"} | JUDGED  # name the six methods of the paper
 ANY_METHOD = {"11", "17", "20", "21", "22", "23", "24", "25", "26"} | RECORDS  # take any method by its name
-BEAM_AWARE = {"09"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
-ANY_BEAM = SKIES - {"01", "02", "10", "15"} | RECORDS  # those name the paper's three, or none
+BEAM_AWARE = {"09", "27", "authors"} | ALL_SIX | ANY_METHOD  # SDecGMCA, or what can stand in its place
+ANY_BEAM = SKIES - {"01", "02", "10", "15", "27"} | RECORDS  # those name the paper's three, or none
 OBSERVED = SKIES - {"01"} | STORED
 CLEANED = OBSERVED - {"02"}
 

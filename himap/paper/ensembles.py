@@ -6,10 +6,10 @@ Tables are those of the experiments `authors` and `restarts`.
 import numpy as np
 import pandas as pd
 
+from himap.measures.diagnostics import FAILING
 from himap.paper import cleaned
 from himap.paper.claims.verdicts import wilson
 from himap.paper.experiments.authors import first_mixings, growth, of_code
-from himap.paper.readings import FAILING
 
 _NO_K = {"share": 1.0, "n_warmup": 1}
 
