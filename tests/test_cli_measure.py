@@ -100,7 +100,7 @@ def bad(name, *options, message):
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        bad("clams", message="unknown experiment 'clams'; there are beam_errors, claims"),
+        bad("clams", message="unknown experiment 'clams'; there are authors, beam_errors"),
         bad("claims", "-p", "method=pca", message="in the place of SDecGMCA can stand"),
         bad("claims", "-p", "n_realisation=2", message="did you mean n_realisations"),
         bad("claims", "-p", "galaxy=templates", message="needs template_dir"),

@@ -215,5 +215,5 @@ class TestExperiments:
         assert measuring_code(name) == measuring_code(name, CodeTree(loaded=True))
 
     def test_unknown(self):
-        with pytest.raises(InputError, match="unknown experiment 'x'; there are beam_errors, claims"):
+        with pytest.raises(InputError, match="unknown experiment 'x'; there are authors, beam_errors"):
             find_experiment("x")
