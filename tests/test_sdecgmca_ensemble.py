@@ -12,8 +12,8 @@ one does, from the stored ensembles of both codes:
 - medians of seven angles, where none of 106 stored ones is outside: below 1e-6.
 
 That is less than once in 10^4. They find thresholds from the noise of the instrument, a source less, and
-another floor of the last S. A share K of 0.2, thresholds twice as high and A >= 0 lead to the same distributions: these
-the first iterations find, in test_sdecgmca_reference.py.
+another floor of the last S. A share K of 0.2, thresholds twice as high and A >= 0 lead to the same
+distributions: these the first iterations find, in test_sdecgmca_reference.py.
 """
 
 from pathlib import Path
