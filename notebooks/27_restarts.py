@@ -256,7 +256,10 @@ Table(
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
 measured = [Record.load(RESTARTS, path) for path in records or sorted(RESULTS.glob("restarts_*.json"))]
-sizes = {f"{one.made.preset}, {NAMES[one.made.galaxy.partition(' ')[0]]}": one.rows for one in measured}
+sizes = {}
+for one in measured:
+    sizes.setdefault(f"{one.made.preset}, {NAMES[one.made.galaxy.partition(' ')[0]]}", []).append(one.rows)
+sizes = {size: pd.concat(several) for size, several in sizes.items()}
 READ = ("default", "letter", "code", "code-rounding", "follow-up", "instrument-noise")
 NONE = "no record is stored with this book"
 
@@ -277,7 +280,10 @@ def by_column(rows, index, column):
 cases, lines = ("degraded", "evolving", "oscillating", "dimmed"), []
 for size, rows in sizes.items():
     chosen = rows[rows["reading"].isin(READ) & rows["case"].isin(cases)]
-    lines += [[size, one, *map(row.get, cases)] for one, row in by_column(chosen, "reading", "case").items()]
+    lines += [
+        [size, one, *(row.get(case, "") for case in cases)]
+        for one, row in by_column(chosen, "reading", "case").items()
+    ]
 head = ["sky", "reading", "degraded", "evolving", "oscillating", "oscillating, plane dimmed"]
 Table(head, lines or [[NONE, *[""] * 5]], align="llrrrr")
 
@@ -289,7 +295,8 @@ counts, lines = (2, 3, 4, 5, 6, 7, 8, 10, 15, 20), []
 for size, rows in sizes.items():
     chosen = rows[rows["reading"].isin(READ) & rows["case"].isin(["oscillating", "scan"])]
     lines += [
-        [size, one, *map(row.get, counts)] for one, row in by_column(chosen, "reading", "n_sources").items()
+        [size, one, *(row.get(count, "") for count in counts)]
+        for one, row in by_column(chosen, "reading", "n_sources").items()
     ]
 Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], align="ll" + "r" * len(counts))
 
