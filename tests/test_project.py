@@ -93,7 +93,7 @@ def test_table_rows_are_planned_or_complete():
 def test_table_and_toc_have_every_notebook():
     toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
     chapters = [chapter["file"] for part in toc["parts"] for chapter in part["chapters"]]
-    assert [Path(file).name for file in chapters if file.startswith("notebooks/")] == NOTEBOOKS
+    assert sorted(Path(file).name for file in chapters if file.startswith("notebooks/")) == NOTEBOOKS
     assert all((ROOT / f"{file}.md").exists() for file in chapters if file.startswith("book/"))
     assert {Path(page.stem).name for page in PAGES[1:]} == {
         Path(file).name for file in [toc["root"], *chapters] if file.startswith("book/")
