@@ -30,7 +30,7 @@
 # the same, on the real Galaxy at half the paper's resolution (`laptop`) and in the reading that is most charitable to the paper: of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided, since it gives now one answer and now another, and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` others
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. On data of your own use a method that does not depend on its start, such as BeamSubspace
-# ([a table by what you have](what-to-use)); if it is SDecGMCA, run restarts and look at their scatter (`himap clean cube.h5 --method sdecgmca --restarts 8`).
+# ([a table by what you have](what-to-use)); if it is SDecGMCA, run restarts and look at their scatter (the option `--restarts` of `himap clean`).
 #
 # Below are the paper's five conclusions. Each rests on claims of the ledger, whose readings were written down before their numbers were known ({doc}`15_claims`). It is *reproduced* if all of them are, *in part* if one is at least in part, *not reproduced* if all are that, and *undecided* otherwise.
 # The first column of verdicts is of the ensemble ({glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and restarts); the second, at the paper's own size (`nside` 256, 500 channels), is older: one run of another reading, by the parts of claims as they were then.

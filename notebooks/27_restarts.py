@@ -326,7 +326,7 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # - **A stable iteration.** `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")`: the noise of the instrument, no $K$, no constraint on signs. It settles, and restarts agree. It has a price, in the table: more HI is lost at low $\ell$,
 #   about as much as by BeamSubspace with as many sources. With few sources less is lost.
 # - **Another method for the same model.** BeamSubspace ({doc}`09_sdecgmca`) has the same mixture and no chaos.
-# - **Restarts.** An ensemble, its median and its range, in place of one run: `SDecGMCA(restart=k)` in Python, `himap clean cube.h5 --method sdecgmca --restarts 8` for a cube.
+# - **Restarts.** An ensemble, its median and its range, in place of one run: `SDecGMCA(restart=k)` in Python, for a cube the option `--restarts` of `himap clean`.
 #
 # The table has the median over {glue:text}`restarts_n_live` restarts made here, and the lowest and highest of them, for the reading of this notebook, the stable iteration, and BeamSubspace. The reading carries the regularised inversion beyond the last multipole ({doc}`09_sdecgmca`), and at this coarse resolution that alone puts $P/P_0$ of SDecGMCA above 1 at low $k_\nu$.
 
