@@ -220,6 +220,13 @@ def test_some_claims_of_ledgers():
         assert [row[0].strip("*") for row in rows] == shown
 
 
+def test_an_older_ledger_may_lack_a_claim():
+    (entries, about), older = ledger_of(FAILED), ledger_of(REPRODUCED)
+    ((_, *rows, last),) = tables(ledgers_table([(entries, about), (older[0][:1], about)]))
+    assert [row[4] for row in rows] == ["✓ 0.25", "not judged", "not judged"]
+    assert last[4] == "✓ 1"
+
+
 def test_what_ledgers_have_in_common_is_said_once():
     (entries, about), other = ledger_of(FAILED), ledger_of(FAILED, overrides=[("reading", "letter")])
     *_, shared, first, second = ledgers_table([(entries, about), other]).split("\n\n")

@@ -10,7 +10,7 @@ from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, read_stored, stored_figure
 from himap.figures import styles
 from himap.figures.tables import Table
-from himap.paper.claims import INAPPLICABLE
+from himap.paper.claims import CLAIMS, INAPPLICABLE
 from himap.paper.ledger_table import BADGES, cause, measured, members_text, shares_text, summary
 from himap.store.provenance import Provenance
 
@@ -124,13 +124,14 @@ def ledgers_table(ledgers, only=None, others=None):
     names = []
     for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
         names.append(f"{name}, {members_text(entries[0])}")
-    rows = []
-    for entries in zip(*(entries for entries, _ in ledgers), strict=True):
-        if only is None or only(entries):
-            claim = entries[0].claim
-            first = [f"**{claim.id}**", f"{claim.number} ({claim.beam})", claim.paper]
-            why = [] if others is None else [cause(entries[0], others)]
-            rows.append([*first, *map(_cell, entries), *why])
+    rows, by_id = [], [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
+    for id, claim in CLAIMS.items():
+        found = [ledger.get(id) for ledger in by_id]  # an older ledger may lack a claim
+        judged = [entry for entry in found if entry]
+        if judged and (only is None or only(judged)):
+            first = [f"**{id}**", f"{claim.number} ({claim.beam})", claim.paper]
+            why = [] if others is None else [cause(judged[0], others)]
+            rows.append([*first, *(_cell(entry) if entry else "not judged" for entry in found), *why])
     if only is None:
         counts = [
             [f"{BADGES[verdict][0]} {n}" for verdict, n in summary(entries).items() if n]
