@@ -10,6 +10,7 @@ import pytest
 from ledgers import entry
 from PIL import Image
 
+from himap.app.causes import other_records
 from himap.app.notebooks import find
 from himap.app.stored import RESULTS, extrapolated, read_ledger, read_stored, times_of_all
 from himap.app.stored_tables import (
@@ -60,8 +61,9 @@ def markdown(name):
 
 def test_the_chapters_show_what_is_stored_today():
     ledgers = readable_ledgers()
-    shown = markdown("18_paper_size")
-    for expected in (verdicts_table(ledgers), ledgers_table(ledgers), pictures(stored_folders())):
+    shown, others = markdown("18_paper_size"), other_records(ledgers[0][1])
+    sides = ledgers_table(ledgers, others=others)
+    for expected in (verdicts_table(ledgers), sides, pictures(stored_folders())):
         assert expected in shown
     assert (len(ledgers) < 3) == ("to be measured again" in shown)
     assert len(ledgers) < 2 or ledgers_table(ledgers, differing) in shown
