@@ -367,7 +367,10 @@ def test_what_ends_at_200_is_judged_as_far_as_it_goes():
     assert wrong == ["E3"]  # which contradicts E4
 
 
-@pytest.mark.parametrize(("id", "lacking"), [("N1", "5"), ("N2", "2, 3, 10"), ("N3", "5, 7"), ("N4", "6")])
+@pytest.mark.parametrize(
+    ("id", "lacking"),
+    [("N1", "5"), ("N1", "4, 6"), ("N2", "2, 3, 10"), ("N3", "5, 7"), ("N4", "6"), ("N4", "4, 8")],
+)
 def test_a_scan_that_is_too_short_does_not_hold_it(id, lacking):
     world = World()
     world.scanned = {n: one for n, one in world.scanned.items() if str(n) not in lacking.split(", ")}
