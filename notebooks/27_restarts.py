@@ -6,7 +6,6 @@
 #     - book/results/authors_*.json
 #     - book/results/flags_*.json
 #     - book/results/restarts_*.json
-#     - tests/data/authors_ensemble.json
 #     section: "3.3"
 #   jupytext:
 #     formats: ipynb,py:percent

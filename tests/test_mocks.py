@@ -105,7 +105,7 @@ def test_a_method_is_told_the_noise_of_both_and_masks_their_peaks(peaks_masked, 
 
 
 def test_a_method_that_ends_is_compared_up_to_there():
-    remover = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2)
+    remover = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2, reading="instrument-noise")
     (found,) = recovered(CASE, (remover,), USUAL)
     assert found.input.degrees[-1] == own_recovery(CASE, remover).input.degrees[-1] == 10
     assert 0.3 < found.output.angular[5] / found.input.angular[5] < 1.3

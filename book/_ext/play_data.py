@@ -105,11 +105,12 @@ def _panel(title, curves, looks, kind):
 def _ratio(label, kind, named, xs):
     """Over the truth, or None where the truth that this curve is divided by is not among the numbers.
 
-    A curve that brings its own is divided by that. Else a masked sky has another one, and so has P(k) of
-    SDecGMCA, which ends at some l; of C_l what is beyond that end changes nothing.
+    A curve that brings its own is divided by that. Else a masked sky has another one, and so had P(k) of
+    SDecGMCA in figures that were stored before it was shown as an ensemble, where it ended at some l.
     """
-    masked = any(other.endswith(f"{label}, whole sky") for other in named)
-    cut = kind == "frequency" and label.startswith(("SDecGMCA", "_SDecGMCA", "$n_s$"))
+    method, ensemble, _ = label.partition(", median of ")
+    masked = any(other.partition(", median of ")[0].endswith(f"{method}, whole sky") for other in named)
+    cut = kind == "frequency" and not ensemble and label.startswith(("SDecGMCA", "_SDecGMCA", "$n_s$"))
     truth = named.get(label + OWN, None if masked or cut else named[TRUTH])
     if truth is None:
         return None

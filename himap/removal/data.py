@@ -13,7 +13,6 @@ import numpy as np
 from himap.core.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
 from himap.core.errors import InputError
 from himap.maps.low_rank import as_float32, centred
-from himap.maps.masks import mask_weights
 from himap.removal.covariance import channel_covariance
 
 
@@ -219,6 +218,8 @@ def checked_mask(mask, n_pix):
     InputError
         Another shape, other values than True and False (or 1 and 0), or nothing kept.
     """
+    from himap.maps.masks import mask_weights  # here: it imports healpy, which takes a second
+
     kept = mask_weights(mask, n_pix)
     if not np.isin(kept, (0, 1)).all():
         raise InputError(

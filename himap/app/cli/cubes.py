@@ -157,9 +157,8 @@ def _cube_and_beams(asked, remover):
     short_help="Remove the foregrounds of the cube of maps in CUBE.",
 )
 def clean(asked):
-    """Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
-
-    \b
+    """\b
+    Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
     from himap.cubes.writing import files_of, write_cleaned

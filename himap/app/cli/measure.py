@@ -45,7 +45,7 @@ def _with_options(command):
 @click.argument("name")
 @_with_options
 def measure(name, **options):
-    """Measure the experiment NAME on many skies, print a summary, and write its record.
+    """Measure the experiment NAME on many skies, and write its record.
 
     \b
     authors      SDecGMCA as its authors' code was measured          (27_restarts)
@@ -58,7 +58,7 @@ def measure(name, **options):
     restarts     SDecGMCA from several starts, in each reading       (15_claims)
     transfer     how well transfer functions correct signal loss    (20_transfer_function)
 
-    `himap list` shows the parameters of these chapters. What was interrupted goes on where it stopped.
+    `himap list` shows the parameters of these chapters.
 
     \b
     himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps

@@ -103,7 +103,7 @@ def workers(command):
             check_scheduler()
             return command(*args, **options)
 
-    address = "Scheduler of a Dask cluster to share the work, such as tcp://host:8786."
+    address = "Scheduler of a Dask cluster, such as tcp://host:8786."
     size = "What may be used, such as 16GB; default: what is free."
     return with_options(
         click.option("--jobs", type=click.IntRange(min=1), help="Processes that work at once; default 1."),
