@@ -209,7 +209,7 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     without = {id for id, one in by_id.items() if not math.isfinite(one.values[0])}
     assert without == empty | {id for id, one in by_id.items() if "premise absent" in one.label}
     assert by_id["F1"].verdict == REPRODUCED  # holds by far even here
-    assert by_id["N1"].sentence == "The scan does not hold n_s = 5."
+    assert by_id["N1"].sentence == "The scan does not hold n_s = 4, 5, 6."
     assert {tuple(one.findings) for one in found} == {((sky.survey.seed, 0),)}
 
 

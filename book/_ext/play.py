@@ -96,6 +96,8 @@ def _content(app, figure):
     views = []
     for made, panels in filter(None, sources):
         chosen = {title: panels[title] for title in about.get("only", panels)}
+        if about.get("slider") == "curve":
+            chosen = {title: play_data.medians(curves) for title, curves in chosen.items()}
         label = play_data.size_and_galaxy(made)
         views.append(play_data.view(label, chosen, about.get("looks", play_looks.methods), kind))
     for one in views:

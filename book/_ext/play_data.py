@@ -7,6 +7,7 @@ curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where
 
 import json
 import math
+import re
 from pathlib import Path
 
 from matplotlib.colors import to_hex
@@ -62,10 +63,19 @@ def of_stored(path, name):
     return None
 
 
+_OF_ENSEMBLE = re.compile(r": (\d+ %|restart \d+)$").search
+
+
 def size_and_galaxy(parameters):
     """What a view is called: ``quick, synthetic Galaxy``."""
     galaxy = parameters.get("galaxy", "synthetic")
     return f"{parameters.get('preset', 'quick')}, {galaxy} Galaxy"
+
+
+def medians(curves):
+    """Of [(label, points)] those of ensembles by their medians alone, with the label before its remarks."""
+    kept = [(label.removesuffix(": median"), points) for label, points in curves if not _OF_ENSEMBLE(label)]
+    return [(re.sub(r" \(\d+ of \d+ failed\)$", "", label), points) for label, points in kept]
 
 
 def view(label, panels, looks, kind=None):
