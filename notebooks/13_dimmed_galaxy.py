@@ -57,7 +57,7 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 import warnings
 
 import numpy as np
-from IPython.display import Markdown
+from IPython.display import Markdown, display
 
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
@@ -212,7 +212,17 @@ table = {
     label: over_restarts(remover, members)
     for remover, (label, members) in zip(removers, rows.items(), strict=True)
 }
-show_table(table)
+
+
+def show_in_parts(table, columns=3):
+    """A wide table as several, of so many columns each."""
+    names = list(next(iter(table.values())))
+    for start in range(0, len(names), columns):
+        part = names[start : start + columns]
+        display(show_table({row: {name: one[name] for name in part} for row, one in table.items()}))
+
+
+show_in_parts(table, 2)
 
 # %% tags=["hide-input"]
 gains = {
@@ -258,7 +268,7 @@ parts = {  # of each member
     for remover in removers
     if hasattr(remover, "n_sources")
 }
-show_table(
+show_in_parts(
     {styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in parts.items()}
 )
 
