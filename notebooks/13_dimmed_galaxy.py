@@ -222,7 +222,7 @@ def show_in_parts(table, columns=3):
         display(show_table({row: {name: one[name] for name in part} for row, one in table.items()}))
 
 
-show_in_parts(table, 2)
+show_in_parts(table)
 
 # %% tags=["hide-input"]
 gains = {
