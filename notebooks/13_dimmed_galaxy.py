@@ -57,12 +57,12 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 import warnings
 
 import numpy as np
-from IPython.display import Markdown, display
+from IPython.display import Markdown
 
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
-from himap.figures.numbers import of_restarts, quote, show_table
+from himap.figures.numbers import of_restarts, one_run, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
@@ -208,21 +208,18 @@ rows = {  # of each member
     ]
     for remover, members in ensembles.items()
 }
-table = {
-    label: over_restarts(remover, members)
-    for remover, (label, members) in zip(removers, rows.items(), strict=True)
-}
 
 
-def show_in_parts(table, columns=3):
-    """A wide table as several, of so many columns each."""
-    names = list(next(iter(table.values())))
-    for start in range(0, len(names), columns):
-        part = names[start : start + columns]
-        display(show_table({row: {name: one[name] for name in part} for row, one in table.items()}))
+def medians(members):
+    """Entries of all restarts of a method in one row: their medians, marked where there are several."""
+    if len(members) == 1:
+        return members[0]
+    middle = {name: np.median([one[name][0] for one in members]) for name in members[0]}
+    return {name: one_run((float(middle[name]), members[0][name][1])) for name in members[0]}
 
 
-show_in_parts(table)
+table = {label: medians(members) for remover, (label, members) in zip(removers, rows.items(), strict=True)}
+show_table(table)
 
 # %% tags=["hide-input"]
 gains = {
@@ -268,9 +265,7 @@ parts = {  # of each member
     for remover in removers
     if hasattr(remover, "n_sources")
 }
-show_in_parts(
-    {styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in parts.items()}
-)
+show_table({styles.method_style(remover)["label"]: medians(rows) for remover, rows in parts.items()})
 
 # %% tags=["hide-input"]
 FULL = "foreground left, full [mK]"
