@@ -215,7 +215,7 @@ rows = {}
 for entry in entries(EXPERIMENT.table(judged)):
     median = entry.values[0]
     number = (median, max(0.05 * abs(median), 0.01)) if median == median else "–"
-    row = {"verdict": entry.label, "measured": number}
+    row = {"verdict": entry.verdict, "measured": number}
     row = row if entry.claim.id in WITHOUT else one_run(row)
     rows[entry.claim.id] = row | {"paper": entry.claim.paper}
 show_table(rows)

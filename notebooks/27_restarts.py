@@ -335,10 +335,10 @@ stable = [
     sdecgmca_for(beam, reading=reading, n_sources=n_sources, restart=k, **STABLE) for k in range(n_restarts)
 ]
 methods = {
-    f"SDecGMCA, {reading}": live,
-    "SDecGMCA, stable": stable,
+    f"SD, {reading}": live,
+    "SD, stable": stable,
     "BeamSubspace": [BeamSubspace(n_sources=n_sources)],
-    "BeamSubspace, three sources": [BeamSubspace(n_sources=3)],
+    "BeamSubspace, 3": [BeamSubspace(n_sources=3)],
 }
 columns = {}
 for title, several in methods.items():
