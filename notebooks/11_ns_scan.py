@@ -50,7 +50,7 @@ import warnings
 from dataclasses import fields
 
 import numpy as np
-from IPython.display import Markdown, display
+from IPython.display import Markdown
 
 from himap import removal
 from himap.app.stored import read_ledger
@@ -444,8 +444,7 @@ for n, excesses, losses in zip(scanned, part(method, 1).T, part(method, -1).T, s
                 }
             )
         rows[f"n_s = {n}"] = over_restarts(remover(method, n), members)
-for names in (("excess part", "loss part"), ("mean P/P0", "mean C/C0", "mean r")):
-    display(show_table({row: {name: entries[name] for name in names} for row, entries in rows.items()}))
+show_table(rows, columns=3)
 
 # %% [markdown]
 # With which numbers of sources a run, or one of the restarts, says that it did not settle:

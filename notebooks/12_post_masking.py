@@ -54,7 +54,7 @@ method: str = "sdecgmca"  # whose flagged lines of sight are shown: pca, gmca, p
 import warnings
 
 import numpy as np
-from IPython.display import Markdown, display
+from IPython.display import Markdown
 
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
@@ -262,22 +262,13 @@ def parts_row(remover):
     }
 
 
-def show_in_parts(table, columns=3):
-    """A wide table as several, of so many columns each."""
-    names = list(next(iter(table.values())))
-    for start in range(0, len(names), columns):
-        part = names[start : start + columns]
-        display(show_table({row: {name: one[name] for name in part} for row, one in table.items()}))
-
-
 for remover in component:
     by_member[remover.name] = [parts_row(member) for member in study.members(remover)]
-show_in_parts(
-    {
-        styles.method_style(remover)["label"]: over_restarts(remover, by_member[remover.name])
-        for remover in component
-    }
-)
+table = {
+    styles.method_style(remover)["label"]: over_restarts(remover, by_member[remover.name])
+    for remover in component
+}
+show_table(table, columns=3)
 
 
 # %% tags=["hide-input"]
@@ -404,9 +395,10 @@ def change_of(whole, masked):
 changes = {
     remover: [change_of(*pair) for pair in zip(*both(remover), strict=True)] for remover in removers.values()
 }
-show_in_parts(
-    {styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in changes.items()}
-)
+table = {
+    styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in changes.items()
+}
+show_table(table, columns=3)
 
 # %% tags=["hide-input"]
 PEAK, LOW, ANGULAR = "peak", "P/P0, k < 0.1", "C/C0"

@@ -62,7 +62,7 @@ from IPython.display import Markdown
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
-from himap.figures.numbers import of_restarts, one_run, quote, show_table
+from himap.figures.numbers import of_restarts, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import band_max, band_mean
@@ -210,16 +210,11 @@ rows = {  # of each member
 }
 
 
-def medians(members):
-    """Entries of all restarts of a method in one row: their medians, marked where there are several."""
-    if len(members) == 1:
-        return members[0]
-    middle = {name: np.median([one[name][0] for one in members]) for name in members[0]}
-    return {name: one_run((float(middle[name]), members[0][name][1])) for name in members[0]}
-
-
-table = {label: medians(members) for remover, (label, members) in zip(removers, rows.items(), strict=True)}
-show_table(table)
+table = {
+    label: over_restarts(remover, members)
+    for remover, (label, members) in zip(removers, rows.items(), strict=True)
+}
+show_table(table, columns=3)
 
 # %% tags=["hide-input"]
 gains = {
@@ -265,7 +260,10 @@ parts = {  # of each member
     for remover in removers
     if hasattr(remover, "n_sources")
 }
-show_table({styles.method_style(remover)["label"]: medians(rows) for remover, rows in parts.items()})
+lost = {
+    styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in parts.items()
+}
+show_table(lost, columns=3)
 
 # %% tags=["hide-input"]
 FULL = "foreground left, full [mK]"

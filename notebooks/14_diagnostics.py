@@ -45,7 +45,7 @@ n_restarts: int = 4  # starts of SDecGMCA, which is chaotic: all of them are sho
 import warnings
 
 import numpy as np
-from IPython.display import Markdown, display
+from IPython.display import Markdown
 
 from himap.app.stored import read_ledger
 from himap.app.stored_tables import ledgers_table, of_chapter
@@ -263,16 +263,7 @@ for remover in component:
     ]
     rows[labels[remover.name]] = over_restarts(remover, members)
 
-
-def show_in_parts(table, columns=3):
-    """A wide table as several, of so many columns each."""
-    names = list(next(iter(table.values())))
-    for start in range(0, len(names), columns):
-        part = names[start : start + columns]
-        display(show_table({row: {name: one[name] for name in part} for row, one in table.items()}))
-
-
-show_in_parts(rows)
+show_table(rows, columns=3)
 
 # %% tags=["hide-input"]
 LOW_END = freqs < 1000
@@ -392,7 +383,7 @@ for remover in removers[selected]:
         against_sd = ("channels where highest", "l where smallest")  # SDecGMCA is one of the six
         members.append({what: one_run(one) if what in against_sd else one for what, one in row.items()})
     rows[labels[name]] = over_restarts(remover, members)
-show_in_parts(rows)
+show_table(rows, columns=3)
 
 # %% tags=["hide-input"]
 sd = rows["SDecGMCA"]

@@ -15,18 +15,6 @@ def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
     return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
 
 
-def test_the_medoid_is_in_the_midst_and_a_failure_is_not():
-    """One that failed by orders of magnitude does not draw it away; both spectra count."""
-    degrees = np.arange(2, 30)
-    level = np.ones(len(degrees))
-    runs = [comparison(degrees, factor * level) for factor in (1.0, 1.02, 1.05, 1e6, 0.99)]
-    assert diagnostics.medoid(runs) == 1
-    assert diagnostics.medoid(runs[::-1]) == 3
-    assert diagnostics.medoid(runs[:1]) == 0
-    along = [comparison(degrees, level, frequency=[power]) for power in (9.0, 1.0, 1.1)]
-    assert diagnostics.medoid(along) == 2
-
-
 @pytest.mark.parametrize("errors", [[1.0] * 18 + [0.9, 30.0], [10.0] * 19 + [0.0]], ids=["above", "below"])
 def test_flagged_lines_are_further_than_sigma_from_the_mean(errors):
     assert diagnostics.flagged_lines(np.array(errors)).tolist() == [False] * 19 + [True]

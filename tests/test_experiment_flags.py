@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from himap.paper.experiments.flags import COLUMNS, EXPERIMENT, ensemble_of, measure, skies
+from himap.paper import cleaned
+from himap.paper.experiments.flags import COLUMNS, EXPERIMENT, measure, skies
 from himap.paper.restarts import FLAGS, chosen_failures, flag_rates, flag_table, members_of
 
 ERRORS = np.array([[0.05, 0.05, 0.5, 0.05], [0.05, 0.05, 0.05, 9.0]])  # two ensembles of four members
@@ -87,6 +88,6 @@ def test_a_tiny_sky(tiny):
     assert len(members) == 6 and members.notna().all().all()
     assert (members.groupby("ensemble")["distance"].min() == 0).all()
     calls = [one.calls("oscillating")["sdecgmca"][:3] for one in tiny.realisations["code"]]
-    ensemble = ensemble_of(calls)
+    ensemble = cleaned.ensemble(calls)
     one, two = (member.residual.astype(float) for member in ensemble.members)
     assert ensemble.distances[0, 1] == pytest.approx(np.sqrt(np.mean((one - two) ** 2)), rel=1e-3, abs=1e-5)

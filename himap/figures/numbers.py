@@ -145,7 +145,20 @@ def show(numbers):
     return _Numbers([], rows, align="lr", note=_note(numbers.values()))
 
 
-def show_table(rows, *, head=""):
+class _Parts:
+    """Tables below each other, of one output."""
+
+    def __init__(self, tables):
+        self.tables = tables
+
+    def __repr__(self):
+        return "\n\n".join(map(repr, self.tables))
+
+    def _repr_html_(self):
+        return "\n".join(table.html() for table in self.tables)
+
+
+def show_table(rows, *, head="", columns=None):
     """A table with a column for each quantity, to end a notebook cell with.
 
     Parameters
@@ -154,19 +167,29 @@ def show_table(rows, *, head=""):
         {name: {column: entry}}, entries as in `show`. A row may lack columns.
     head
         Above the names.
+    columns
+        How many columns fit the page; what has more becomes tables below each other. None for one table.
 
     Raises
     ------
     InputError
         As `show`.
     """
-    columns = list(dict.fromkeys(column for entries in rows.values() for column in entries))
+    names = list(dict.fromkeys(name for entries in rows.values() for name in entries))
+    step = columns or len(names) or 1
+    tables = [_table(rows, names[start : start + step], head) for start in range(0, len(names) or 1, step)]
+    tables[-1].note = _note(entry for entries in rows.values() for entry in entries.values())
+    return tables[0] if len(tables) == 1 else _Parts(tables)
+
+
+def _table(rows, names, head):
+    """The columns `names` of `show_table`."""
     cells = []
-    for name, entries in rows.items():
-        numbers = {key: " ".join(_cell(f"{name}, {key}", entry)).strip() for key, entry in entries.items()}
-        cells.append([name, *(numbers.get(column, "") for column in columns)])
-    note = _note(entry for entries in rows.values() for entry in entries.values())
-    return Table([head, *columns], cells, align="l" + "r" * len(columns), note=note)
+    for row, entries in rows.items():
+        here = {name: entry for name, entry in entries.items() if name in names}
+        numbers = {name: " ".join(_cell(f"{row}, {name}", entry)).strip() for name, entry in here.items()}
+        cells.append([row, *(numbers.get(name, "") for name in names)])
+    return Table([head, *names], cells, align="l" + "r" * len(names))
 
 
 def quote(**numbers):

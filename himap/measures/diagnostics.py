@@ -286,16 +286,3 @@ class Comparison:
         return mean_squared_error(self.angular[low], self.true_angular[low], definition) + mean_squared_error(
             self.frequency, self.true_frequency, definition
         )
-
-
-def medoid(comparisons):
-    """Which of several `Comparison` of one truth stands for all: its spectra are the nearest to the others'.
-
-    The distance of two is the mean |ln| of the ratio of their C_l plus that of their P(k), so that one that
-    failed does not outweigh the others; the medoid has the smallest sum of distances, the first of several.
-    """
-    distances = 0
-    for kind in ("angular", "frequency"):
-        logs = np.log([getattr(one, kind) for one in comparisons])
-        distances = distances + np.abs(logs[:, None] - logs).mean(axis=2)
-    return int(distances.sum(axis=1).argmin())

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 from himap.core.memory import check_memory
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Assessment
 from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
@@ -20,6 +19,7 @@ from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
+from himap.removal.restarts import Ensemble
 from himap.removal.spectral_filter import on_sky
 from himap.store.parallel import dask_address, make_all, n_jobs
 from himap.store.store import product, temporary
@@ -66,6 +66,15 @@ def separation(case, remover, mask_peaks=True):
     return cleaning(case, remover, mask_peaks).separation
 
 
+def ensemble(calls):
+    """The `Ensemble` of arguments of `separation` that differ in the restart of their method."""
+    first, members = cleaning(*calls[0]), []
+    for call in calls:
+        members.append(first.with_method(call[1]))
+        vars(members[-1])["separation"] = separation(*call)
+    return Ensemble(members=tuple(members))
+
+
 def residual(case, remover, mask_peaks=True, channels=slice(None)):
     """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
     found, known = separation(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
@@ -108,10 +117,8 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
         cut = pipeline.spectra_of(low, low_alms, width)
     moments, errors = Moments.of(low, wrong), line_errors(wrong)
     correlation = moments.correlation
-    if cut is not None:  # what the truth has beyond lmax is an error that is not of low rank
-        residual = wrong.cube() + low
-        errors = np.mean((residual - centred(truth)) ** 2, axis=0, dtype=np.float64)
-        correlation = np.array([np.corrcoef(pair)[0, 1] for pair in zip(residual, truth, strict=True)])
+    if cut is not None:
+        errors, correlation = _against_all(low, wrong, truth)
     masked = masked_truth = None
     if post_mask:
         mask = ~diagnostics.flagged_lines(errors)
@@ -135,6 +142,19 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
         cut_truth=cut,
         diagnostics=found.diagnostics,
     )
+
+
+def _against_all(low, wrong, truth):
+    """Errors of lines of sight and correlations of a residual that ends, with what the truth has beyond.
+
+    That is an error which is not of low rank, so a channel of the residual is made at a time.
+    """
+    errors, correlation = np.zeros(truth.shape[1]), np.empty(len(truth))
+    for n, (row, spectrum, true) in enumerate(zip(low, wrong.spectra, truth, strict=True)):
+        residual = row + spectrum @ wrong.maps
+        errors += (residual - true + true.mean(dtype=np.float64)) ** 2 / len(truth)
+        correlation[n] = np.corrcoef(residual, true)[0, 1]
+    return errors, correlation
 
 
 def _masked_spectra(case, true, wrong, mask, alms):

@@ -12,7 +12,6 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts
-from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
 from himap.removal.restarts import has_restarts
@@ -125,8 +124,13 @@ class Study:
         return [self.compared(beam, member, **options) for member in self.members(remover)]
 
     def medoid(self, beam, remover):
-        """Of the `members` the one to show where only one can be, by `himap.measures.diagnostics.medoid`."""
-        return self.members(remover)[diagnostics.medoid(self.ensemble(beam, remover))]
+        """Of the `members` the one to show where only one can be, as of `himap.removal.restarts.Ensemble`."""
+        members = self.members(remover)
+        if len(members) == 1:
+            return remover
+        with self._keeping:
+            ensemble = cleaned.ensemble([(self.case(beam), member) for member in members])
+        return members[ensemble.medoid_index]
 
     def stamped(self, figure, **parameters):
         """The figure with a line that says where it comes from, `parameters` of the figure included.

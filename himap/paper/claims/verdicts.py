@@ -7,6 +7,8 @@ about, such as l ~ 40, is that number itself.
 import math
 from dataclasses import dataclass
 
+from scipy.stats import binomtest, norm
+
 METHODS = {
     "pca": "PCA",
     "fastica": "ICA",
@@ -153,10 +155,8 @@ def _mean(values):
 
 def wilson(count, total, z=1.0):
     """Wilson interval of a probability, (low, high), `z` sigma, from a count of `total`."""
-    share, spread = count / total, z * z / total
-    middle = (share + spread / 2) / (1 + spread)
-    half = math.sqrt(share * (1 - share) * spread + spread * spread / 4) / (1 + spread)
-    return max(0.0, middle - half), min(1.0, middle + half)
+    share = 1 - 2 * norm.sf(z)
+    return tuple(binomtest(int(count), total).proportion_ci(share, method="wilson"))
 
 
 def judge_shares(shares):

@@ -11,7 +11,6 @@ from himap.paper.claims.base import angular_band
 from himap.paper.experiments.claims import JudgedSky, realisations, restarts
 from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
-from himap.removal.restarts import Ensemble
 
 READINGS = ("letter", "code", "default")
 """Readings of SDecGMCA that are measured: they fail in different ways, and not equally often."""
@@ -39,7 +38,7 @@ def measure(sky):
     rows = []
     for reading, members in sky.realisations.items():
         calls = [member.calls("oscillating")["sdecgmca"][:3] for member in members]
-        for restart, (call, values) in enumerate(zip(calls, ensemble_of(calls).values, strict=True)):
+        for restart, (call, values) in enumerate(zip(calls, cleaned.ensemble(calls).values, strict=True)):
             known = {"mean error": error_of(call), **cleaned.separation(*call).diagnostics, **values}
             first = {"reading": reading, "restart": restart}
             rows += [
@@ -53,15 +52,6 @@ def error_of(call):
     truth, l_top = pipeline.true_spectra(call[0]), 2 * call[0].survey.nside
     comparison = Comparison.of(cleaned.assessment(*call).power_spectra, truth, l_top=l_top)
     return angular_band("error", 10, _EDGE)(comparison)
-
-
-def ensemble_of(calls):
-    """The `Ensemble` of arguments of `cleaned.assessment` that differ in the restart of their method."""
-    first, members = cleaned.cleaning(*calls[0]), []
-    for call in calls:
-        members.append(first.with_method(call[1]))
-        vars(members[-1])["separation"] = cleaned.separation(*call)
-    return Ensemble(members=tuple(members))
 
 
 EXPERIMENT = Experiment(

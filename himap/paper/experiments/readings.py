@@ -6,9 +6,8 @@ Each reading is judged on the same skies and from the same restarts.
 import math
 from dataclasses import replace
 
-from himap.paper.claims.entries import finding_rows
-from himap.paper.experiments.claims import JudgedSky, judge, prepare, realisations, restarts
-from himap.paper.experiments.restarts import member_rows
+from himap.paper.experiments.claims import JudgedSky, prepare, realisations, restarts
+from himap.paper.experiments.restarts import claim_rows, member_rows
 from himap.paper.readings import COLUMNS, QUANTITIES, outcomes, readings
 from himap.paper.readings_table import summary_table
 from himap.paper.record import Experiment
@@ -35,11 +34,9 @@ def measure(sky):
     for label, several in sky.realisations.items():
         for one in several:
             first = empty | {"reading": label, "restart": one.restart}
-            for row in finding_rows(judge(one), one.restart):
-                shared = {name: row[name] for name in ("value", "part", "method", "main", "held")}
-                rows.append(first | shared | {"quantity": row["claim"]})
             call = one.calls("oscillating")["sdecgmca"]
-            rows += [first | row for row in member_rows(call) if row["quantity"] in QUANTITIES]
+            numbers = [row for row in member_rows(call) if row["quantity"] in QUANTITIES]
+            rows += [first | row for row in claim_rows(one) + numbers]
     return rows
 
 

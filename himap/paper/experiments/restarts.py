@@ -67,21 +67,30 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
 def measure(sky):
     """Claims and numbers of every member on a `JudgedSky`, rows with the columns of a record.
 
-    Of a single reading there are curves too, and other numbers of sources.
+    Of a single reading there are curves too, and other numbers of sources; of many, through the other beams
+    no more than the mean error, so that a record stays small.
     """
     empty, rows = dict.fromkeys(EXPERIMENT.columns) | {"n_sources": 0, "x": math.nan}, []
     single = len(sky.realisations) == 1
     for label, members in sky.realisations.items():
         for member in members:
-            first = empty | {"reading": label, "restart": member.restart}
-            for row in finding_rows(judge(member), member.restart):
-                shared = {name: row[name] for name in ("value", "part", "method", "main", "held")}
-                rows.append(first | shared | {"quantity": row["claim"]})
+            first = empty | {"reading": label}
+            rows += [first | row for row in claim_rows(member)]
             for case, n_sources, call in _calls(member, scan=single):
-                shown = first | {"case": case, "n_sources": n_sources}
-                shown_rows = member_rows(call, masks=case == "oscillating")
-                rows += [shown | row for row in shown_rows if single or "x" not in row]
+                shown = first | {"case": case, "n_sources": n_sources, "restart": member.restart}
+                for row in member_rows(call, masks=case == "oscillating"):
+                    few = row["quantity"] == "mean error" or (case == "oscillating" and "x" not in row)
+                    rows += [shown | row] if single or few else []
     return rows
+
+
+def claim_rows(member):
+    """Claims on a `Realisation`, with their ids as quantity: rows without the other columns of a record."""
+    names = ("restart", "value", "part", "method", "main", "held")
+    return [
+        {name: row[name] for name in names} | {"quantity": row["claim"]}
+        for row in finding_rows(judge(member), member.restart)
+    ]
 
 
 def _calls(member, scan):
