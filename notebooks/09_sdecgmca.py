@@ -35,7 +35,7 @@
 #
 # This notebook goes through the method step by step as the paper has it, runs it on the three beams, looks at what its last step does beyond $\ell = 200$, and
 # asks how far its answer moves when nothing of importance changes. It moves: the iteration is chaotic, so that starts which differ by $10^{-10}$ end in different answers. So each result is that of an
-# *ensemble* of restarts: figures have their median, the band with 16 to 84 % of them, and each of them as a thin line; where only one run can be shown, as in maps, it is the *medoid*, the one whose spectra are the nearest to those of the others. Its last section has a method of our own for the same model, BeamSubspace.
+# *ensemble* of restarts: figures have their median, the band with 16 to 84 % of them, and each of them as a thin line; where only one run can be shown, as in maps, it is the *medoid*, the restart whose residual maps are nearest to those of the others. Its last section has a method of our own for the same model, BeamSubspace.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -35,7 +35,7 @@
 # with mean and standard deviation over the sky, and compute both power spectra without them. The rule needs the truth, so it is
 # a diagnosis and not a part of any method: it shows how much of what is wrong sits where. The maps themselves are those of
 # {doc}`10_results`, for the hardest beam. SDecGMCA is chaotic ({doc}`09_sdecgmca`): each of its restarts has flags of its own, tables have their median and the 16 to 84 % band, and where the lines of sight of a single run are
-# shown it is the *medoid*, the restart whose spectra are the nearest to those of the others. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
+# shown it is the *medoid*, the restart whose residual maps are nearest to those of the others. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
