@@ -72,9 +72,9 @@ def test_every_figure_offers_its_numbers_its_notebook_and_its_command(html, book
 
 def test_galleries_lead_to_every_figure(html, book):
     """Those of the paper in its order, then all, chapter by chapter; each with a small picture and a text."""
-    page = book[html / "book" / "intro.html"]
+    pages = [book[html / "book" / f"{name}.html"] for name in ("intro", "figures")]
     item = r'<li><a href="\.\./(notebooks/\w+\.html)#([\w-]+)".*?<img src="([^"]+)" alt="([^"]+)"'
-    paper, *chapters = re.findall(r'<ul class="himap-gallery">.*?</ul>', page, re.S)
+    (paper,), chapters = (re.findall(r'<ul class="himap-gallery">.*?</ul>', page, re.S) for page in pages)
     numbers = re.findall(r"<b>Fig\. ([\w.]+)</b>", paper)
     assert list(dict.fromkeys(numbers)) == [*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"]
     shown = [found for chapter in chapters for found in re.findall(item, chapter)]

@@ -103,6 +103,18 @@ def test_a_claim_that_is_none_is_told(tmp_path):
     assert "the ledger has no claim 'Z9'" in small_page(tmp_path, "See {claim}`Z9`.")[1][0]
 
 
+@pytest.mark.parametrize("old", [{}, {"claims_laptop": "the code behind claims changed", "other": "too"}])
+def test_stale_results_are_named_with_their_commit(tmp_path, monkeypatch, old):
+    import chapter_heads
+
+    chapter_heads._all_stale.cache_clear()
+    monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: old)
+    page, errors = small_page(tmp_path, "{stale}`claims_* methods_*`")
+    commit = json.loads(LEDGER.read_text())["about"]["commit"]
+    stale = f"Stale, measured with code that has changed since: claims_laptop (commit {commit})."
+    assert (stale in page) == bool(old) and ("No stored result" in page) != bool(old) and not errors
+
+
 def chapter_file(folder, *, seconds, parameters):
     """A notebook that was executed, with one figure."""
     cells = [

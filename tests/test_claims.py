@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from book_examples import example_of
 from made_up_sky import (
     BSS,
     BUMP,
@@ -24,7 +25,7 @@ from made_up_sky import (
     set_to,
 )
 
-from himap.paper.claims import CLAIMS
+from himap.paper.claims import CLAIMS, base
 from himap.paper.claims.base import BEAMS, METHODS
 from himap.paper.claims.entries import Entry
 from himap.paper.claims.verdicts import PLACE, is_smaller
@@ -377,3 +378,17 @@ def test_a_scan_that_is_too_short_does_not_hold_it(id, lacking):
     found = CLAIMS[id].check(world)
     assert not found.parts
     assert found.sentence == f"The scan does not hold n_s = {lacking}."
+
+
+def test_the_claim_that_the_book_adds(monkeypatch):
+    """The example of the page on claims is entered, holds on the made-up sky, and fails where a part does."""
+    monkeypatch.setattr(base, "REGISTRY", {})
+    exec(compile(example_of("add_a_claim"), "add_a_claim.md", "exec"), {})
+    ((id, added),) = base.REGISTRY.items()
+    assert id not in CLAIMS and added.reading
+    world = World()
+    assert all(holding(added.check(world), main=True).values())
+    set_to("oscillating", ["gmca"], "angular", 1, DEGREES < 20)(world)
+    assert [name for name, held in holding(added.check(world), main=True).items() if not held] == [
+        "GMCA above the truth"
+    ]

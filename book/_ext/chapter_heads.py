@@ -2,10 +2,13 @@
 
 ``{claim}`D1``` is a claim of the paper with the verdict of the stored ledger, and leads to its row there.
 ``{cost}`04_pca``` is what a chapter took when it was last executed, at the size of the book and, where its
-figures are stored, at the paper's, and the memory that himap asks for. In Jupyter both read as their names.
+figures are stored, at the paper's, the memory that himap asks for, and which stored results that it reads
+are stale. ``{stale}`claims_laptop methods_*``` states the last of results by name. In Jupyter all read as
+their names.
 """
 
 import json
+from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +17,7 @@ from sphinx.util.docutils import SphinxRole
 
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.app.notebooks import declared_parameters
+from himap.app.staleness import stale_results, stored_results
 from himap.app.stored import read_ledger
 from himap.core.memory import estimate
 from himap.core.survey import Survey
@@ -62,7 +66,35 @@ class Cost(SphinxRole):
     def run(self):
         path = Path(self.env.srcdir, "notebooks", f"{self.text}.ipynb")
         self.env.note_dependency(str(path))
-        return [nodes.Text(cost(path, Path(self.env.srcdir, "book", "results")))], []
+        results = Path(self.env.srcdir, "book", "results")
+        patterns = read_notebook(path).metadata.get("himap", {}).get("reads", [])
+        files = [pattern.removeprefix("book/results/") for pattern in patterns]
+        old = _stale(results, [name.removesuffix("/figures.json").removesuffix(".json") for name in files])
+        said = f"; it shows stale results: {', '.join(old)}" if old else ""
+        return [nodes.Text(cost(path, results) + said)], []
+
+
+class Stale(SphinxRole):
+    """The role of stored results, by patterns of their names: which of them are stale, in a sentence."""
+
+    def run(self):
+        old = _stale(Path(self.env.srcdir, "book", "results"), self.text.split())
+        said = f"Stale, measured with code that has changed since: {', '.join(old)}."
+        return [nodes.Text(said if old else "No stored result behind these numbers is stale.")], []
+
+
+def _stale(results, patterns):
+    """The stored results whose names fit one of some patterns and that are stale, each with its commit."""
+    known = {one.name: one for one in stored_results(results)} if patterns else {}
+    names = [name for name in known if any(fnmatch(name, pattern) for pattern in patterns)]
+    old = _all_stale(results) if names else {}
+    commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in names}
+    return [f"{name} (commit {commits[name]})" for name in names if name in old]
+
+
+@cache
+def _all_stale(results):
+    return stale_results(results, results.parents[1] / "notebooks")
 
 
 def cost(path, results):
@@ -105,4 +137,5 @@ def _memory(preset):
 def setup(app):
     app.add_role("claim", Claim())
     app.add_role("cost", Cost())
+    app.add_role("stale", Stale())
     return {"parallel_read_safe": True, "parallel_write_safe": True}
