@@ -99,6 +99,41 @@ def test_a_formula_in_other_words_is_accepted(lab):
     assert said_by(after) == ([], ["no product, method or beam changed"])
 
 
+SKY = (
+    """@product
+def base(n=1):""",
+    """from dataclasses import dataclass
+from himap.core.checks import parameter
+
+@dataclass(frozen=True)
+class Sky:
+    seed: int = 1
+
+@dataclass(frozen=True)
+class Ground:
+    seed: int = 1
+
+@product
+def base(n=1, sky=Sky(), ground=Ground()):""",
+)
+SMOOTH = (
+    "\n    smooth: float = parameter(0.0, 'a later field', off=0.0)\n\n@dataclass(frozen=True)\nclass Ground:"
+)
+
+
+def test_a_field_that_is_added_and_off_leaves_what_is_there(lab):
+    before = lab(SKY)
+    after = lab(SKY, ("\n\n@dataclass(frozen=True)\nclass Ground:", SMOOTH))
+    said_by(before)
+    stored = fingerprint(before)
+    before.base(2, before.Sky(seed=3))
+    assert said_by(after)[0] == [] and moved(stored, fingerprint(after)) == []
+    assert after.base.is_cached(2, after.Sky(seed=3))
+    assert not after.base.is_cached(2, after.Sky(seed=3, smooth=1.0))
+    assert not after.base.is_cached(2, after.Sky())
+    assert not after.base.is_cached(2, after.Ground(seed=3))
+
+
 def test_what_was_accepted_is_followed_all_the_way_and_back(lab):
     before, after, last = lab(), lab(EQUAL), lab((EQUAL[0], "(1.0 - x) ** 2"))
     said_by(before)

@@ -117,7 +117,7 @@ def power_of_two(label, value, low, high):
     return value
 
 
-def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=()):
+def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=(), off=MISSING):
     """A dataclass field with a help text, and what it may be.
 
     Parameters
@@ -128,8 +128,12 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
         Limits of a number, both inclusive; `above`: the lower one is not.
     choices
         The values that there are.
+    off
+        The value with which all is as it was without this field: it then counts in no key of a product, so
+        that results made before it was added are still found.
     """
     limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
+    limits |= {} if off is MISSING else {"off": off}
     return field(default=default, metadata={"help": help, **limits})
 
 

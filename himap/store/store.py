@@ -28,8 +28,9 @@ def product(function=None, *, name=None, version=None):
     The function is at the top level of a module. Its arguments are small: numbers, strings, bools, None,
     paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by its content). A
     dataclass also counts with the code of its class, and an argument with a method `digest()` with what that
-    returns, for instance the hash of a file. The result is an array, or a dataclass, list, tuple or dict of
-    arrays, text and numbers; arrays are read-only. While one process computes a result, others wait for it.
+    returns, for instance the hash of a file; fields at the value that is `off` (see `parameter` of
+    `himap.core.checks`) do not count. The result is an array, or a dataclass, list, tuple or dict of arrays,
+    text and numbers; arrays are read-only. While one process computes a result, others wait for it.
 
     Parameters
     ----------
@@ -182,7 +183,8 @@ def _describe(value):
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_describe(value[key])}" for key in sorted(value)) + "}"
     if is_dataclass(value) and not isinstance(value, type):
-        inner = ", ".join(f"{f.name}={_describe(getattr(value, f.name))}" for f in fields(value) if f.compare)
+        counted = [(f, getattr(value, f.name)) for f in fields(value) if f.compare]
+        inner = ", ".join(f"{f.name}={_describe(one)}" for f, one in counted if not _is_off(f, one))
         return f"{type(value).__qualname__}({inner}){extra}"
     if extra:
         return type(value).__qualname__ + extra
@@ -190,6 +192,11 @@ def _describe(value):
         "the arguments of a cached product are numbers, strings, bools, None, paths, tuples, lists, dicts, "
         f"dataclasses of these, arrays, or objects with a digest(); got {type(value).__name__} {value!r}."
     )
+
+
+def _is_off(item, value):
+    """Whether a field of a dataclass has the value with which it changes nothing."""
+    return "off" in item.metadata and value == item.metadata["off"]
 
 
 def _classes(value):
