@@ -26,24 +26,29 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method that {cite:t}`gkogkou2025` is about, is chaotic**: a change of its start in the tenth digit gives another answer, in its authors' public code as here, and no run converges ({doc}`27_restarts`). One run is one draw, so this page states ensembles over skies and restarts. What holds all
-# the same, on the real Galaxy at half the paper's resolution (`laptop`) and in the reading that is most charitable to the paper: of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
-# {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided, since it gives now one answer and now another, and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` others
-# {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. On data of your own use a method that does not depend on its start, such as BeamSubspace
-# ([a table by what you have](what-to-use)); if it is SDecGMCA, run restarts and look at their scatter (the option `--restarts` of `himap clean`).
+# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. What holds all the same,
+# on the real Galaxy, at half the paper's resolution (`laptop`), in the reading that is most charitable to the paper: of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
+# {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` other claims
+# {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. **For your data** use a method that does not depend on its start, such as BeamSubspace
+# ([a table by what you have](what-to-use)); if you use SDecGMCA, run restarts and compare them (`himap clean --restarts`).
 #
-# Below are the paper's five conclusions. Each rests on claims of the ledger, whose readings were written down before their numbers were known ({doc}`15_claims`). It is *reproduced* if all of them are, *in part* if one is at least in part, *not reproduced* if all are that, and *undecided* otherwise.
-# The first column of verdicts is of the ensemble ({glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and restarts); the second, at the paper's own size (`nside` 256, 500 channels), is older: one run of another reading, by the parts of claims as they were then.
+# The paper has five conclusions. Each is judged by claims of the ledger, whose readings were fixed before their numbers were known ({doc}`15_claims`):
 #
-# $C/C_0$ and $P/P_0$ are what a method leaves over the truth (HI plus noise), across the sky and along the line of sight, $k$ is in MHz$^{-1}$; SD is SDecGMCA, PAR and POL are the two fits. A claim may have several parts and its row shows one
-# number: it can lie on the paper's side of the limit while another part fails, and the main parts that hold in less than 84 % of the members are below it, with the share in which they do.
+# | the conclusion is | if its claims are |
+# |---|---|
+# | reproduced | all reproduced |
+# | in part | at least one reproduced or in part |
+# | not reproduced | all not reproduced |
+# | undecided | any other |
+#
+# The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and restarts. The second is of one older run at the paper's size (`nside` 256, 500 channels), in another reading of the text.
 
-# %% tags=["parameters", "hide-input"]
+# %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
 large: str = "paper_templates"  # the ledger and the figures at the paper's size
 several: str = "claims_laptop"  # the ledger over several skies
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 from pathlib import Path
 
 from IPython.display import Markdown
@@ -89,15 +94,15 @@ def badge(conclusion, entries):
     return f"{BADGES[found][0]} {found}"
 
 
-def told(number):
+def claims_of(number):
     """The claims of a conclusion, with verdicts and numbers of both ledgers."""
-    own = CONCLUSIONS[number - 1]
-    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in own.claims, others))
+    ids = CONCLUSIONS[number - 1].claims
+    return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in ids, others))
 
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 Table(
-    ["", "the paper's conclusion", "at half its size", "at its size, one older run"],
+    ["", "conclusion of the paper", "half the paper's size, ensemble", "the paper's size, one older run"],
     [
         [f"{n}", one.says, badge(one, by_id[0]), badge(one, by_id[1])]
         for n, one in enumerate(CONCLUSIONS, start=1)
@@ -105,81 +110,81 @@ Table(
 )
 
 # %% [markdown]
-# Both ledgers were measured at the commits that stand under their tables, and the figures at the paper's size at those under them; {doc}`../book/status` says which of them the code has changed since.
+# Records and figures are of the commits printed below them; {doc}`../book/status` says which are stale.
 #
-# The angular spectrum of the residual of each of the six methods at the paper's size, over that of HI and noise; of SDecGMCA it is the older run. The axis of ratios is even near 1 and logarithmic far from it; the grey band is 10 %.
+# The angular power spectra at the paper's size: nearly all methods agree with the truth through the degraded beam, fewer through the other two.
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "C/C0 of six methods through the three beams of the paper, at its size, with the real Galaxy (templates, nside 64): the numbers of the paper's Fig. 1, as ratios. PCA and FastICA coincide."}}
+# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios. The axis is linear near 1 and logarithmic beyond; the grey band is 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# And along the line of sight, as it was drawn when it was measured; the axis of ratios is even, from 0 to 2. A method that ends at some $\ell$ lacks the power beyond, and is compared with all of it.
+# The frequency power spectra of the same run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$. All curves are divided by the truth at all multipoles; a method that ends at some $\ell$ lacks the power beyond.
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
 
 # %% [markdown]
 # ## 1. The degraded beam
+#
+# In the tables $C/C_0$ and $P/P_0$ are recovered over true angular and frequency power; SD is SDecGMCA, PAR and POL are the parametric and the polynomial fit. Of a claim with several parts the number is that of one; below it are the main parts that hold in less than 84 % of the skies and restarts, with the share in which they do.
 
-# %% tags=["hide-input"]
-told(1)
+# %% tags=["remove-input"]
+claims_of(1)
 
 # %% [markdown]
-# **What fails is the polynomial fit**, and no other method where the claims look ($\ell > 3$, $k_\nu > 0.03$): it leaves foreground in the Galactic plane, which shows as an excess at the lowest $\ell$ and at small $k_\nu$
-# ({doc}`07_polynomial`). At still smaller $k_\nu$ every method loses power, as the paper says too.
+# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: its residual has foreground of the Galactic plane, an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`). At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
 #
 # ## 2. The evolving beam
 
-# %% tags=["hide-input"]
-told(2)
+# %% tags=["remove-input"]
+claims_of(2)
 
 # %% [markdown]
-# **The order of the methods is the paper's; how far each of them gets is not in every case.** The parametric fit fails, GMCA leaves more than PCA, and SDecGMCA stays near 1 in $C_\ell$. But PCA and FastICA with four components are off at the highest multipoles, by up to
-# {glue:text}`answer_evolving` at 95 % of all of them for the worst of the three methods, where the beam that shrinks makes new spectra of the foreground; one component more takes these ({doc}`22_how_many`). The excess of GMCA begins at lower multipoles than in the paper on the real Galaxy.
+# **The parametric fit fails and SDecGMCA recovers $C_\ell$, as in the paper; PCA and FastICA are less accurate than there.** With four components they deviate at the highest multipoles (the worst method by up to {glue:text}`answer_evolving` at 95 % of all multipoles), where the beam adds spectral modes to the foreground. A fifth component
+# removes these ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower multipoles than in the paper.
 #
 # ## 3. The oscillating beam
 
-# %% tags=["hide-input"]
-told(3)
+# %% tags=["remove-input"]
+claims_of(3)
 
 # %% [markdown]
-# **With as many components for each as in the paper, and where a run of it does not fail, SDecGMCA is nearest to the truth of the six**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ in the median over members, where the paper has 5 %. What one component more does for PCA, which knows no beam, belongs to it: on the synthetic Galaxy of {doc}`10_results` its mean
-# $C/C_0$ at $10 < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, and that of SDecGMCA {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts). Whether SDecGMCA has a peak near $k_\nu = 0.3$, and an excess at the lowest $\ell$ and $k_\nu$, differs between members: the shares are in the rows above.
-# How often it fails is in {doc}`27_restarts`, and which of this depends on what the paper's text leaves open is in {doc}`16_readings`.
+# **With the paper's numbers of components, SDecGMCA is the most accurate of the six where its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median; the paper: 5 %). PCA, without knowledge of the beam, needs one component more to compare with it: on the synthetic Galaxy of {doc}`10_results` its mean
+# $C/C_0$ at $10 < \ell < 128$ is then {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts). The peak of SDecGMCA at $k_\nu = 0.3$ and its excess at low $\ell$ and $k_\nu$ differ between restarts.
+# Its probability of failure is in {doc}`27_restarts`, its dependence on the reading of the text in {doc}`16_readings`.
 #
 # ## 4. The number of sources
 
-# %% tags=["hide-input"]
-told(4)
+# %% tags=["remove-input"]
+claims_of(4)
 
 # %% [markdown]
-# The picture, at the paper's size, is of one run of another reading, with the noise of the instrument in the thresholds, in which each further source only takes HI. In the reading of this page the error falls to its least and rises beyond it, as in the paper ({doc}`11_ns_scan`).
+# The figure is of the older run, with the noise of the instrument in the thresholds, where each further source removes HI. In the reading of this page the error has a minimum, as in the paper ({doc}`11_ns_scan`).
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
-# **It is critical.** With too few sources the residual has foreground, with too many it lacks HI, and with ten and more its error rises by orders of magnitude. A method that does not know the beam needs more of them, as the beam makes spectra of its own. How to find the number without the truth, which the paper asks for, is in
-# {doc}`22_how_many`.
+# **The result is sensitive to the number of sources.** With too few the residual contains foreground, with too many it has lost HI, and from ten on its error rises by orders of magnitude. {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks
 
-# %% tags=["hide-input"]
-told(5)
+# %% tags=["remove-input"]
+claims_of(5)
 
-# %% tags=["hide-input"]
+# %% tags=["remove-input"]
 Markdown(picture(large, "fig-dimmed-spectra", folder))
 
 # %% [markdown]
-# **Through the oscillating beam masks help PCA, FastICA and GMCA; for SDecGMCA it depends on the member.** Where a run of it has leaked foreground in the plane, masks take that out; where its residual lacks HI, they do little ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`). The picture is of the same older run as above.
+# **Masks improve PCA, FastICA and GMCA; for SDecGMCA the effect depends on the run.** Masks remove foreground residuals in the Galactic plane, where a run has them, and change little where it has lost HI ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`). The figure is of the older run.
 #
-# ## Where to go from here
+# ## Further reading
 #
-# - Every claim, with its reading and its numbers: {doc}`15_claims`; at the paper's size: {doc}`18_paper_size`.
-# - All methods side by side: {doc}`25_side_by_side`; [a table by what you have](what-to-use).
+# - Every claim: {doc}`15_claims`; at the paper's size: {doc}`18_paper_size`.
+# - All methods compared: {doc}`25_side_by_side`; [a table by what you have](what-to-use).

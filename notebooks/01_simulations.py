@@ -19,16 +19,12 @@
 #
 # > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
 # > - **Good to know**: redshift, and what an angular power spectrum is.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`F1`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`F1`.
 # > - **Time and memory**: {cost}`01_simulations`.
 #
-# Neutral hydrogen (HI) emits at 1420.4 MHz. What reaches us at a frequency $\nu$ left at redshift
-# $1 + z = 1420.4\ \mathrm{MHz} / \nu$, so a radio map of every frequency channel is a map of the hydrogen at another
-# distance: *intensity mapping*, without seeing a single galaxy. Between 900 and 1400 MHz we look back to $z = 0.58$.
-#
-# In front of it shines the Galaxy, ten thousand times brighter. This notebook makes both: the signal, and the
-# foregrounds, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Every component draws its random numbers from a stream of its own, so
-# one can be changed while the others stay.
+# The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one
+# distance. Between 900 and 1400 MHz this is $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Each component has a random
+# stream of its own, so that one can be changed and the others stay.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -62,10 +58,9 @@ def stamped(figure, source=milky_way):
 
 
 # %% [markdown]
-# ## The signal: HI
+# ## The HI signal
 #
-# The mean brightness temperature of the 21 cm line after reionization follows from the Einstein coefficient of the
-# transition and the amount of hydrogen {cite:p}`furlanetto2006`,
+# The mean brightness temperature after reionization is {cite:p}`furlanetto2006`
 #
 # ```{math}
 # :label: eq-mean-temperature
@@ -74,27 +69,23 @@ def stamped(figure, source=milky_way):
 # \qquad \Omega_\mathrm{HI}(z) = 4 \times 10^{-4}\,(1+z)^{0.6},
 # ```
 #
-# {glue:text}`simulations_theory` in the middle of the band. Its fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
+# {glue:text}`simulations_theory` in the middle of the band. Fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
 #
-# The simulation follows CRIME {cite:p}`alonso2014`. A Gaussian field $\delta_G$ with the linear matter power spectrum of CAMB {cite:p}`lewis2000`
-# fills a periodic box of $3\ h^{-1}$ Gpc with us in the middle. At distance $r$ we see it as it was at $z(r)$: smaller by the growth factor
-# $D(z)$. A lognormal transformation {cite:p}`coles1991` makes a density that is never negative,
+# The simulation follows CRIME {cite:p}`alonso2014`. A Gaussian field $\delta_G$ with the linear power spectrum of CAMB {cite:p}`lewis2000`
+# fills a periodic box of $3\ h^{-1}$ Gpc around the observer. At distance $r$ it is scaled by the growth factor
+# $D(z)$ and made lognormal {cite:p}`coles1991`,
 #
 # ```{math}
 # :label: eq-lognormal
 # 1 + \delta_\mathrm{HI} = \exp\left(b D\,\delta_G - \tfrac{1}{2}\,b^2 D^2 \sigma_G^2\right).
 # ```
 #
-# Hydrogen also moves: with the linear velocity of the same box it appears displaced along the line of sight by $f D\,\psi_r$, with
-# $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`, which makes clusters look flattened and
-# boosts the power. Rays through the box, a few for each pixel, then collect the displaced hydrogen into the frequency
-# channels; what leaves one channel enters its neighbour.
+# The linear velocities of the box displace HI along the line of sight by $f D\,\psi_r$, with
+# $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`. Rays through the box collect it into channels.
 #
-# The line is {eq}`eq-mean-temperature`, each dot the mean of one simulated map. Both fall with frequency: higher frequencies are
-# later times, when the factor $(1+z)^2/H(z)$ and the share of hydrogen are smaller. Look where the dots leave the line: near the top of the band a channel is a small shell around us, and one large structure in it moves
-# the mean of its map.
+# The mean falls with frequency, as $(1+z)^2/H(z)$ and the abundance do. Simulated maps scatter around {eq}`eq-mean-temperature` most near the top of the band, where a channel is a small shell.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: the simulation and the mean of theory. What scatters around the line is large-scale structure; the nearest channels hold little of the Universe and scatter most."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line). The scatter is large-scale structure, largest in the nearest channels, whose volume is smallest."}}
 hi = pipeline.hi(sky)
 theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
@@ -106,11 +97,9 @@ panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": r"mean temperatu
 stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 
 # %% [markdown]
-# The maps show one far and one near channel, the figure after them all channels along one great circle. A structure covers a larger angle the nearer it
-# is, so the spots grow from one map to the other, and to the right of the cut. Along frequency the pattern is another one after few channels: that is
-# why HI is jagged along a line of sight.
+# Structures subtend larger angles in the nearer channel, and the pattern changes within a few channels: HI is not smooth in frequency.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger the nearer they are. Each map has colours of its own."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger in the near one. Each map has its colour scale."}}
 near = int(0.9 * sky.n_channels)
 maps = {
     f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]
@@ -118,7 +107,7 @@ maps = {
 }
 stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "The light cone cut open: HI along the Galactic equator against frequency, that is, distance. Far away (left) structures span few pixels, close by (right) many."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "HI along the Galactic equator against frequency, which is distance. Structures span few pixels in the distant channels (left) and many in the near ones (right)."}}
 longitude = np.linspace(-180, 180, 720)
 equator = sphere.pixel_at(sky.nside, longitude, 0.0)
 cone = 1e3 * hi[:, equator].T
@@ -140,29 +129,25 @@ stamped(
 #
 # ### The Galaxy
 #
-# Relativistic electrons in the Galactic magnetic field emit *synchrotron* radiation, hot ionised gas *free-free* radiation. Both are
-# power laws in frequency,
+# Synchrotron and free-free emission are power laws in frequency (the paper's Eqs. 1 and 2),
 #
 # ```{math}
 # :label: eq-power-law
 # T(\nu, p) = T(\nu_0, p)\,\left(\frac{\nu}{\nu_0}\right)^{\beta(p)},
 # ```
 #
-# with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free. The paper takes the maps of PySM
-# {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. Here the parameter `galaxy` chooses among
+# with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free emission. The paper uses the maps of PySM
+# {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. The parameter `galaxy` chooses
 #
-# - `pysm3`, the paper's maps, which PySM downloads at first use;
-# - `templates`, FITS maps of your own, of any resolution, or PySM's at the one that `himap templates FOLDER --nside 64` asks for. Maps coarser than the simulation are refined in harmonic space, on the logarithm of the
-#   temperature so that nothing rings below zero, and small scales are added as a Gaussian field that continues the template's spectrum, modulated by the
-#   large-scale brightness {cite:p}`miville2007,thorne2017`;
-# - `synthetic`, the default, which needs nothing: a Galaxy of discs seen from inside, radio loops and lognormal structure, calibrated on the
-#   statistics of the real maps.
+# - `pysm3`, the paper's maps, downloaded at first use;
+# - `templates`, FITS maps of any resolution, such as `himap templates FOLDER --nside 64` writes. Coarser maps are refined in the logarithm of the temperature, and a Gaussian field that
+#   continues their spectrum, modulated by the large-scale brightness, adds small scales {cite:p}`miville2007,thorne2017`;
+# - `synthetic` (default): discs seen from inside, radio loops and lognormal structure with the statistics of the real maps.
 #
-# Three maps of the Galaxy and one of other galaxies, each on colours of its own. Synchrotron and free-free emission crowd along the plane, point
-# sources are the same everywhere. The index of synchrotron emission changes from place to place: because of this the foregrounds are more than one
-# spectrum times one map.
+# Synchrotron and free-free emission are brightest in the plane, point
+# sources are isotropic. As the synchrotron index varies over the sky, the foregrounds are more than one spectrum times one map.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron at 408 MHz, its spectral index, and free-free emission at 30 GHz (logarithmic but for the index), and the point sources at 1.4 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
 titles = ["synchrotron, 408 MHz", "synchrotron index", "free-free, 30 GHz", "point sources, 1.4 GHz"]
 values = [
@@ -180,19 +165,16 @@ stamped(
 )
 
 # %% [markdown]
-# How good is the stand-in? {numref}`fig-galaxy-beside` shows it beside the real maps. A run with the real templates, or with PySM, makes this
-# picture anew; the one here was made by
-# `himap run 01_simulations -p galaxy=templates -p template_dir=FOLDER` with PySM's maps at nside 64, which `himap templates FOLDER` writes.
-# {numref}`fig-galaxy-statistics` compares the statistics that the synthetic Galaxy was calibrated on: medians over bands of latitude, and $C_\ell$. It lacks the
-# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and a single seed scatters around the mean of many.
+# {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps at nside 64 (a run with `galaxy=templates` or `pysm3` makes it anew), {numref}`fig-galaxy-statistics` the statistics it is calibrated on. It lacks the
+# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and one seed scatters around the mean of many.
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
-# The real Galaxy (left) and the synthetic one (right) on the same colours: synchrotron at 408 MHz {cite:p}`remazeilles2015` and free-free emission at 30 GHz
+# The real Galaxy (left) and the synthetic one (right) on the same colours: synchrotron emission at 408 MHz {cite:p}`remazeilles2015` and free-free emission at 30 GHz
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): the median of bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): medians in bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -257,8 +239,8 @@ beside
 # %% [markdown]
 # ### Radio galaxies
 #
-# The logarithm of the counts of radio sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are too many to
-# draw one by one; they make a field {cite:p}`olivari2016` with the mean and the spectrum
+# The logarithm of the counts of sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are
+# a field {cite:p}`olivari2016` with the mean and the spectrum
 #
 # ```{math}
 # :label: eq-sources
@@ -268,13 +250,12 @@ beside
 # + \left(\frac{\lambda^2}{2 k_\mathrm{B}}\right)^{2} \int S^2\,\frac{\mathrm{d}N}{\mathrm{d}S}\,\mathrm{d}S .
 # ```
 #
-# Sources between 10 mJy and 1 Jy are put on the sky one by one, about {glue:text}`simulations_sources` of them; brighter ones are taken as known and removed. The spectral index of each pixel is
-# drawn from a normal distribution of mean $-2.7$ and width 0.2. No flux is counted twice: mean and clustering are those of the faint sources alone.
+# About {glue:text}`simulations_sources` sources between 10 mJy and 1 Jy are placed individually; brighter ones are assumed removed. The spectral index of each pixel is
+# drawn from a normal distribution of mean $-2.7$ and width 0.2.
 #
-# On the left the thick part is what is drawn one by one. On the right, the clustering of the faint sources falls with $\ell$, and the spectrum of the
-# map becomes level: sources that are scattered at random have the same power at all $\ell$. At large $\ell$ most of the power is theirs.
+# Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled by the power of the flux that is flat for a Euclidean universe; the sources of the thick part are drawn one by one. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with the injected sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled so that those of a Euclidean universe are constant; sources of the thick part are placed individually. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with all sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)
@@ -314,15 +295,12 @@ panels = [
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# ## Everything together
+# ## All components
 #
-# Two lines of sight tell the story of this book. In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times as bright as
-# the mean of HI on the one away from the plane, and {glue:text}`simulations_over_hi_plane` times on the one in it, and they are smooth; HI is faint, and jagged.
-#
-# Left the line in the plane, right the one away from it; the axis of temperature is logarithmic. All foregrounds are nearly straight. In the plane free-free emission is as bright as synchrotron emission, and falls more slowly;
+# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times on that in the plane. They are smooth in frequency; HI is not. In the plane free-free emission is as bright as synchrotron emission and falls more slowly;
 # away from it point sources come second.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane and away from it, component by component."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane (left) and away from it (right), for each component. The axis of temperature is logarithmic."}}
 component_styles = {
     "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
     "free-free": {"color": styles.ORANGE, "linestyle": "--"},
@@ -358,11 +336,9 @@ for title, pixel in lines_of_sight.items():
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# And across the sky: the contrast between the Galaxy and HI is largest at low $\ell$, for the Galaxy is brightest on the largest scales, and least at
-# the end of the axis. The paper says that foregrounds are four to five orders of magnitude above HI, at high latitude too; the ledger has what comes
-# out.
+# The contrast between the Galaxy and HI is largest at low $\ell$. The paper states “over four” orders of magnitude and “up to five”, even at high latitudes; the ledger has the measured ratio.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of every component in the channel in the middle of the band, before beam and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
     component.name: component.map(freqs[middle]) for component in (synchrotron, free_free, sources)
 } | {"HI": hi[middle].astype(float)}
@@ -414,26 +390,16 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - In the middle of the band HI has {glue:text}`simulations_hi` on average, the foregrounds {glue:text}`simulations_foreground` in the median pixel and up to
-#   {glue:text}`simulations_brightest`: removing them to one part in $10^5$ is not enough where they are brightest.
-# - Foregrounds are smooth in frequency, HI is not; that is the only difference a blind method uses.
-# - The simulation has limits. The density is lognormal, the velocities are linear, and HI has no structure below the cell of the box,
-#   so small scales are a sketch. For the questions of this book, which are about foregrounds, that is enough.
+# - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is {glue:text}`simulations_foreground` in the median pixel and at most
+#   {glue:text}`simulations_brightest`. Removing it to one part in $10^5$ is not enough where it is brightest.
+# - Blind methods separate the two by smoothness in frequency alone.
+# - The density is lognormal, velocities are linear, and HI has no structure below the cell of the box. This suffices for tests of foreground removal.
 #
 # ## Exercises
 #
-# **1.** At which redshift do we see HI at $\nu = 1000$ MHz, and how much brighter is the Galaxy there than at 1400 MHz, if its spectral index is $-2.7$?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $z = 1420.4/1000 - 1 = 0.42$, and $(1000/1400)^{-2.7} = 2.5$ times as bright.
-#
-# </details>
-#
-# **2.** Take another seed. Which numbers of this page stay, and which do not?
+# **1.** Which numbers of this page change with another seed?
 #
 # ```sh
 # himap run 01_simulations -p seed=7
@@ -442,12 +408,12 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The means stay, within their scatter: they come from formulas. The contrast on the two lines of sight moves, for the synthetic Galaxy is drawn from
-# the seed as well.
+# The means stay within their scatter, since formulas give them. The contrast along the two lines of sight changes, as the synthetic Galaxy is drawn from
+# the seed.
 #
 # </details>
 #
-# **3.** Take a real Galaxy. What becomes of the numbers of HI and of the radio galaxies?
+# **2.** With a real Galaxy, what happens to the numbers of HI and of the radio galaxies?
 #
 # ```sh
 # himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # from `himap templates my_templates`
@@ -456,12 +422,6 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# They stay, to the last digit: each component draws from a stream of its own. Only what has the Galaxy in it changes.
+# They stay the same to the last digit, as each component has its random stream. Only what includes the Galaxy changes.
 #
 # </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 01_simulations --preset laptop    # sharper maps
-# ```

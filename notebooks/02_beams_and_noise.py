@@ -19,14 +19,11 @@
 #
 # > - **Read first**: {doc}`01_simulations`.
 # > - **Good to know**: what a convolution is.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`V4`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`V4`.
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
-# A single dish does not see the sky of {doc}`01_simulations` but a blurred copy of it. How much it is blurred depends
-# on frequency: the beam of a dish of diameter $D$ is about $\lambda/D$ wide, so the sky is sharper at the top
-# of the band than at the bottom. That turns *angular* structure of the foregrounds into *spectral* structure,
-# and spectral smoothness is all we have to tell foregrounds from HI. This notebook makes the three beams of
-# {cite:t}`gkogkou2025`, from harmless to realistic, and the noise of a survey with the SKA-Mid dishes.
+# A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while
+# their separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three beams of rising realism, and the noise of a survey with the dishes of SKA-Mid. This chapter makes them.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -65,20 +62,17 @@ def stamped(figure, **parameters):
 # %% [markdown]
 # ## Three beams
 #
-# All three are Gaussian, $B(\theta) = \exp(-\theta^2 / 2\sigma^2)$ with $\sigma = \mathrm{FWHM}/\sqrt{8 \ln 2}$. On the sphere a
-# symmetric beam multiplies the harmonic coefficients,
+# All are Gaussian, $B(\theta) = \exp(-\theta^2 / 2\sigma^2)$ with $\sigma = \mathrm{FWHM}/\sqrt{8 \ln 2}$. On the sphere such a beam multiplies harmonic coefficients,
 #
 # ```{math}
 # :label: eq-transfer
 # a_{\ell m} \to b_\ell\,a_{\ell m}, \qquad b_\ell = \exp\left(-\tfrac{1}{2}\,\ell(\ell+1)\,\sigma^2\right).
 # ```
 #
-# - **Evolving**: the width that diffraction gives, $\mathrm{FWHM} = \lambda / D$ with $D = 13.5$ m.
-# - **Degraded**: the maps of the evolving beam, smoothed once more so that every channel has the resolution of the worst
-#   one, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. Signal *and noise* are smoothed: what a careful analyst does to real
-#   data, at the price of resolution. (The paper adds white noise after all smoothing; that is the beam `degraded:noise=white`.)
-# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, which is not a power law but wiggles, because the
-#   primary and secondary reflectors interfere,
+# - **Evolving**: $\mathrm{FWHM} = \lambda / D$ with $D = 13.5$ m.
+# - **Degraded**: the maps of the evolving beam, signal and noise, smoothed to the resolution of the worst channel, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. (The paper adds white noise after all smoothing: `degraded:noise=white`.)
+# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, with a ripple from the interference of
+#   primary and secondary reflector,
 #
 # ```{math}
 # :label: eq-oscillating
@@ -86,15 +80,11 @@ def stamped(figure, **parameters):
 # \qquad T = 20\ \mathrm{MHz}.
 # ```
 #
-# The paper gives $A = 0.1$ arcmin inside a bracket that is a plain number, which can be read in three ways; public codes
-# differ. Here `ripple` chooses: `bracket` (the default) adds $0.1/60 = 0.0017$ to the bracket, 0.14 % of the width;
-# `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$, without the polynomial.
+# The paper gives $A = 0.1$ arcmin inside a dimensionless bracket. Of three readings of it ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width; `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
-# Left are the three widths: level for the degraded beam, falling as $1/\nu$ for the evolving one, and wider than that for the oscillating one, whose
-# wave is too small to be seen on this scale. Right is the wave by itself: it comes back every 20 MHz, and the readings of the formula differ in its
-# height.
+# The degraded width is constant, the evolving one falls as $1/\nu$, the oscillating one is wider; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency; the ripple of the default reading is too small to be seen. Right: the ripple alone, as a fraction of the width, in the three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
 width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
@@ -134,11 +124,9 @@ ripple_panel = {
 stamped(plotting.lines([widths_panel, ripple_panel]), ripple=ripple)
 
 # %% [markdown]
-# $b_\ell$ is the share of an amplitude that gets through. Compare the two panels curve by curve: the evolving and the oscillating beam let more of a
-# high $\ell$ through at the top of the band than at its bottom, the degraded one the same. What changes between the panels is what turns structure on
-# the sky into structure along frequency.
+# Between the two panels the transfer functions of the evolving and the oscillating beam change, that of the degraded beam does not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest, where it is defined, the degraded beam is the evolving one; it is the same in both channels: at the top of the band it throws away resolution that the others keep."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest the degraded beam is the evolving one; in the highest it suppresses scales that the other two keep."}}
 transfers = {name: beam.of_survey(sky) for name, beam in beams.items()}
 degrees = np.arange(sky.lmax + 1)
 panels = [
@@ -157,15 +145,13 @@ panels = [
 stamped(plotting.lines(panels), ripple=ripple)
 
 # %% [markdown]
-# A beam of your own is a file with a line for each channel, its width in degrees or its $b_\ell$, or one class in one file
-# ({doc}`../book/add_a_beam`). It goes wherever these do: `himap run 04_pca -p beam=widths.txt`, and `beam=meerkat` takes the widths that
-# holography measured.
+# A beam can also be a file of widths or $b_\ell$, `meerkat` (widths from holography), or a class ({doc}`../book/add_a_beam`): `himap run 04_pca -p beam=widths.txt`.
 
 # %% [markdown]
 # ## Noise
 #
-# The receiver adds white Gaussian noise. With $N_\mathrm{dishes}$ dishes that look for $t_\mathrm{obs}$ at a fraction
-# $f_\mathrm{sky}$ of the sky, its standard deviation is
+# The receiver noise is white and Gaussian. With $N_\mathrm{dishes}$ dishes observing a fraction
+# $f_\mathrm{sky}$ of the sky for $t_\mathrm{obs}$,
 #
 # ```{math}
 # :label: eq-noise
@@ -175,15 +161,11 @@ stamped(plotting.lines(panels), ripple=ripple)
 # \end{aligned}
 # ```
 #
-# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The system temperature *falls* with frequency,
-# and so does the beam area, faster: the noise per beam rises. As in the paper this is taken as the noise of a
-# *pixel*, whatever its size, so coarser maps have more noise power, $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$; keep that in mind
-# when presets are compared. Channels wider than the paper's 1 MHz have less noise each. The paper also calls $\sigma_N$ a variance:
-# `noise_reading=variance` takes it as one, in mK² ({doc}`../book/conventions`).
+# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. As in the paper it is applied per *pixel*, whatever its size, so coarser maps have a higher noise power $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance: `noise_reading=variance` ([conventions](../book/conventions.md)).
 #
-# The two panels go in opposite directions, as just said. The dashed line lies above the solid one because a narrow channel collects less.
+# System temperature falls with frequency, noise rises, since the beam area falls faster. Channels of 1 MHz have more noise than the wider ones of this run.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise of a pixel and channel (right). The dashed line is the noise for the paper's channels of 1 MHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise per pixel and channel (right). Dashed: noise in the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
 panels = [
     {
@@ -208,16 +190,14 @@ panels = [
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# ## What the beam does to a foreground
+# ## The effect of the beam on a foreground
 #
-# Here is the whole problem in one figure. Take a line of sight close to the Galactic plane, and from its spectrum a
-# smooth one, a polynomial of third order in log-log. What is left is what the beam has put there. Through the
-# degraded beam a foreground stays as smooth as the sky made it. Through the evolving beam the sharper beam of a higher
-# frequency sees less of the bright plane next to it: a slow trend, {glue:text}`beams_trend` rms. Through the oscillating beam there is a ripple
-# of 20 MHz, which makes the spectrum jump by {glue:text}`beams_jump` rms from one channel to the next where HI plus noise has {glue:text}`beams_signal`, and a
-# slower wave of {glue:text}`beams_wave`: parts per million of the foreground, which has a mean of {glue:text}`beams_foreground` on this line. The figure has them in mK.
+# From the foreground along a line of sight close to the Galactic plane a smooth spectrum (third order in log-log) is subtracted. Through the
+# degraded beam the residual is negligible. Through the evolving beam it is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The oscillating beam adds a ripple with the
+# period of 20 MHz, a rms difference of adjacent channels of {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a
+# slower wave of {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is {glue:text}`beams_foreground`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "A line of sight 3 degrees off the Galactic plane through the three beams: what its foreground deviates from a smooth spectrum (third order in log-log), and the HI plus noise of the same line of sight, mean removed. What a method takes for smooth is gone; what it has to tell from HI is the coloured line. Each panel has its own axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. A method that removes smooth spectra must separate the two curves. Each panel has its axis."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
@@ -260,10 +240,9 @@ for name, observation in observations.items():
 stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 
 # %% [markdown]
-# To the eye the three maps are one: what the beams do to HI is little. What differs between them is what they do to the foreground, and that is not in
-# these maps.
+# The beams hardly change HI: the three maps look alike.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, with the same colours: the degraded beam smooths noise too."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, on the same colours. The degraded beam smooths the noise too."}}
 channel = sky.n_channels // 2
 truth = {name: observation.truth[channel] for name, observation in observations.items()}
 maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}
@@ -273,8 +252,7 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 # %% [markdown]
 # ## The truth, and the numbers
 #
-# The *truth* that a perfect cleaning would leave is HI plus noise, both through the beam (the noise only through the
-# smoothing that comes after the receiver). All methods of this book are compared with it.
+# The *truth* that all methods are compared with is HI plus noise, both through the beam (noise only through smoothing after the receiver).
 
 # %% tags=["hide-input"]
 wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}
@@ -314,17 +292,15 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - A beam couples angles and frequencies: the foreground's structure on the sky becomes structure in its spectrum.
-# - Smoothing every channel to the worst resolution undoes that for a beam that is known, at the price of small scales.
-# - A ripple of a tenth of a per cent of the beam's width is enough, close to the Galactic plane, to put a foreground feature above HI, with a
-#   period of 20 MHz, which is $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
+# - A beam that changes with frequency turns angular structure of the foreground into spectral structure.
+# - Smoothing every channel to the worst resolution prevents that, if the beam is known, at the cost of small scales.
+# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
 # ## Exercises
 #
-# **1.** The strongest reading has a ripple of 0.5 arcmin where the paper has 0.1. Does the jump from channel to channel grow as much, and what becomes
-# of the slower wave?
+# **1.** In the strongest reading of the ripple, does the difference between channels grow in proportion, and what becomes of the slower wave?
 #
 # ```sh
 # himap run 02_beams_and_noise -p ripple=additive_strong
@@ -333,12 +309,11 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The jump grows somewhat less than fivefold, for without the polynomial of {eq}`eq-oscillating` the beam is narrower and sees less of the plane beside
-# the line of sight. The slower wave nearly goes: it came from that polynomial.
+# It grows by less: without the polynomial of {eq}`eq-oscillating` the beam is narrower and includes less of the plane. The slower wave, which is due to that polynomial, nearly vanishes.
 #
 # </details>
 #
-# **2.** What does a larger dish do to the blurring and to the noise?
+# **2.** How does a larger dish change beam and noise?
 #
 # ```sh
 # himap run 02_beams_and_noise -p dish_diameter=40
@@ -347,21 +322,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The beam is narrower by the ratio of the diameters, and trend and jump become smaller with it: there is less beside the line of sight to be mixed in.
-# The noise rises by the same ratio, because {eq}`eq-noise` has the beam area under the root: $\sigma_N \propto \Omega_\mathrm{beam}^{-1/2} \propto D$.
-#
-# </details>
-#
-# **3.** By how much does the noise rise with a hundredth of the time? Do the numbers of the foreground change?
-#
-# ```sh
-# himap run 02_beams_and_noise -p t_obs=200
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# By $\sqrt{100} = 10$. The ripple, the jump and the wave stay as they are: noise comes after the beam, and hides what the beam does without changing
-# it.
+# The beam is narrower by the ratio of the diameters, and trend and ripple are smaller.
+# The noise rises by the same ratio, as {eq}`eq-noise` gives $\sigma_N \propto \Omega_\mathrm{beam}^{-1/2} \propto D$.
 #
 # </details>

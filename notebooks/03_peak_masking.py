@@ -19,17 +19,11 @@
 #
 # > - **Read first**: {doc}`02_beams_and_noise`.
 # > - **Good to know**: least squares.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`B1`, {claim}`B2`, {claim}`B3`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`B1`, {claim}`B2`, {claim}`B3`.
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
-# Every method of this book finds the foreground as something *smooth* along the line of sight. A bright HI source is the
-# opposite, a spike in one or two channels, and a least-squares fit bends towards it: some of the source then counts as
-# foreground and is lost. So {cite:t}`gkogkou2025` look for such spikes first and paint them over before any method runs.
-# The foreground is found in the painted maps and subtracted from the **original** ones, so the spikes themselves
-# are kept.
-#
-# This notebook follows one line of sight through the procedure, the one with the brightest HI source, and then asks of the
-# whole sky what was painted over, and what that does to a cleaning.
+# A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any method runs, and call this step essential.
+# Here the foreground is estimated from the masked maps and subtracted from the **original** ones, so that the peaks stay in the cleaned maps ([conventions](../book/conventions.md)). This chapter follows the line of sight with the brightest HI, then tests on all lines of sight what is masked and how that changes a cleaning.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -74,15 +68,13 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 # %% [markdown]
 # ## Two fits
 #
-# 1. Fit a polynomial of order 6 to the whole spectrum $T(\nu)$ of a line of sight.
-# 2. Subtract it. What is left is flat, with a standard deviation $\sigma$ over the channels of this line of sight.
-#    Flag every channel that is more than $5\,\sigma$ away from zero.
-# 3. Fit the polynomial again without the flagged channels, and put its value in their place.
+# 1. Fit a polynomial of order 6 to the spectrum $T(\nu)$ of a line of sight and subtract it.
+# 2. Flag every channel that deviates by more than $5\,\sigma$, with $\sigma$ the standard deviation over the channels of this line.
+# 3. Fit again without the flagged channels, and replace these by the fit.
 #
-# Here is the line of sight with the brightest HI. On the scale of the foreground its peak is hard to see even where
-# we know it is, which is the difficulty of the whole subject.
+# On the scale of the foreground the peak is hardly visible.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: the observed temperature and HI plus noise in it. Right: the same around the peak, on a logarithmic scale; stars mark the flagged channels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: the same around the peak, on a logarithmic scale; stars mark flagged channels."}}
 width = 12 * np.diff(freqs).max()
 near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
@@ -108,10 +100,9 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected)
 
 # %% [markdown]
-# Subtracting the baseline makes the peak plain. The first fit gave way to it; the second, which does not
-# know the peak, does not.
+# After subtraction it is evident. The first baseline bends towards the peak, the second does not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with the baseline fitted to all channels and with that of the second fit (the paper's Fig. B.2). Left: the whole band, with the threshold; right: the difference of the two baselines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the two baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
 second_style = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
@@ -137,10 +128,9 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected)
 
 # %% [markdown]
-# What goes on to the separation is the dashed line. It lies on the observed one everywhere but at the flagged channels, where the peak is cut down to
-# the second baseline.
+# The masked spectrum differs from the observed one at the flagged channels alone.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: the whole band; right: around the peak."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
 close = np.abs(freqs - freqs[channel]) <= width / 2
 masked_style = {"color": styles.VERMILION, "linestyle": "--", "label": "masked"}
@@ -167,14 +157,11 @@ show(
 )
 
 # %% [markdown]
-# ## What is masked, on the whole sky
+# ## What is masked
 #
-# The rest of the sky is one call, `mask_peaks`. It fits all lines of sight with one matrix product, in polynomials that are
-# orthonormal over the channels, and fits again only those with a flag, where the flagged channels are taken out of the
-# normal equations.
+# `mask_peaks` fits all lines of sight with one matrix product, in polynomials orthonormal over the channels, and repeats only the fits with flags.
 #
-# The maps below show where. The threshold is relative to each line of sight, so where foreground is left over by
-# the polynomial, in the Galactic plane and, with the oscillating beam, on most of the sky, $\sigma$ is larger and fewer channels pass it.
+# As the threshold is relative to the line of sight, fewer channels are flagged where the polynomial leaves a foreground residual: in the Galactic plane and, for the oscillating beam, over most of the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
 masked = {
@@ -188,12 +175,10 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # %% [markdown]
 # ## HI peaks, or ripples of the beam?
 #
-# The paper suspects that with the oscillating beam the first polynomial leaves ripples, and that the clip takes their crests for
-# HI. In a simulation this can be decided. The fit is linear, so what it leaves is the sum of what it would leave of HI plus
-# noise and what it would leave of the foreground, each alone. For every masked channel the figure shows the share
-# of the foreground in that sum: near 0 the peak is HI, near 1 it is foreground.
+# The paper conjectures that with the oscillating beam the clip takes ripples of the first fit for HI. The fit is linear, so its residual is the sum of those of HI plus noise and of the foreground; the figure has the share of
+# the foreground for every masked channel.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Share of the foreground in the height of the masked peaks: the fraction of them below each share. At the dotted line HI and foreground contribute as much: a curve that is at 1 left of it means that all peaks are HI. Below 0 the foreground lies under its baseline."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Cumulative distribution of the foreground's share in the height of masked peaks: 0 is HI, 1 foreground. A curve that reaches 1 left of the dotted line (equal contributions) means that all peaks are mostly HI. Below 0 the foreground lies under its baseline."}}
 
 
 def left_over(maps, kept):
@@ -249,23 +234,20 @@ quote(
 )
 
 # %% [markdown]
-# Practically all masked peaks are HI: with the oscillating beam {glue:text}`peaks_of_hi` of them have more HI than foreground. A ripple cannot pass the threshold: a sine of amplitude $a$ has
-# $\sigma = a/\sqrt{2}$, so its crests are at $1.4\,\sigma$. What it does is raise $\sigma$ and *hide* peaks. Of those
-# that the clip would find in HI plus noise alone, {glue:text}`peaks_found_degraded` are found with the degraded beam and {glue:text}`peaks_found_oscillating` with the
-# oscillating one: {glue:text}`peaks_found_plane` within 10° of the Galactic plane, where the ripple is strongest, and {glue:text}`peaks_found_pole` beyond 60°. Whatever makes the excess at low $\ell$ for this beam, it is not mistaken ripples, at this
-# resolution.
+# With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no ripple can be flagged: a sine of amplitude $a$ has
+# $\sigma = a/\sqrt{2}$ and its crests are at $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those
+# flagged in HI plus noise alone, {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating` with the
+# oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane, {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper does not define: with a single value for the cube (`spread` of `mask_peaks`)
+# ripples can be flagged. Claim O8 is judged with that of the line ({doc}`15_claims`).
 
 # %% [markdown]
-# ## What it does to a cleaning
+# ## The effect on a cleaning
 #
-# PCA with the paper's number of components, once on the masked maps and once on the maps as they are (masked always with order 6 and
-# $5\,\sigma$ here, as in the rest of the book). The figure shows by how much the spectra of the cleaned maps change when the
-# masking is left out.
+# PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6, $5\,\sigma$).
 #
-# Nearly all changes are losses, and those of $P$ sit at the smallest $k_\nu$, where a baseline that bends towards a peak takes power. The paper finds
-# that without this step all methods are worse, with a bias of $P$ on all scales.
+# Without masking power is lost, in $P$ at the smallest $k_\nu$. The paper reports a bias of $P$ on all scales and worse results for all methods.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Change of the spectra of the cleaned maps (PCA with 3, 4 and 5 components for the three beams) when the peaks are not masked. Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the spectra of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams). Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
 angular, frequency, numbers, changes = [], [], {}, {}
 for name in beams:
     pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]
@@ -313,21 +295,17 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - Two polynomials and a threshold at $5\,\sigma$ find HI peaks, and practically nothing but HI peaks, without any knowledge of the truth.
-# - Leaving the masking out changes $C_\ell$ after PCA by {glue:text}`peaks_change_angular` at most. It lowers $P$ at the smallest $k_\nu$ by
-#   {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and {glue:text}`peaks_change_oscillating` for the degraded, the evolving and the oscillating beam, and
-#   changes it by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. What goes is signal that counted as foreground, and masking keeps it. So it
-#   helps a little at the preset `quick`; it is not essential, as the paper finds it to be at a resolution four times finer.
-# - Where foreground is left in the maps, less power is not worse. With the oscillating beam the cleaned maps are brighter than the truth in all bands of the table,
-#   and masking brings them no nearer to it.
-# - The ripple of the oscillating beam is not mistaken for HI. It raises the threshold and hides peaks instead.
-# - The price is two small fits.
+# - A clip at $5\,\sigma$ of each line flags HI peaks and practically nothing else.
+# - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest $k_\nu$ falls by
+#   {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and
+#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step reduces a small signal loss; it is not essential, as it is in the paper at a resolution four times finer.
+# - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
 # ## Exercises
 #
-# **1.** With the oscillating beam the polynomial leaves the ripple in the flattened line, and $\sigma$ is larger. Is the brightest peak still found?
+# **1.** With the oscillating beam $\sigma$ of the flattened line is larger. Is the brightest peak still flagged?
 #
 # ```sh
 # himap run 03_peak_masking -p beam=oscillating
@@ -336,11 +314,11 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Yes. $\sigma$ of this line is larger, but its peak stands more than $5\,\sigma$ out of it. Fainter peaks are lost, as the text above says.
+# Yes, it exceeds $5\,\sigma$. Fainter peaks are missed.
 #
 # </details>
 #
-# **2.** Are there more peaks at $4\,\sigma$, and is there more of the foreground with them?
+# **2.** Are more peaks flagged at $4\,\sigma$, and more of the foreground?
 #
 # ```sh
 # himap run 03_peak_masking -p n_sigma=4
@@ -349,22 +327,6 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# More than twice as many voxels are masked. Still nearly all of them are HI, and of the peaks that HI and noise alone would show hardly more are found
-# with the oscillating beam: lowering the threshold does not undo what the ripple hides.
+# More than twice as many voxels, still nearly all HI. The share of peaks that the ripple hides stays about the same.
 #
 # </details>
-#
-# **3.** At which threshold would the crests of a pure sine be flagged?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# Below $\sqrt{2}\,\sigma = 1.4\,\sigma$: a sine of amplitude $a$ has $\sigma = a/\sqrt{2}$, and nowhere more than $a$.
-#
-# </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 03_peak_masking --preset laptop    # finer pixels and channels: brighter peaks
-# ```

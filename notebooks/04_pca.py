@@ -21,16 +21,8 @@
 # > - **Good to know**: eigenvectors of a covariance matrix.
 # > - **Time and memory**: {cost}`04_pca`.
 #
-# The sky at 21 cm is almost all foreground: Galactic synchrotron and free-free emission and radio
-# galaxies outshine the HI signal by orders of magnitude ({doc}`01_simulations`). What saves us is that they
-# are *smooth in frequency*: along a line of sight a foreground is close to a power law, while HI
-# changes from channel to channel, because each channel is another slice of the Universe.
-#
-# Principal component analysis (PCA) makes use of this without any model. Foregrounds dominate the
-# variance of the data, and because they are smooth, a few spectral shapes describe them all. PCA
-# finds these shapes and removes them {cite:p}`alonso2015,cunnington2021`. This notebook applies
-# it to the simulated observation of {doc}`02_beams_and_noise`, for one beam in detail and then for all three of
-# {cite:t}`gkogkou2025`.
+# Foregrounds dominate the variance of the data and are smooth in frequency, so that a few spectra describe them, while HI changes from channel to channel.
+# Principal component analysis (PCA) estimates these spectra from the covariance of the channels and removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5 components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in detail and then for all three.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -75,31 +67,27 @@ study.check(removers)
 remover = removers[selected][0]
 
 # %% [markdown]
-# Before any method runs, peaks along the lines of sight are masked ({doc}`03_peak_masking`): the components are found in
-# the masked maps, and removed from the maps as observed.
+# As for every method, components are estimated from the maps with masked peaks and removed from the maps as observed ({doc}`03_peak_masking`).
 
 # %% [markdown]
-# ## How it works
+# ## The method
 #
-# Collect the maps in a matrix $\mathbf{X}$ with a row for each channel $\nu$ and a column for each
-# pixel $p$, the mean of every channel removed. PCA assumes the linear mixture
+# The maps, less the mean of each channel, are a matrix $\mathbf{X}$ of channels by pixels. PCA assumes the linear mixture
 #
 # ```{math}
 # :label: eq-mixture
 # \mathbf{X} = \mathbf{A}\,\mathbf{S} + \mathbf{N}
 # ```
 #
-# of $n_s$ *sources* $\mathbf{S}$ ($n_s \times n_\mathrm{pix}$, sky maps) with a *mixing matrix*
-# $\mathbf{A}$ ($n_\nu \times n_s$, spectra), plus the rest $\mathbf{N}$, which is HI and noise. If
-# the sources are uncorrelated, the covariance between channels
+# of $n_s$ *sources* $\mathbf{S}$ (maps) with a *mixing matrix*
+# $\mathbf{A}$ (spectra), where $\mathbf{N}$ is HI and noise. If the sources are uncorrelated, $\mathbf{A}$ diagonalises the covariance of the channels,
 #
 # ```{math}
 # :label: eq-covariance
-# \mathbf{C} = \frac{1}{n_\mathrm{pix}}\,\mathbf{X}\,\mathbf{X}^{\top} = \mathbf{U}\,\mathbf{D}\,\mathbf{U}^{\top}
+# \mathbf{C} = \frac{1}{n_\mathrm{pix}}\,\mathbf{X}\,\mathbf{X}^{\top} = \mathbf{U}\,\mathbf{D}\,\mathbf{U}^{\top} ,
 # ```
 #
-# is diagonal in the basis of $\mathbf{A}$: its eigenvectors $\mathbf{U}$ are the spectra, its
-# eigenvalues $\mathbf{D}$ the variances. The $n_s$ eigenvectors of largest variance make
+# with eigenvectors $\mathbf{U}$ and variances $\mathbf{D}$. The $n_s$ eigenvectors of largest variance are
 # $\mathbf{A}$, the sources are $\mathbf{S} = \mathbf{A}^{\top}\mathbf{X}$, and the cleaned maps are
 #
 # ```{math}
@@ -107,20 +95,16 @@ remover = removers[selected][0]
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{\top}\,\mathbf{X}.
 # ```
 #
-# {eq}`eq-pca-residual` is a projection: everything along the $n_s$ spectra is lost, **the part of HI
-# that looks like them included**. The method has one parameter, $n_s$, and the art is to choose it:
-# too small leaves foreground, too large eats signal.
+# {eq}`eq-pca-residual` is a projection: it removes everything along the $n_s$ spectra, **HI included**. Too small an $n_s$ leaves foreground, too large an $n_s$ removes signal.
 
 # %% [markdown]
-# ## How many components?
+# ## The number of components
 #
-# The eigenvalues tell. Those of the foreground fall steeply, by orders of magnitude from one to
-# the next; those of HI plus noise form a plateau, which ends the useful range. The dotted line is the
-# spectrum of eigenvalues of the truth alone, HI plus noise, which nobody has in a real survey. For the
-# degraded, the evolving and the oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues are
-# larger than any of HI plus noise. The figures below use the paper's 3, 4 and 5 components; where that is less, foreground is left in.
+# Eigenvalues of the foreground fall by orders of magnitude from one to the next; those of HI plus noise (dotted; unknown in a real survey) form a plateau. For the
+# degraded, evolving and oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed
+# the largest of HI plus noise; where the paper removes fewer, a foreground residual is expected.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The first 15 eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise alone in the beam shown in detail. The steeper the fall, the fewer components are needed; a beam that changes with frequency makes it shallower."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise in the beam shown in detail. The steeper the fall, the fewer components are needed; it is less steep for a beam that changes with frequency."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
@@ -148,53 +132,43 @@ quote(
 )
 
 # %% [markdown]
-# ## What is removed
+# ## The removed components
 #
-# The spectra of the removed components (columns of $\mathbf{A}$) are smooth for a beam that does not change with
-# frequency: the first is the mean spectral shape of the Galaxy, the next ones its variations over the sky.
-# The sources are the maps that go with them. They are ordered by variance, not by physics: no
-# component *is* synchrotron or free-free emission, as the second and later ones are forced to be
-# orthogonal to the first.
+# For a beam that does not change with
+# frequency the spectra are smooth: the mean spectrum of the Galaxy, and its variations over the sky. As they are orthogonal and ordered by variance, no
+# component is synchrotron or free-free emission.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
 mixing_figure(study, selected, remover)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes: the sky maps that go with the spectra, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
-# ## What is left
+# ## The cleaned maps
 #
-# The cleaned map of one channel beside the truth, HI plus noise through the same beam, and their
-# difference: through the oscillating beam, the hardest of the three. Differences along the Galactic plane and around its centre are mostly foreground that was left; differences
-# elsewhere mostly signal that was lost with the components.
+# The difference from the truth has foreground residuals along the Galactic plane and around its centre, and mostly signal loss elsewhere.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what PCA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by PCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
 # %% [markdown]
 # ## The power spectra
 #
-# Cosmology uses the statistics of the signal, so they are what counts: the angular power spectrum $C_\ell$,
-# averaged over channels, and the power spectrum along the line of sight $P(k_\nu)$, averaged over
-# pixels. Below each is the ratio of the cleaned to the true spectrum; the grey band is 10 %. The axis of
-# ratios is even near 1, so that 5 % can be seen, and logarithmic far from it, so that nothing is cut off.
-#
-# What to look at: how far the ratio is from 1, and on which side. With the degraded beam it is below, where signal went with the components. With the
-# oscillating beam it is above, most at the lowest and the highest $\ell$; and along the line of sight a hump at small $k_\nu$ and a narrow peak at the
-# ripple are foreground that five components do not hold. The paper's Figs. 1 and 2 have that excess at low $\ell$, and that peak.
+# With the degraded beam the ratios are below 1, where signal is lost with the components. With the
+# oscillating beam they are above 1, most at the lowest and highest $\ell$; along the line of sight the excess at small $k_\nu$ and the narrow peak at the period of the
+# ripple are foreground that five components do not describe. The paper's Figs. 1 and 2 have that excess at low $\ell$ and that peak.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (PCA's share of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (PCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (PCA's share of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% [markdown]
-# The numbers behind the figures: means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, where
-# a ripple of 20 MHz shows. The notebook keeps every number with the tolerance within which another computer must
-# reproduce it; the pages show the digits that it is sure of.
+# Means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple. The notebook stores each number with the tolerance within which another computer must
+# reproduce it.
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
@@ -227,25 +201,21 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# The numbers are those of this run; the words fit the preset `quick`.
+# All numbers are of this run.
 #
-# - With one resolution for all channels (the degraded beam) three components are enough: $C/C_0$ is {glue:text}`pca_angular_degraded` on average at $\ell > 10$,
-#   and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. Below $0.03$ MHz$^{-1}$, where it is {glue:text}`pca_low_degraded`, power is lost with the
-#   foregrounds: there HI is as smooth as they are, and no blind method can tell them apart.
-# - A beam that changes with frequency mixes angular structure into the spectra. The eigenvalues fall more slowly,
-#   more components are needed. With the evolving beam and 4 components $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and {glue:text}`pca_second_evolving`
-#   at the next one, where foreground is left, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
-# - With the oscillating beam and 5 components the maps are too bright on the largest scales ($C/C_0$ = {glue:text}`pca_largest_scales` at $\ell < 10$) and on smaller ones
-#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and {glue:text}`pca_ripple` times as
-#   bright as the truth at $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mark of the 20 MHz ripple. A sixth component leaves {glue:text}`pca_ripple_of_six` there, and takes
-#   signal with it: $P/P_0$ is then {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
-# - PCA costs one covariance matrix and an eigenvalue problem of the size of the channels.
+# - **Degraded beam, 3 components**: the mean $C/C_0$ is {glue:text}`pca_angular_degraded` at $\ell > 10$,
+#   and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
+# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and {glue:text}`pca_second_evolving`
+#   at the next, a foreground residual, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
+# - **Oscillating beam, 5 components**: a bias at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`), above
+#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth component reduces the latter to {glue:text}`pca_ripple_of_six` and removes
+#   signal: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 #
 # ## Exercises
 #
-# **1.** Take one component more than the paper for the oscillating beam. What becomes of the peak of the ripple, and what is the price?
+# **1.** With one component more than in the paper for the oscillating beam, what happens to the peak of the ripple, and at what cost?
 #
 # ```sh
 # himap run 04_pca -p beam=oscillating -p n_sources=6
@@ -254,37 +224,18 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The peak goes, and the excess at low $\ell$ with it: both were the same component of the foreground. The price is signal: both ratios are now below 1
-# on large scales, and so is $P/P_0$ at small $k_\nu$.
+# The peak and the excess at low $\ell$ vanish: both were the same component of the foreground. The cost is signal: the ratios are below 1
+# on large scales and at small $k_\nu$.
 #
 # </details>
 #
-# **2.** And with the strongest reading of the ripple, five components?
-#
-# ```sh
-# himap run 04_pca -p beam=oscillating -p n_sources=5 -p ripple=additive_strong
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# More is left: the excess at low $\ell$ is larger and the peak of the ripple several times as high. The sixth component takes the peak there as well.
-#
-# </details>
-#
-# **3.** {eq}`eq-pca-residual` is a projection. Show that to clean cleaned maps again with the same $\mathbf{A}$ changes nothing.
+# **2.** {eq}`eq-pca-residual` is a projection. Show that applying it again with the same $\mathbf{A}$ changes nothing.
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
 # $\mathbf{A}^{\top}\mathbf{A} = \mathbf{1}$, so with $\mathbf{P} = \mathbf{1} - \mathbf{A}\mathbf{A}^{\top}$ one has $\mathbf{P}^2 = \mathbf{1} -
-# 2\,\mathbf{A}\mathbf{A}^{\top} + \mathbf{A}\mathbf{A}^{\top}\mathbf{A}\mathbf{A}^{\top} = \mathbf{P}$. A PCA of the cleaned maps would find other
-# components, and take signal.
+# 2\,\mathbf{A}\mathbf{A}^{\top} + \mathbf{A}\mathbf{A}^{\top}\mathbf{A}\mathbf{A}^{\top} = \mathbf{P}$. A second PCA of the cleaned maps would remove other
+# components, and signal.
 #
 # </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 04_pca --preset laptop    # four times the pixels
-# ```

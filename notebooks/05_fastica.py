@@ -24,13 +24,8 @@
 # > - **Good to know**: independence of random variables, which is more than no correlation.
 # > - **Time and memory**: {cost}`05_fastica`.
 #
-# The components of {doc}`04_pca` are uncorrelated, and that is a weak demand: any rotation of uncorrelated maps of equal
-# variance gives maps that are uncorrelated again. Independent component analysis (ICA) asks for more. Synchrotron emission and
-# point sources know nothing of each other, so knowing one map should tell *nothing* about the other,
-# not only nothing linear. FastICA {cite:p}`hyvarinen1999` finds the rotation that comes closest to that. It was among the first
-# blind methods tried on 21 cm maps {cite:p}`chapman2012,wolz2014`.
-#
-# This notebook shows how it does it, what sources it finds, and why none of this changes the cleaned maps.
+# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves. Independent component analysis (ICA) requires statistical independence. FastICA {cite:p}`hyvarinen1999` searches the rotation that comes closest to it; it was among the first
+# blind methods applied to 21 cm maps {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter shows that both have the same cleaned maps.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -77,24 +72,24 @@ remover = removers[selected][0]
 pca = PCA(n_sources=n_sources)
 
 # %% [markdown]
-# ## How it works
+# ## The method
 #
-# The mixture is that of {eq}`eq-mixture`, $\mathbf{X} = \mathbf{A}\,\mathbf{S} + \mathbf{N}$. The work is done in two steps.
+# The mixture is {eq}`eq-mixture`, $\mathbf{X} = \mathbf{A}\,\mathbf{S} + \mathbf{N}$.
 #
-# **Whitening.** Take the $n_s$ leading principal components and divide each by its standard deviation,
+# **Whitening.** The $n_s$ leading principal components are divided by their standard deviations,
 #
 # ```{math}
 # :label: eq-white
-# \mathbf{Z} = \mathbf{D}^{-1/2}\,\mathbf{U}^{\top}\,\mathbf{X},
+# \mathbf{Z} = \mathbf{D}^{-1/2}\,\mathbf{U}^{\top}\,\mathbf{X} .
 # ```
 #
-# so that all have unit variance and no correlation. If the sources are independent they have these properties too, hence
-# they can only be a rotation of $\mathbf{Z}$: $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
-# $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$. All that is left to find is $\mathbf{W}$.
+# Independent sources of unit variance are uncorrelated too, so they are a rotation of these,
+# $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
+# $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
 #
-# **Rotation.** A sum of independent things is closer to a Gaussian than the things are. So the sources
-# are the *least Gaussian* projections of $\mathbf{Z}$. FastICA measures this by a contrast $\mathrm{E}[G(s)]$ with, for instance,
-# $G(s) = \log\cosh s$, and brings it to an extremum by a fixed-point iteration, with $g = G'$:
+# **Rotation.** A sum of independent variables is closer to a Gaussian than the variables are, so the sources
+# are the *least Gaussian* projections of $\mathbf{Z}$. FastICA brings a contrast $\mathrm{E}[G(s)]$, such as
+# $G(s) = \log\cosh s$, to an extremum by a fixed-point iteration with $g = G'$,
 #
 # ```{math}
 # :label: eq-fastica
@@ -102,13 +97,13 @@ pca = PCA(n_sources=n_sources)
 #   - \mathrm{E}\!\left[g'(\mathbf{w}^{\top}\mathbf{z})\right]\mathbf{w},
 # ```
 #
-# for all rows $\mathbf{w}$ of $\mathbf{W}$ at once, which are made orthogonal again after each step. The mixing matrix is
-# $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$. The iteration starts from a random rotation, drawn from the seed of the survey.
+# for all rows $\mathbf{w}$ of $\mathbf{W}$, made orthogonal after each step, from a random rotation. The mixing matrix is
+# $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$.
 
 # %% [markdown]
-# ## The rotation drops out
+# ## The rotation cancels
 #
-# What is removed is the product $\mathbf{A}\,\mathbf{S}$:
+# What is removed is
 #
 # ```{math}
 # :label: eq-ica-is-pca
@@ -116,10 +111,8 @@ pca = PCA(n_sources=n_sources)
 #  = \mathbf{U}\,\mathbf{U}^{\top}\,\mathbf{X}.
 # ```
 #
-# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, whatever $\mathbf{W}$ is, converged or not. This is no
-# property of our code. scikit-learn's `FastICA(n_components=n_s)` keeps $n_s$ principal components when it whitens, and a test of
-# this package compares both. The paper shows the two as separate methods; their cleaned maps can differ only if the whitening
-# keeps more components than sources are removed.
+# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or not. This holds for scikit-learn's `FastICA(n_components=n_s)` as well, as a test compares. They can differ only if the whitening
+# keeps more components than are removed.
 
 # %%
 different = {
@@ -129,14 +122,11 @@ different = {
 show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, cube in different.items()})
 
 # %% [markdown]
-# ## What is removed
+# ## The removed components
 #
-# The same space, then, described by other axes. The spectra need no longer be orthogonal, and the sources are chosen for their
-# distribution, not for their variance. Compare with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`: at the defaults all three
-# spectra now look like emission, positive and falling with frequency, with mean spectral indices of {glue:text}`fastica_index_first`,
+# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all three look like emission at the defaults, positive and falling with frequency, with mean spectral indices {glue:text}`fastica_index_first`,
 # {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`. The
-# first, the flattest, goes with the thin plane and compact knots, as free-free emission would, the others with the diffuse sky, as
-# synchrotron emission would. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane have the wrong sign.
+# source of the first resembles free-free emission (the thin plane, compact regions), the others synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane are negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
@@ -158,14 +148,13 @@ quote(
     fastica_index_third=(indices[2], 0.02),
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (a component of unit length in frequency). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
-# How far from Gaussian are they? The figure has the distribution of the pixels of each source in units of its
-# standard deviation, beside those of PCA. Nothing in a foreground is Gaussian, before or after the rotation.
+# No source is Gaussian, before or after the rotation.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails go on beyond 6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails continue beyond 6."}}
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
@@ -197,16 +186,14 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contrast=contrast)
 
 # %% [markdown]
-# ## How it fails: no unique answer
+# ## Dependence on the start
 #
-# A real sky does not fulfil the assumption: its foregrounds share the plane of the Galaxy, so they are *not* independent, and the
-# contrast has more than one local extremum. The next figure repeats the separation from six random rotations and
-# compares the sources of each run with those of the first: for each, its correlation with the one that it resembles most. At 1 the source
-# came back the same. At the defaults the three sources of the degraded beam do in all runs (no correlation is below {glue:text}`fastica_same_degraded`); with the four
-# and five sources of the evolving and the oscillating beam some runs end elsewhere, with other sources for some of the components (the smallest correlations
-# are {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`). As {eq}`eq-fastica` needs nothing but $\mathbf{Z}$, the runs work on the principal components instead of the maps.
+# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema. Six separations from different random rotations are compared: a correlation of 1 means that the source
+# is recovered again. For the degraded beam no correlation is below {glue:text}`fastica_same_degraded`. With four
+# and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest correlations
+# {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs that differ in the random rotation they start from. The cleaned maps are the same in all of them."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs from other random rotations. The cleaned maps are the same in all of them."}}
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
@@ -238,8 +225,7 @@ quote(
 )
 
 # %% [markdown]
-# The number of iterations depends on the start as well. One iteration costs a product of an $n_s \times n_s$ matrix with $n_s$
-# maps and as many hyperbolic tangents, far less than the covariance matrix that comes before.
+# The number of iterations depends on the start as well. All together cost less than the covariance matrix.
 
 # %% tags=["hide-input"]
 show(
@@ -253,43 +239,39 @@ show(
 )
 
 # %% [markdown]
-# ## What is left
+# ## The cleaned maps
 #
-# The cleaned map of one channel beside the truth and their difference: the same map as that of PCA in {numref}`fig-pca-maps`.
+# They are those of {numref}`fig-pca-maps`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what FastICA leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by FastICA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
 # %% [markdown]
 # ## The power spectra
 #
-# Both spectra of the cleaned maps with those of PCA, which they cover.
+# The curves of FastICA coincide with those of PCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, PCA beside FastICA, and the ratio to the truth. The two remove the same foreground, so their curves coincide. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Both remove the same foreground, so their curves coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (FastICA's share of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, PCA beside FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. (FastICA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (FastICA's share of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - FastICA rotates the leading principal components until they are as far from Gaussian as they can be. It removes the same
-#   space as PCA, so the cleaned maps, the spectra and the number of components to choose are those of PCA, pixel by pixel.
-#   Where this book shows both, one curve lies on the other.
-# - What it adds is a reading of the foregrounds: its sources look more like emission than those of PCA. They are not
-#   physical components, for these are not independent of each other.
-# - The sources may depend on the random start, as those of four and five components do here; what is removed does not.
-# - It costs what PCA costs and some iterations on $n_s$ maps.
+# - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are those of PCA.
+# - Its sources look more like emission, but are not physical components, as these are not independent.
+# - With four and five components the sources depend on the random start; what is removed does not.
 #
 # ## Exercises
 #
-# **1.** Another contrast measures the distance from a Gaussian differently. Are the sources the same? Are the cleaned maps?
+# **1.** Does another contrast change the sources, and does it change the cleaned maps?
 #
 # ```sh
 # himap run 05_fastica -p contrast=cube
@@ -298,11 +280,11 @@ show(study.band_numbers(removers))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The sources are others, as their spectral indices show. The cleaned maps are the same in every pixel: {eq}`eq-ica-is-pca` holds for every rotation.
+# The sources change, as their spectral indices show. The cleaned maps are the same in every pixel, by {eq}`eq-ica-is-pca`.
 #
 # </details>
 #
-# **2.** With the oscillating beam and five components, is the first source nearer to free-free emission?
+# **2.** With the oscillating beam and five components, is the first source closer to free-free emission?
 #
 # ```sh
 # himap run 05_fastica -p beam=oscillating -p n_sources=5
@@ -311,21 +293,6 @@ show(study.band_numbers(removers))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Its index is flatter than before, and flatter than that of free-free emission itself: with more components the rotation has more freedom, and what it
-# finds is a mixture all the same.
-#
-# </details>
-#
-# **3.** Does the real Galaxy make the answer unique?
-#
-# ```sh
-# himap run 05_fastica -p galaxy=templates -p template_dir=DIR   # the real Galaxy, from `himap templates DIR`
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# Not for the evolving and the oscillating beam: there some runs still end with other sources, though less far from each other. The cleaned maps are
-# those of PCA again.
+# No: its index is flatter than that of free-free emission. It is still a mixture.
 #
 # </details>

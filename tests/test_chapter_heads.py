@@ -46,11 +46,13 @@ def test_every_chapter_says_what_it_needs_tests_and_costs(chapter):
 def test_code_that_draws_is_folded_and_parameters_are_not(chapter):
     code = [cell for cell in chapter.node.cells if cell.cell_type == "code"]
     drawing = [cell for cell in code if "figure" in cell.metadata.get("mystnb", {})]
-    folded = [cell for cell in code if "hide-input" in cell.metadata.get("tags", [])]
+    folded = [cell for cell in code if {"hide-input", "remove-input"} & set(cell.metadata.get("tags", []))]
     long = [cell.source for cell in drawing if cell not in folded and len(cell.source.splitlines()) > 3]
     assert not long, long
     hidden = any("parameters" in cell.metadata["tags"] for cell in folded)
-    assert hidden == (chapter.name == "00_the_answer"), "a page to read rather than to run with others"
+    answer = chapter.name == "00_the_answer"
+    assert hidden == answer, "a page to read rather than to run with others"
+    assert not answer or not [cell for cell in code if "remove-input" not in cell.metadata["tags"]]
 
 
 def rendered(page):

@@ -30,7 +30,7 @@ DEFINED = {
     "notebooks/01_simulations.py": "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2",
     "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 20 MHz",
     "notebooks/03_peak_masking.py": "10°, 60°, four times",
-    "notebooks/04_pca.py": "5 %, 96 %, 99 %, 10 %, 20 MHz",
+    "notebooks/04_pca.py": "96 %, 99 %, 10 %",
     "notebooks/05_fastica.py": "-2.1, 96 %, 99 %, 10 %",
     "notebooks/06_gmca.py": "96 %, 99 %, 10 %, 1.48 times",
     "notebooks/07_polynomial.py": "96 %, 99 %, 10 %, 10 K, 0.03, 0.1 MHz",
