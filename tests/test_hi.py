@@ -93,6 +93,35 @@ def test_lognormal_box_is_positive_with_mean_one(rng):
     assert displacement.std() == pytest.approx(3, abs=1)  # f D psi of linear theory, Mpc/h
 
 
+@pytest.mark.parametrize("r_smooth", [10.0, 30.0])
+def test_smoothing_of_the_density_against_closed_forms(r_smooth):
+    """delta_G loses exp(-k^2 r^2 / 2) of every mode, its variance is sum_k P(k) exp(-k^2 r^2) / L^3."""
+    n, size, model = 64, 1000.0, HIModel(cosmology=Cosmology(sigma_8=0.01))  # where exp(x) is 1 + x
+    (density, moved), (smooth, still_moved) = (
+        hi.lognormal_box(n, size, np.random.default_rng(3), model=model, r_smooth=r) for r in (0.0, r_smooth)
+    )
+    assert np.array_equal(moved, still_moved)
+    x, k = hi.cell_centres(n, size), 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
+    distance, k = (np.sqrt(a[:, None, None] ** 2 + a[:, None] ** 2 + a**2) for a in (x, k))
+    z = model.cosmology.redshift_at(distance)
+    amplitude = model.bias(z) * model.cosmology.growth(z)
+    before, after = (fft.fftn(np.log(one.astype(float)) / amplitude) / n**3 for one in (density, smooth))
+    power = model.cosmology.linear_power(k) * np.exp(-((k * r_smooth) ** 2)) / size**3
+    measured = np.sum(np.abs(after[k > 0]) ** 2)
+    assert measured == pytest.approx(power.sum(), rel=5 * np.sqrt(2 * np.sum(power**2)) / power.sum())
+    seen = (k > 0) & (k * r_smooth < 2)
+    assert after[seen] / before[seen] == pytest.approx(np.exp(-0.5 * (k[seen] * r_smooth) ** 2), abs=0.03)
+
+
+def test_maps_are_smoothed_as_the_survey_says():
+    survey = replace(NARROW, box_cells=32, nside=8)
+    plain, smooth = (
+        hi.hi_maps(one, one.rng("hi"), rsd=False) for one in (survey, replace(survey, r_smooth=100.0))
+    )
+    assert smooth.std() < 0.7 * plain.std()
+    assert np.corrcoef(plain[0], smooth[0])[0, 1] > 0.5
+
+
 def test_growth_and_bias_along_the_light_cone():
     """The logarithm of the density is b(z) D(z) times one Gaussian field, shell by shell."""
     n, size = 64, 3000.0

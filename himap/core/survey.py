@@ -33,6 +33,13 @@ class Survey:
     freq_max: float = parameter(1400.0, "upper edge of the band, MHz", maximum=1420.0)
     box_cells: int = parameter(256, "cells along one side of the HI box, even", minimum=8, maximum=4096)
     box_size: float = parameter(3000.0, "side of the HI box, Mpc/h", minimum=100, maximum=20_000)
+    r_smooth: float = parameter(
+        0.0,
+        "Gaussian smoothing of the density in the HI box, Mpc/h; 0 for none",
+        minimum=0,
+        maximum=100,
+        off=0.0,
+    )
     dish_diameter: float = parameter(13.5, "dish diameter, m", minimum=0, above=True)
     n_dishes: int = parameter(197, "number of dishes", minimum=1)
     t_obs: float = parameter(20_000.0, "total observing time, h", minimum=0, above=True)

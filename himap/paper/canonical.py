@@ -5,6 +5,7 @@ at nside 64 too. Methods and beams that are not named here have their default pa
 one iteration of each kind, for beyond a few its numbers are chaotic. No call runs:
 
 - skies of templates and of PySM, whose files are not shipped, and small scales beyond a template's;
+- HI of a smoothed density;
 - readings of SDecGMCA but the default, its noise by channels, and thresholds on HEALPix pixels;
 - GNILC with a prior, contrasts of FastICA and penalties of GMCA but the default;
 - readings of the ripple and of Degraded's noise but the default, b_l in a file;

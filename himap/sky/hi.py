@@ -59,7 +59,9 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8):
             f"{survey.box_size:.0f} Mpc/h reaches {survey.box_size / 2:.0f}. Set box_size to at least "
             f"{2 * edges[-1]:.0f} or raise freq_min."
         )
-    density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, model=model, rsd=rsd)
+    density, displacement = lognormal_box(
+        survey.box_cells, survey.box_size, rng, model=model, rsd=rsd, r_smooth=survey.r_smooth
+    )
     cell = survey.box_size / survey.box_cells
     rays = plan_rays(survey.nside, cell, edges[0], edges[-1], oversample=oversample)
     maps = trace(density, displacement, edges, survey.nside, survey.box_size, rays)[::-1]
@@ -69,11 +71,19 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8):
     return maps
 
 
-def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True):
+def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.0):
     """1 + delta_HI on the light cone of an observer at the centre, and the way to redshift space.
 
     1 + delta = exp(b D delta_G - (b D)^2 sigma_G^2 / 2), with bias b and growth D at the redshift of the
     cell, so it is positive, has mean 1, and correlation exp(b^2 D^2 xi) - 1.
+
+    Parameters
+    ----------
+    n_cells, box_size, rng, model, rsd
+        As of `hi_maps` and `gaussian_modes`.
+    r_smooth
+        Mpc/h: the modes of delta_G are multiplied by exp(-k^2 r_smooth^2 / 2), after the option of that name
+        of CRIME. Velocities are those of the matter before it; CRIME takes them from what is smooth.
 
     Returns
     -------
@@ -84,6 +94,8 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True):
     """
     modes = gaussian_modes(model.cosmology.linear_power, n_cells, box_size, rng)
     displacement = radial_displacement(modes, box_size) if rsd else None
+    if r_smooth:
+        _scale_modes(modes, box_size, lambda k: np.exp(-0.5 * (k * r_smooth) ** 2))
     density = real_field(modes)
     del modes
     # Growth and bias against distance, out to the corner of the box.
@@ -133,14 +145,19 @@ def gaussian_modes(power, n_cells, box_size, rng):
         list(pool.map(draw, zip(noise, rng.spawn(n_cells), strict=True)))
     modes = fft.rfftn(noise, workers=-1)
     del noise
-    k_max = np.sqrt(3) * np.pi * n_cells / box_size
-    table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
-    _scale_modes(modes, table.astype(np.float32), 2 * np.pi / box_size, k_max)
+    _scale_modes(modes, box_size, lambda k: np.sqrt(power(k) / (box_size / n_cells) ** 3))
     return modes
 
 
+def _scale_modes(modes, box_size, amplitude):
+    """Multiply `modes` in place by a function of |k| (h/Mpc), which is tabulated."""
+    k_max = np.sqrt(3) * np.pi * len(modes) / box_size
+    table = amplitude(np.linspace(0, k_max, _TABLE_SIZE)).astype(np.float32)
+    _scale_by_table(modes, table, 2 * np.pi / box_size, k_max)
+
+
 @njit(parallel=True, cache=True)
-def _scale_modes(modes, table, k_unit, k_max):
+def _scale_by_table(modes, table, k_unit, k_max):
     """Multiply `modes` in place by the amplitude at |k|, interpolated in `table`."""
     n = modes.shape[0]
     step = k_max / (len(table) - 1)
