@@ -21,17 +21,14 @@
 # > - **Good to know**: least squares.
 # > - **Time and memory**: {cost}`07_polynomial`.
 #
-# The methods of the last chapters look at the whole sky at once and let it tell which spectra to remove. The
-# simplest alternative looks at one line of sight at a time: draw a smooth curve through its spectrum, and call
-# what is left HI. {cite:t}`gkogkou2025` take a polynomial of order 6,
+# {cite:t}`gkogkou2025` (Sect. 3.2.1) fit each line of sight with a polynomial of order 6 and subtract it,
 #
 # ```{math}
 # :label: eq-polynomial
 # T_\mathrm{fg}(\nu, p) = \sum_{n=0}^{6} a_n(p)\,\nu^n .
 # ```
 #
-# It needs no covariance, no beam, no statistics, and not even a second pixel. It assumes one thing only: that foregrounds
-# are so smooth that seven numbers describe them to one part in $10^5$ or better.
+# They report that this fit is insensitive to the evolving beam and fails with the oscillating one. It uses neither covariance nor beam, and assumes that seven coefficients describe a foreground to one part in $10^5$ or better. This chapter tests that.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -73,24 +70,20 @@ observed = study.observed(selected)
 freqs = observed.freqs
 
 # %% [markdown]
-# ## How it works
+# ## The method
 #
-# All lines of sight share the same channels, so all fits are one matrix product. In powers of a frequency in MHz
-# that product would be numerical noise: $\nu^0$ and $\nu^6$ differ by 18 orders of magnitude. The library
-# uses polynomials $q_n(\nu)$ that are *orthonormal over the channels* instead. They span the same space, so the fit is the same, and the
-# coefficients are plain projections:
+# In powers of a frequency in MHz the fit would be dominated by rounding. The library
+# uses polynomials $q_n(\nu)$ that are *orthonormal over the channels* and span the same space:
 #
 # ```{math}
 # :label: eq-polynomial-projection
 # T_\mathrm{fg} = \mathbf{Q}\,\mathbf{Q}^{\top}\,T , \qquad \mathbf{Q}^{\top}\mathbf{Q} = 1 .
 # ```
 #
-# Compare this with {eq}`eq-pca-residual`: it is PCA with a mixing matrix that was chosen before looking at
-# the data. A bright HI source bends the curve, so channels more than $5\,\sigma$ away from it are left out of a second fit, as in
-# {doc}`03_peak_masking`.
+# This is {eq}`eq-pca-residual` with a mixing matrix that does not depend on the data. Channels that deviate by more than $5\,\sigma$ are excluded from a second fit
+# ({doc}`03_peak_masking`).
 #
-# The polynomial of order $n$ has $n$ zeros in the band: the higher the order, the faster what it can follow, and none of these is as fast as the
-# ripple.
+# A polynomial of order $n$ has at most $n$ zeros in the band, far fewer than the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
 colours = [*styles.COLOURS, "black"]
@@ -107,8 +100,7 @@ labels = {
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)), order=order)
 
 # %% [markdown]
-# The coefficients are maps. The first is the mean brightness of each line of sight, the second its slope, and so on. Each
-# new one is fainter than the one before, and with a beam that does not change with frequency they all look like the Galaxy.
+# Coefficients of higher order are fainter, and with a constant beam all look like the Galaxy.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
@@ -116,14 +108,13 @@ sources = {f"order {n}": study.separation(selected, remover).sources[n] / 1000 f
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
 
 # %% [markdown]
-# ## How smooth is smooth enough?
+# ## Accuracy for a power law
 #
-# No polynomial *is* a power law. Over this band the best of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, which
-# sounds excellent until one remembers how faint HI is: HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, a bright line
-# of sight in the Galactic plane. The figure shows the worst error over the band for such a foreground. Each order gains a factor between
+# The best polynomial of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, but HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, which is a bright line
+# of sight in the Galactic plane. Each order reduces the error by a factor between
 # {glue:text}`polynomial_gain_least` and {glue:text}`polynomial_gain_most`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against the order of the polynomial; the dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against its order. Dotted: the standard deviation of HI plus noise. Where the curve is above it the fit is not accurate enough."}}
 orders = np.arange(1, 11)
 middle = 0.5 * (freqs[0] + freqs[-1])
 no_clip = float(len(freqs))  # no channel can be that many standard deviations away
@@ -163,14 +154,11 @@ quote(
 )
 
 # %% [markdown]
-# ## What is left
+# ## The residual
 #
-# One line of sight in the Galactic plane, one at high latitude, three beams. In the plane the fit leaves
-# a wave of its own even for the degraded beam, the error of the figure above. For the oscillating beam the ripple
-# drowns HI in the plane, and is about as bright as HI at the low end of the band far from it: it has 25 periods in the band, and a
-# polynomial of order 6 at most six zeros.
+# In the plane the residual is a wave even for the degraded beam, the error of the figure above. For the oscillating beam the ripple exceeds HI in the plane, and is comparable to it far from the plane at the low end of the band.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "What the polynomial leaves of two lines of sight, for the three beams, and the truth less its own polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight, for the three beams, and the truth less its polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
@@ -193,36 +181,34 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
 # %% [markdown]
-# The map of one channel has it in another form: what is left through the oscillating beam is the Galactic plane.
+# In a map, the foreground residual is the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the polynomial leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the polynomial, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# The degraded and the evolving beam look alike: foreground is left at the lowest $\ell$, and along the line of sight a loss at the smallest $k_\nu$ is
-# followed by a hump. With the oscillating beam the excess grows with $\ell$, and $P$ is far above the truth at nearly every $k_\nu$, most at the
-# ripple. The paper says both: that this fit does not notice the evolving beam, and that it fails with the oscillating one.
+# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$ and, in $P$, a loss at the smallest $k_\nu$ and an excess beyond. With the oscillating beam the excess grows with $\ell$, and $P$ is far above the truth at nearly every $k_\nu$, most at the
+# ripple, as in the paper.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
 
 # %% [markdown]
-# ## How it fails
+# ## Dependence on the order
 #
-# Would a higher order help? What is wrong with the cleaned maps is the sum of two things, the foreground that is left and the
-# signal that is lost, and each is a sum of squares of coefficients: those of the foreground beyond the order, and those
-# of the signal up to it. So one fit of the highest order gives the errors of all.
+# The error of the cleaned maps is the sum of foreground residual and signal loss: the coefficients of the foreground beyond the order, and those
+# of the signal up to it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground that polynomials leave, for the three beams, and of the signal that they take, against their order, in units of the truth. Channel means removed, no clipping. Where foreground and signal cross, the sum of both errors is near its lowest; with the oscillating beam they never do. The axis is that of the order plus one. The degraded and the evolving beam coincide but at the lowest orders."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams, in units of the truth, against the order plus one. Channel means removed, no clipping. The total error is near its minimum where the two cross; with the oscillating beam they do not. The degraded and the evolving beam coincide except at the lowest orders."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 
@@ -270,26 +256,23 @@ quote(
 )
 
 # %% [markdown]
-# With the degraded and the evolving beam there is a best order, {glue:text}`polynomial_best_degraded` for the one and {glue:text}`polynomial_best_evolving`
-# for the other, close to the paper's. Beyond it another order takes more of the signal than of the foreground. For the degraded beam the error is then {glue:text}`polynomial_lowest_degraded` of the
-# truth, where it is {glue:text}`polynomial_error_degraded` at the order of this notebook. With the oscillating beam there is none: at the highest order shown,
-# three fifths of the number of channels, the foreground is still {glue:text}`polynomial_top_left` times the whole signal, of which
-# {glue:text}`polynomial_top_lost` is lost as well (all rms).
+# The best order is {glue:text}`polynomial_best_degraded` for the degraded and {glue:text}`polynomial_best_evolving`
+# for the evolving beam, close to the paper's. For the degraded beam the error is then {glue:text}`polynomial_lowest_degraded` of the
+# truth, compared with {glue:text}`polynomial_error_degraded` at the order of this run. With the oscillating beam there is none: at the highest order shown,
+# three fifths of the number of channels, the foreground residual is {glue:text}`polynomial_top_left` times the signal, and
+# {glue:text}`polynomial_top_lost` of the signal is lost (all rms).
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - Cheap: a fit is one matrix product, no iteration, the same for one line of sight and for the whole sky.
-# - Order 6 removes seven spectral shapes from every line of sight, so it loses more signal at the smallest $k_\nu$ than PCA with
-#   three ({doc}`10_results`). And it still leaves foreground in the Galactic plane, which shows as an excess at $\ell < 10$ and at $k_\nu$ between 0.03 and 0.1 MHz$^{-1}$.
-# - It does not notice the evolving beam: along a line of sight the beam changes slowly, and slow is what a polynomial can follow.
-# - It fails with the oscillating beam by orders of magnitude, at all but the lowest $\ell$ and $k_\nu$: a ripple is
-#   not smooth, and nothing in one line of sight tells it from HI. That the same ripple is all over the sky is
-#   the information that PCA uses and a fit by line of sight does not.
+# - Order 6 removes seven spectra from every line of sight, and more signal at the smallest $k_\nu$ than PCA with
+#   three ({doc}`10_results`). The foreground residual in the Galactic plane gives an excess at $\ell < 10$ and at $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
+# - The fit is insensitive to the evolving beam, whose effect along a line of sight is smooth.
+# - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. A fit by line of sight cannot use that the ripple is coherent over the sky, as PCA does.
 #
 # ## Exercises
 #
-# **1.** Does order 8 leave less foreground in the Galactic plane? What does it cost?
+# **1.** Does order 8 reduce the foreground residual in the Galactic plane, and at what cost?
 #
 # ```sh
 # himap run 07_polynomial -p order=8
@@ -298,35 +281,15 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Yes: the excess at $\ell < 10$ through the degraded and the evolving beam is gone, and the error of the maps is smaller. But $C/C_0$ is now below 1 in both bands of the table, and of $P$ at the smallest $k_\nu$ hardly anything is left. Through the oscillating beam the fit fails as before.
+# Yes: the excess at $\ell < 10$ with the degraded and the evolving beam vanishes. But $C/C_0$ is below 1 in both bands of the table, and most of $P$ at the smallest $k_\nu$ is lost. With the oscillating beam the fit fails as before.
 #
 # </details>
 #
-# **2.** Without clipping, does a peak matter to this fit?
-#
-# ```sh
-# himap run 07_polynomial -p n_sigma=50             # no clipping
-# ```
+# **2.** The ripple has 25 periods in the band. Which order can follow it, and what does that do to HI?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Hardly. A little more power is lost at the smallest $k_\nu$, and $C/C_0$ stays the same: seven coefficients bend little towards one channel.
+# Its 50 zeros need an order of at least 50. As many spectra are then removed from HI, and the figure of the orders shows that even this is not enough.
 #
 # </details>
-#
-# **3.** The ripple has 25 periods in the band. Which order could follow it at all, and what would that do to HI?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# A sine of 25 periods has 50 zeros, and a polynomial of order $n$ has at most $n$: it takes order 50 at least. As many spectra are then taken from HI
-# as well, and the scan above shows that even this does not do.
-#
-# </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 07_polynomial -p beam=oscillating       # the maps and coefficients of the failure
-# ```

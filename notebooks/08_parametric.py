@@ -19,21 +19,18 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`V3`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
-# A polynomial knows nothing about the sky. We know a good deal: electrons that spiral in magnetic fields and electrons that
-# pass close to protons both shine with power laws in frequency. The parametric fit of {cite:t}`gkogkou2025` writes that down for every
-# line of sight $p$,
+# {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every
+# line of sight $p$ with free-free emission of known index {cite:p}`bennett1992` and a second power law for all other emission,
 #
 # ```{math}
 # :label: eq-parametric
-# T(\nu) = \alpha_1(p) \left(\frac{\nu}{\nu_0}\right)^{-2.13} + \alpha_2(p) \left(\frac{\nu}{\nu_0}\right)^{\beta(p)} ,
+# T(\nu) = \alpha_1(p) \left(\frac{\nu}{\nu_0}\right)^{-2.13} + \alpha_2(p) \left(\frac{\nu}{\nu_0}\right)^{\beta(p)} .
 # ```
 #
-# free-free emission with a known index {cite:p}`bennett1992`, and everything else, synchrotron emission and radio galaxies, as a power law with
-# an index of its own. Three numbers for each line of sight, less than half of what the polynomial of
-# {doc}`07_polynomial` needs. If the model is right, nothing loses less signal. This chapter is about the *if*.
+# They assume that point sources are absorbed by these two terms, and report that the fit fails with the evolving and the oscillating beam. With three parameters the signal loss is small where the model holds; this chapter tests where it does.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -77,10 +74,9 @@ places = {"Galactic plane, l = 30, b = 0": (30, 0), "l = 30, b = 60": (30, 60)}
 bounds = {"beta_min": beta_min, "beta_max": beta_max}
 
 # %% [markdown]
-# ## How it works
+# ## The method
 #
-# Of the three parameters only $\beta$ is difficult. Given $\beta$, the model is linear in $\alpha_1$ and $\alpha_2$, whose best
-# values are a projection. So the sum of squares is a function of $\beta$ alone,
+# Given $\beta$, the model is linear in $\alpha_1$ and $\alpha_2$, so the sum of squares is a function of $\beta$ alone,
 #
 # ```{math}
 # :label: eq-variable-projection
@@ -88,20 +84,16 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 #   &= |T|^2 - (\mathbf{q}_1^{\top} T)^2 - (\mathbf{q}_2(\beta)^{\top} T)^2 , \qquad x = \nu/\nu_0 ,
 # ```
 #
-# where $\mathbf{q}_1$ is the unit vector along the first power law and $\mathbf{q}_2(\beta)$ the one along what the second adds to it. This is
-# *variable projection* {cite:p}`golub1973`. The library tabulates $\mathbf{q}_2$ as a Chebyshev series in $\beta$ once, projects all lines of
-# sight with one matrix product, and is left with the maximum of a smooth function for each, which Newton's method finds in a few
-# steps. Every channel has the same weight, as the paper names none.
+# with $\mathbf{q}_1$ the unit vector along the first power law and $\mathbf{q}_2(\beta)$ that along the part of the second orthogonal to it:
+# *variable projection* {cite:p}`golub1973`. The library tabulates $\mathbf{q}_2$ as a Chebyshev series in $\beta$ and maximises with Newton's method. Channels have equal weights, as the paper names none.
 #
-# $\beta$ must stay away from $-2.13$, where both terms are the same and only their sum is known. The search is bounded to $-4 \leq \beta \leq
-# -2.2$, which leaves room on both sides of any real synchrotron spectrum. A line of sight whose best $\beta$ is one of the bounds is
-# **flagged**: its sky is not the model.
+# At $\beta = -2.13$ the terms are degenerate. The search is bounded to $-4 \leq \beta \leq
+# -2.2$, and a line of sight whose best $\beta$ is a bound is **flagged**.
 #
-# Each curve has one minimum, so the search finds it. What matters is how deep it is: with the degraded beam it reaches the dotted line, and the model
-# fits. With the other two it does not in the plane, whatever $\beta$ is; and at high latitude it comes near at another $\beta$, which is no longer that
-# of the sky.
+# Each curve has one minimum. With the degraded beam it reaches the dotted line: the model
+# fits. With the other two it does not in the plane; at high latitude it is close to it at a biased $\beta$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "The sum of squares along two lines of sight, as a function of the index of the second power law, for the three beams. It is given as the root mean square residual; the dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Root mean square residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise, which a model that fits would reach."}}
 x = freqs / remover.nu0
 betas = np.linspace(beta_min, beta_max, 181)
 
@@ -135,11 +127,11 @@ for place, (lon, lat) in places.items():
 study.stamped(plotting.lines(panels))
 
 # %% [markdown]
-# ## What is removed
+# ## The parameters
 #
-# The parameters are maps, with a meaning this time. How well do they measure what they are named after?
+# Compare the map of $\alpha_1$ with the true free-free emission.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "The parameters of the fit at mid-band, the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2) and its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
     part
@@ -157,15 +149,13 @@ units = dict(zip(maps, ["mK", "mK", "", "mK"], strict=True))
 study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected, **bounds)
 
 # %% [markdown]
-# $\alpha_1$ shows the Galactic plane, as free-free emission does, but away from it it is far above the truth. Its median over the sky of the
-# degraded beam is {glue:text}`parametric_alpha`, that of the true free-free emission {glue:text}`parametric_free_free`: two power laws of nearly
-# the same index are hard to tell apart over a band of less than an octave, and the sum of synchrotron emission and radio
-# galaxies, with their different indices, is no power law; its curvature looks like a little free-free emission. The
-# *sum* of both terms is what is measured well, and only the sum is subtracted.
+# $\alpha_1$ has the Galactic plane, but is biased at high latitudes: its median is {glue:text}`parametric_alpha` with the
+# degraded beam, that of the true free-free emission {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and the sum of synchrotron emission and radio
+# galaxies is curved like a little free-free emission. Only the *sum* of both terms is well constrained, and only the sum is subtracted.
 #
-# The two amplitudes have nearly the same curve, so that the fit can trade one for the other; the index adds one that turns around.
+# The derivatives with respect to the amplitudes are nearly the same; that to the index changes sign.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "What a small change of each parameter (amplitudes alpha 1 and alpha 2, index beta) adds to the spectrum, at the median parameters of the sky: the three columns of the mixing matrix, each scaled to its largest value."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to the amplitudes alpha 1 and alpha 2 and the index beta, at the median parameters of the sky: the columns of the mixing matrix, each scaled to its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
 colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
@@ -200,13 +190,12 @@ quote(
 )
 
 # %% [markdown]
-# ## What is left
+# ## The residual
 #
-# Three parameters follow the sky of the degraded beam to the level of HI. With the evolving beam a bright source nearby fades from a
-# line of sight as the beam narrows, or a faint one comes up. That bends the spectrum in ways that no
-# power law allows, and what is left is smooth, large, and not HI. The oscillating beam adds its ripple.
+# With the degraded beam it is at the level of HI. The evolving beam narrows with frequency, so that sources near a line of sight fade or
+# brighten; this bends its spectrum as no power law does, and leaves a smooth and large residual. The oscillating beam adds its ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "What the parametric fit leaves of two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. Note the scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
 panels = []
 for place, (lon, lat) in places.items():
     pixel = sphere.pixel_at(study.survey.nside, lon, lat)
@@ -227,23 +216,22 @@ for place, (lon, lat) in places.items():
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 
 # %% [markdown]
-# The map of one channel through the oscillating beam has the colours of what is left in the plane; beside it HI is faint.
+# In a map through the oscillating beam HI is faint compared with the residual in the plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: what was observed, what the fit leaves, the truth (HI plus noise), and what it leaves minus the truth. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the parametric fit, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# With the evolving beam the power in the bands of the table below is {glue:text}`parametric_evolving_least` to {glue:text}`parametric_evolving_most` times
-# that of the truth, with the oscillating beam {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times; the lower panels
-# are logarithmic here.
+# In the bands of the table the power is {glue:text}`parametric_evolving_least` to {glue:text}`parametric_evolving_most` times
+# that of the truth with the evolving beam, and {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times with the oscillating beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth, on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -259,12 +247,11 @@ quote(
 )
 
 # %% [markdown]
-# ## How it fails
+# ## Which lines of sight fail
 #
-# Is it a few lines of sight, or all of them? The figure sorts the lines of sight by what is wrong with them, the root mean square over the
-# channels of cleaned minus true maps.
+# The curve of the degraded beam falls left of the dotted line, those of the other two beams right of it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Lines of sight sorted by the error of the cleaned maps: the share of the sky with a larger root mean square than each value. Channel means removed. The dotted line is the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels (cleaned minus true) is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise; lines of sight to its right have errors larger than the signal."}}
 curves, numbers = [], {}
 for name in beams:
     squares = study.assessed(beams[name], remover).line_errors
@@ -315,26 +302,21 @@ quote(
 )
 
 # %% [markdown]
-# With the degraded beam hardly any line of sight is worse than the signal ({glue:text}`parametric_worse_degraded`). With the evolving beam
-# {glue:text}`parametric_worse_evolving` are, with the oscillating beam {glue:text}`parametric_worse_oscillating`. Of the lines of sight 1 % have errors of more than
-# {glue:text}`parametric_worst_evolving` times the signal with the evolving and {glue:text}`parametric_worst_oscillating` times with the oscillating beam; they hold
-# {glue:text}`parametric_share_evolving` and {glue:text}`parametric_share_oscillating` of the squared error. Flags find the extremes among these, but not the rest: without
-# the flagged ones the error is still {glue:text}`parametric_good_evolving` and {glue:text}`parametric_good_oscillating` times the signal.
+# The error exceeds the signal on {glue:text}`parametric_worse_degraded` of the lines of sight with the degraded, {glue:text}`parametric_worse_evolving` with the evolving and {glue:text}`parametric_worse_oscillating` with the oscillating beam. With the latter two the worst 1 % have errors of more than
+# {glue:text}`parametric_worst_evolving` and {glue:text}`parametric_worst_oscillating` times the signal, and
+# {glue:text}`parametric_share_evolving` and {glue:text}`parametric_share_oscillating` of the squared error. Flags identify only the extremes: without
+# the flagged lines the error is {glue:text}`parametric_good_evolving` and {glue:text}`parametric_good_oscillating` times the signal.
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# - Where the model is right, the degraded beam, three parameters for each line of sight recover HI as well as PCA does ({doc}`10_results`).
-# - Its parameters are not measurements. Free-free emission, synchrotron emission and radio galaxies are nearly
-#   degenerate over this band, and only the sum is worth anything.
-# - Where the beam changes with frequency it fails by orders of magnitude in both spectra. The search converges
-#   everywhere, and only {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating` (oscillating) of the lines of sight hit a
-#   bound: the *fit* hardly says that it failed. The size of its residuals does.
-# - The price: a search of about {glue:text}`parametric_steps` steps for all lines of sight together.
+# - With the degraded beam, where the model holds, three parameters recover HI as well as PCA does ({doc}`10_results`).
+# - The parameters are not measurements of emission: only the sum is constrained.
+# - With a beam that changes with frequency the fit fails by orders of magnitude in both spectra, although the search converges everywhere, in about {glue:text}`parametric_steps` steps, and only {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating` (oscillating) of the lines of sight are flagged. The size of the residuals shows the failure.
 #
 # ## Exercises
 #
-# **1.** Give the search more freedom. Are there fewer flags, and is there less error?
+# **1.** Do wider bounds reduce the flags, and the error?
 #
 # ```sh
 # himap run 08_parametric -p beta_min=-6
@@ -343,12 +325,11 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# There are fewer flags, and no better fit: through the evolving and the oscillating beam the excess at low $\ell$ is even larger, and
-# the fit still fails by orders of magnitude.
+# There are fewer flags, but the excess at low $\ell$ with the evolving and the oscillating beam is even larger.
 #
 # </details>
 #
-# **2.** And less freedom than the sky needs?
+# **2.** What do bounds do that exclude a part of the true indices?
 #
 # ```sh
 # himap run 08_parametric -p beta_min=-3 -p beta_max=-2.8
@@ -357,23 +338,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Then the fit fails through the degraded beam too: nearly all lines of sight are worse than the signal. The index of synchrotron emission lies beyond
-# these bounds in a part of the sky; that the model is right is not enough, its parameters must be free to be right.
+# The fit fails with the degraded beam too: the error exceeds the signal on nearly all lines of sight, as the synchrotron index lies beyond
+# these bounds in a part of the sky.
 #
 # </details>
-#
-# **3.** Is the sum of two power laws with different indices a power law?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# No. In log-log its slope is the mean of the two indices, weighted by brightness, and the flatter one gains weight as $\nu$ rises: the sum is curved.
-# That is why three parameters cannot hold synchrotron emission, radio galaxies and free-free emission exactly, even before any beam.
-#
-# </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 08_parametric -p beam=evolving            # the parameter maps of the failure
-# ```

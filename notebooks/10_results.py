@@ -18,17 +18,13 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
-# All methods of the chapters before on all three beams of {doc}`02_beams_and_noise`: the main result of
-# {cite:t}`gkogkou2025`. Every method gets the same maps, with their peaks masked ({doc}`03_peak_masking`), and what it finds is
-# subtracted from the maps as observed. The component methods remove 3, 4 and 5 components for the three beams, as in the paper.
+# The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5 components for the three beams, as in the paper.
 #
-# The truth is HI plus noise through the same beam. A curve above it is foreground that was left, a curve below it is signal that was lost;
-# a ratio of 1 may also be some of each. SDecGMCA is chaotic ({doc}`09_sdecgmca`): rounding alone makes another answer of it. So it is drawn and counted as an ensemble of runs that differ in their start by
-# $10^{-10}$; a number of it is a median, with the 16 to 84 % of its restarts in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)); which choices the paper's text leaves, and what depends on them,
-# is in {doc}`16_readings`.
+# Cleaned maps are compared with the truth, HI plus noise through the same beam. A ratio above 1 is foreground residual, a ratio below 1 signal loss; a ratio of 1 may have both. SDecGMCA is chaotic ({doc}`27_restarts`) and is shown as an ensemble of runs whose starts differ by
+# $10^{-10}$: its numbers are medians, with the 16 to 84 % of the restarts in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)); {doc}`16_readings` has what depends on the reading.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -81,31 +77,28 @@ quote(results_reading=captions.in_short(removers[beams["oscillating"]][3], study
 study.prepare(everything)
 
 # %% [markdown]
-# ## Across the sky
+# ## Angular power spectra
 #
-# Three columns, one for each beam; above the spectra, below their ratio to the truth. Read the columns from left to right: through the degraded beam
-# the curves lie together, but for the polynomial at low $\ell$; through the evolving one the parametric fit leaves the truth by orders of magnitude; through the oscillating one
-# both fits do, and the component methods spread, GMCA most at low $\ell$. In every panel ask which curves are above 1, where foreground is left, and
-# which below, where HI is lost, and of SDecGMCA how wide its band is: where it is wider than the distance of its median from another curve, this figure does not say which of the two is nearer.
+# With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam the parametric fit deviates by orders of magnitude, with the oscillating beam
+# both fits do, and the component methods differ, GMCA most at low $\ell$. Where the band of SDecGMCA includes another curve, the figure does not decide which of the two is more accurate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of what six methods leave, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend says how many failed, for the three beams in turn. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
 
 # %% [markdown]
-# ## Along the line of sight
+# ## Frequency power spectra
 #
-# The same columns for $P(k_\nu)$. Methods bend down at the smallest $k_\nu$, where HI is as smooth as the foreground, unless foreground that is left hides that loss. Through the oscillating beam
-# a narrow peak stands at the period of the ripple: the paper finds it with all methods, lowest with SDecGMCA. Every curve is divided by the same truth, the black one with all its multipoles: a reading of SDecGMCA
-# whose maps end at the last $\ell$ of the inversion (`beyond=cut`) lacks what the truth has beyond, most of all at high $k_\nu$.
+# At the smallest $k_\nu$ the ratios fall, where HI is as smooth as the foreground, unless a foreground residual exceeds the loss. With the oscillating beam
+# there is a narrow peak at the period of the ripple, which the paper reports for all methods, lowest for SDecGMCA. All curves are divided by the truth at all multipoles: a reading of SDecGMCA
+# that ends at the last $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of what six methods leave, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend says how many failed, for the three beams in turn. PCA and FastICA coincide. All methods are divided by the same truth, that of all multipoles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA coincide. All methods are divided by the same truth, that of all multipoles."}}
 frequency_figure(study, removers, titles=titles)
 
 # %% [markdown]
-# ## In numbers
+# ## The numbers
 #
-# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (in MHz$^{-1}$), and the highest P/P0 near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, where the ripple
-# of the oscillating beam shows: a table for each of them, methods by beams. The last row is PCA with one component more than the paper gives it: a component is what knowing the beam must be worth.
+# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the period of the ripple. The last row is PCA with one component more than in the paper: knowledge of the beam is compared with an additional component.
 
 # %% tags=["hide-input"]
 MORE = "PCA, one component more"
@@ -124,7 +117,7 @@ for band in dict.fromkeys(band for bands in table.values() for band in bands):
     display(show_table(rows, head=band))
 
 # %% [markdown]
-# How many restarts of SDecGMCA failed, by a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$, and how many came to rest before the iteration was ended; and which of the others did not come to rest:
+# For SDecGMCA: how many restarts failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$), and how many converged before the last iteration; and which other methods did not converge.
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -177,62 +170,42 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## Conclusions
 #
-# What the paper says of its Figs. 1 and 2, with the numbers of this one sky that it turns on; the tables above have all methods. {doc}`15_claims` judges each of these sentences by stated rules, over several skies.
+# The paper's statements, with the values measured here; {doc}`15_claims` judges them by stated rules.
 #
-# - **Degraded beam.** The paper: all methods recover both spectra, and lose power at $k_\nu < 0.03$ MHz$^{-1}$, where HI is as smooth as the foregrounds. Here the polynomial is the furthest off, with a mean $C/C_0$ of
-#   {glue:text}`results_degraded_pol_low` at $\ell < 10$, and PCA has a mean $P/P_0$ of {glue:text}`results_degraded_pca_slow` at these $k_\nu$.
-# - **Evolving beam.** The paper: the parametric fit fails by orders of magnitude, GMCA has an excess from intermediate $\ell$ down, PCA, FastICA and SDecGMCA hold. Here the parametric fit leaves
-#   {glue:text}`results_evolving_par_least` times the power of the truth in its best band, and the mean $C/C_0$ at $\ell < 10$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low` for SDecGMCA.
-# - **Oscillating beam.** The paper: both fits fail; the others have an excess at low $\ell$ and at low $k_\nu$, and a peak at $k_\nu = 2\pi/(20\,\mathrm{MHz})$ that is lowest for SDecGMCA, which is also the nearest at
-#   intermediate $\ell$. Here SDecGMCA has a mean $C/C_0$ of {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and {glue:text}`results_oscillating_sd_fine` above, where PCA has {glue:text}`results_oscillating_pca_fine`; highest at the peak
-#   $P/P_0$ is {glue:text}`results_oscillating_sd_peak` for SDecGMCA and {glue:text}`results_oscillating_pca_peak` for PCA. PCA with one component more has {glue:text}`results_oscillating_more_low`,
-#   {glue:text}`results_oscillating_more_fine` and {glue:text}`results_oscillating_more_peak`: who is the most accurate depends on how many components each method is given. In the mean over the bands of the tables the nearest to 1 is {glue:text}`results_oscillating_nearest`.
-# - PCA and FastICA are one method as far as the cleaned maps are concerned ({doc}`05_fastica`).
+# - **Degraded beam.** Paper: all methods recover both spectra and lose power at $k_\nu < 0.03$ MHz$^{-1}$. Here the polynomial deviates most, with a mean $C/C_0$ of
+#   {glue:text}`results_degraded_pol_low` at $\ell < 10$; PCA has a mean $P/P_0$ of {glue:text}`results_degraded_pca_slow` at these $k_\nu$.
+# - **Evolving beam.** Paper: the parametric fit fails by orders of magnitude, GMCA has an excess from intermediate $\ell$ down, PCA, FastICA and SDecGMCA are accurate. Here the parametric fit has at least
+#   {glue:text}`results_evolving_par_least` times the power of the truth in every band; at $\ell < 10$ the mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low` for SDecGMCA.
+# - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at
+#   intermediate $\ell$. Here the mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its highest $P/P_0$ at the peak
+#   {glue:text}`results_oscillating_sd_peak` (PCA: {glue:text}`results_oscillating_pca_peak`). PCA with one component more has {glue:text}`results_oscillating_more_low`,
+#   {glue:text}`results_oscillating_more_fine` and {glue:text}`results_oscillating_more_peak`: **which method is the most accurate depends on the numbers of components compared.** In the mean over the bands it is {glue:text}`results_oscillating_nearest`.
+# - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
-# This is one sky with a synthetic Galaxy, at the preset `quick`: a quarter of the paper's resolution in pixels and in frequency. {doc}`18_paper_size` has the
-# paper's size, with the real Galaxy (templates, nside 64) and with this one.
+# All this is based on a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and frequency; {doc}`18_paper_size` has the paper's size.
 #
 # ## Exercises
 #
-# **1.** One component more for the hardest case. Which methods gain, and which does not?
+# **1.** Which methods improve with a sixth component for the oscillating beam?
 #
 # ```sh
-# himap run 10_results -p n_oscillating=6                      # one component more for the hardest case
+# himap run 10_results -p n_oscillating=6
 # ```
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# PCA, FastICA and GMCA: excess and peak go, and their ratios become nearly those of SDecGMCA with as many sources (PCA is in the last rows of the tables). SDecGMCA gains where restarts of it left foreground; where
-# they did not, each source takes HI and its ratios fall.
+# PCA, FastICA and GMCA: excess and peak vanish, and their ratios become nearly those of SDecGMCA with as many sources. SDecGMCA improves where restarts had a foreground residual; elsewhere the additional source removes HI.
 #
 # </details>
 #
-# **2.** A ratio of 1 proves nothing by itself. Make an example.
+# **2.** A ratio of 1 does not prove a perfect cleaning. Give an example.
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Let a method lose a share $q$ of the power of HI and noise, and leave foreground with just that power, $f = q$. Then $C/C_0 = (1 - q) + f = 1$
-# whatever $q$ is. {doc}`14_diagnostics` and {doc}`23_thresholds` tell the two apart.
+# A method that loses a share $q$ of the power of HI and noise and has a foreground residual of the same power, $f = q$, has $C/C_0 = (1 - q) + f = 1$. {doc}`14_diagnostics` and {doc}`23_thresholds` separate the two.
 #
 # </details>
-#
-# **3.** Why does every method lose power at the smallest $k_\nu$?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# The smallest is $k_\nu = 2\pi/(500\,\mathrm{MHz}) = 0.013\,\mathrm{MHz}^{-1}$, one period in the whole band. Structure as smooth as that is what the
-# spectra of foregrounds are made of, and what three to six spectra can follow: HI that has it cannot be told apart.
-#
-# </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 10_results -p reading=letter     # another reading of the paper on SDecGMCA
-# himap run 10_results --preset laptop        # twice the resolution
-# ```

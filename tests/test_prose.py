@@ -33,7 +33,7 @@ DEFINED = {
     "notebooks/04_pca.py": "96 %, 99 %, 10 %",
     "notebooks/05_fastica.py": "-2.1, 96 %, 99 %, 10 %",
     "notebooks/06_gmca.py": "96 %, 99 %, 10 %, 1.48 times",
-    "notebooks/07_polynomial.py": "96 %, 99 %, 10 %, 10 K, 0.03, 0.1 MHz",
+    "notebooks/07_polynomial.py": "96 %, 99 %, 10 %, 10 K",
     "notebooks/08_parametric.py": "96 %, 99 %, 10 %, 1 %",
     "notebooks/09_sdecgmca.py": "96 %, 99 %, 10 %, 84 %, 0.1 %, three times, 0.4, 1.6",
     "notebooks/10_results.py": "10 %, 84 %",
