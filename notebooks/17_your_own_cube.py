@@ -24,11 +24,8 @@
 # > - **Good to know**: HEALPix maps and FITS files.
 # > - **Time and memory**: {cost}`17_your_own_cube`.
 #
-# All that the other chapters do to simulated maps can be done to maps of your own. This one makes a cube in a format that such maps come in, with all that makes
-# them awkward: a FITS file as healpy writes it, in kelvin, NESTED, with channels in no order, and with a part of the sky missing. Then it forgets how the cube was
-# made, asks how many sources to remove, removes them, and looks at the result; the truth is taken out again only at the end.
-#
-# On the command line the whole chapter is
+# This chapter cleans a cube as a user would: a FITS file written by healpy, in kelvin, NESTED, with unsorted channels and a part of the sky missing. The number of sources is estimated without the truth, which is used only at the end. On the command
+# line:
 #
 # ```sh
 # himap suggest cube.fits --freqs freqs.txt -o how_many.html
@@ -77,10 +74,9 @@ study = Study(
 )
 
 # %% [markdown]
-# ## A file as one gets it
+# ## The file
 #
-# The maps are those of {doc}`02_beams_and_noise`, seen through `beam`, by default the oscillating one. What is
-# missing is all that is too far north for a telescope in the south.
+# The maps are those of {doc}`02_beams_and_noise`, seen through `beam`. The north of the sky is missing, as for a telescope in the south.
 
 # %% tags=["hide-input"]
 observation = study.observed(selected)
@@ -102,8 +98,7 @@ np.savetxt(folder / "freqs.txt", observation.freqs[order], fmt="%.6f")
 # %% [markdown]
 # ## Reading it
 #
-# `read_cube` sorts the channels, turns pixels to RING and temperatures to mK, and masks what is not seen in every channel. What it took for granted or left out is
-# among its `remarks`; what a file does not tell, and cannot be guessed, it asks for.
+# `read_cube` sorts the channels, converts pixels to RING and temperatures to mK, and masks pixels that are not observed in every channel. Its `remarks` list what it assumed and left out; what a file does not say and cannot be inferred is an error.
 
 # %%
 cube = read_cube(folder / "cube.fits", freqs=folder / "freqs.txt")
@@ -119,14 +114,10 @@ except InputError as error:
 # %% [markdown]
 # ## How many sources?
 #
-# Without the truth there are three things to look at. Foregrounds are few and bright, so their eigenvalues stand above the slow decline of those of HI and noise. An
-# information criterion weighs what one more source explains against the numbers that it costs. And as long as foreground is left, the recovered spectra fall steeply with each source;
-# once they hardly move, the result does not hang on the choice any more.
-#
-# Read all three for the same thing: where the eigenvalues meet the dashed line, where the criterion is least, and where the change falls below its
-# line. If they name one number, it is a good one.
+# Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise (dashed), the minimum of an information criterion, and the number after which one more source changes the spectra little. {doc}`22_how_many` measures
+# how often each is right. Compare the number that each panel gives.
 
-# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise. Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; below the dashed line it is less than 10 %."}}
+# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
@@ -144,26 +135,23 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# The methods that take every line of sight as it comes do not mind the gap. Those that transform whole maps, GMCA and the ones that know the beam among them, go on with the maps smoothly where nothing is seen ({doc}`24_masks` says at what
-# cost). A smaller part of the sky than the cube has is asked for with `--mask`.
+# PCA works on each line of sight, so that missing pixels do not matter. Methods that transform maps need a smooth continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the sky.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
 cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 
 # %% [markdown]
-# After cleaning the first eigenvalues are gone and the others are as they were. Of the spectra the first are smooth; those that swing carry the ripple
-# of the beam.
+# The left panel shows which eigenvalues were removed. Spectra that oscillate with frequency (right) describe the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube as it came and cleaned; the last ones after cleaning, as many as there were sources, are zero but for rounding. Right: spectra of the sources that were removed."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; after it the last ones, as many as there were sources, are zero to rounding. Right: spectra of the sources that were removed."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-maps", "caption": "What is left in the channel in the middle of the band, and the rms of all channels. White is not seen."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-maps", "caption": "Residual in the channel in the middle of the band, and its rms over all channels. Unobserved pixels are white."}}
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# Structure along the Galactic plane in the rms would be foreground. The command writes these figures, and the spectra, to a page beside the cleaned cube; `save_cleaned`
-# writes the cube itself: channels, pixels and unit as they came, so that it can take the place of the old one.
+# Residual foreground would appear in the rms as structure along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input.
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")
@@ -173,19 +161,17 @@ unseen = np.mean(written == hp.UNSEEN)
 print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unseen:.0%} not seen")
 
 # %% [markdown]
-# ## With a truth
+# ## Comparison with the truth
 #
-# On simulations, such as those of CRIME or CoLoRe, the same file without foregrounds tells how good the result is (`--truth` on the command line).
-#
-# What is below 1 went with the sources: most at the smallest $k_\nu$ and at the lowest $\ell$, and some at the ripple of the beam. Nothing stands above the grey band that would be
-# foreground.
+# For a simulation the same file without foregrounds shows how good the result is (`--truth` on the command line). Ratios below 1 are signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios above the grey band
+# would be foreground residual.
 
-# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the cleaned part of the sky, with the ratio to the truth below, where the grey band is 10 %. With a mask C_l are decoupled, in bins."}}
+# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, with the ratio to the truth below; the grey band is 10 %. The coupling of multipoles by the mask is undone, and C_l are binned."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
 study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# And did the advice help? Here are the errors for each number of sources; nobody with a real sky could make this table.
+# The errors for each number of sources show whether the suggested number was right:
 
 
 # %% tags=["hide-input"]
@@ -208,10 +194,10 @@ tried = range(max(n_sources - 2, 1), n_sources + 3)
 show_table({f"{n} sources": errors_of(compared(clean_cube(cube, "pca", n_sources=n), truth)) for n in tried})
 
 # %% [markdown]
-# ## The whole sky, and a method that knows the beam
+# ## The whole sky, with the beam
 #
-# BeamSubspace has the beam in its model, and is told it. Here it cleans the same cube without the gap, with as many sources as eigenvalues stand out at one resolution; beside it PCA with the number from above.
-# On the command line: `himap clean whole.fits --freqs freqs.txt --method beam_subspace --beam oscillating -p n_sources=3`.
+# BeamSubspace includes the beam in its model. It cleans the same sky without the gap, with the number of eigenvalues that exceed HI and noise at one resolution; PCA has the number from above. On the command line: `himap clean whole.fits --freqs
+# freqs.txt --method beam_subspace --beam oscillating -p n_sources=3`.
 
 # %%
 hp.write_map(folder / "whole.fits", observation.maps[order] / 1e3, column_units="K", dtype=np.float32)
@@ -230,57 +216,39 @@ show_table(rows)
 # %% [markdown]
 # ## Images, weights and flags
 #
-# Radio telescopes give image cubes: FITS with two axes of the sky, in some projection, and one of frequency. They are taken as they are, in K or mK, with
-# frequencies that rise or fall, and what is written has the same header; a folder of such files is one band. Pixels that one channel does not see are left out in all,
-# and come back as NaN. PCA, FastICA, the polynomial and parametric fits and the Gaussian process look at lines of sight and need no more than that; GMCA takes its starlets
-# in the plane, of the seen pixels alone; the other methods look at multipoles, and say that they need the sphere. The page shows the maps in their own projection, and the power across and along the line of sight, $P(k_\perp, k_\parallel)$, in
-# comoving Mpc/h, where foreground that is left lies at the smallest $k_\parallel$. For HEALPix `--patches` shows the same, as the mean over flat patches of the sky.
+# FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and written with the same header; several ranges of channels in a folder are one band. PCA, FastICA, the two fits, the Gaussian process and GMCA clean
+# them; the other methods need the sphere. The page shows maps in their projection and $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground residual is at the smallest $k_\parallel$. For HEALPix, `--patches` shows the same as a mean over flat
+# patches.
 #
 # ```sh
 # himap clean image.fits --method pca -p n_sources=3 -o cleaned.fits
-# himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned.fits
+# himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned_by_hits.fits
 # ```
 #
-# With `--weights` (hits, or inverse variances) and `--flags` (1 where a voxel is bad) a voxel that is missing is missing in its channel alone; {doc}`26_a_survey` goes
-# through a survey of that kind. {doc}`../book/simulators` says which command reads what the simulators of the field write.
+# A pixel that is missing in one channel is left out in all, unless `--weights` (hits or inverse variances) or `--flags` (1 where a voxel is bad) say otherwise: {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other codes.
 #
-# ## What to take away
+# ## What follows
 #
-# - **One command** takes a cube in the form that it has, and gives it back in the same form, cleaned.
-# - **The number of sources** can be found without the truth where HI and noise are well below the foregrounds: with the defaults of this chapter the views agree, and the table says
-#   that they are right. One source fewer leaves the ripple of the oscillating beam; each one more costs some signal at large scales.
-# - **A method that knows the beam**, such as BeamSubspace, spends no sources on what the beam adds ({doc}`11_ns_scan` scans it with `-p method=beam_subspace`); on a part of the
-#   sky it is worse within two widths of the beam from its edge ({doc}`24_masks`). On a whole sky `suggest` counts for it eigenvalues at one resolution, where the beam adds none.
+# - **The number of sources** can be estimated without the truth where HI and noise are well below the foregrounds: at the defaults of this chapter the criteria agree, and the table of errors confirms them. With one source fewer the ripple of the
+#   beam remains; each further one removes signal at large scales.
+# - **A method that knows the beam** needs no sources for what the beam adds. On a part of the sky it is worse within two beam widths of the edge.
 #
 # ## Exercises
 #
-# **1.** How many sources does a cube of one resolution need, and do the views agree?
-#
-# ```sh
-# himap run 17_your_own_cube -p beam=degraded                  # a common beam: how many sources then?
-# ```
+# **1.** How many sources does a cube of one resolution need, and do the criteria agree? Run `himap run 17_your_own_cube -p beam=degraded`.
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Fewer than through the oscillating beam, and all views name the same number. The table of errors says that it is right: with fewer, foreground is left by orders of magnitude;
-# with more, signal is lost. The others were spent on what the beam adds.
+# Fewer than through the oscillating beam, and all criteria give the same number. With fewer the foreground residual is larger by orders of magnitude; with more, signal is lost.
 #
 # </details>
 #
-# **2.** The eigenvalues of cleaned maps end in zeros, as many as sources were removed. Why?
+# **2.** As many eigenvalues of the cleaned maps are zero as sources were removed. Why?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The cleaned maps are $(\mathbf{1} - \mathbf{A}\mathbf{A}^{\top})\,\mathbf{X}$, and the columns of $\mathbf{A}$ are eigenvectors of their covariance
-# with eigenvalue 0: in $n_s$ directions there is nothing left.
+# The cleaned maps are $(\mathbf{1} - \mathbf{A}\mathbf{A}^{\top})\,\mathbf{X}$, and the columns of $\mathbf{A}$ are eigenvectors of their covariance with eigenvalue 0.
 #
 # </details>
-#
-# More to run:
-#
-# ```sh
-# himap run 17_your_own_cube -p missing=0.6                    # less than half of the sky
-# himap suggest cube.h5 --method beam_subspace --beam meerkat  # a method that knows the beam, on a cube of yours
-# ```

@@ -26,9 +26,8 @@
 # > - **Good to know**: a shell, and for the last section a cluster.
 # > - **Time and memory**: {cost}`19_scale`.
 #
-# What the chain costs at the paper's own size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³ cells) on two cores, how that grows,
-# how a long run is kept safe, and how to go to a cluster. The times were measured once, by the commands of {doc}`../book/contributing`, and are stored with the
-# book, in `book/results`.
+# Time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³ cells) on two cores, how they grow, how long runs are protected, and how to use a cluster. The times were measured once and are stored with the
+# book; {doc}`../book/contributing` has the commands.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -59,37 +58,31 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 # (steps-paper)=
 # ## Every step at the paper's size
 #
-# Each step runs in a process of its own and starts from what the cache holds of the steps before it. *Memory* is the peak of the process and its
-# children, mapped files included. The *floor* is what the transforms, the bytes and the operations that the step cannot do without would take on this
-# machine, as it was measured before the first step, if nothing were lost and nothing overlapped. *Alternative* is the usual tool on the same data in the same run; above 1 it
-# takes longer, and where it is too slow to run whole, a part of it is timed and scaled up. The *goals* are what himap was designed to reach on a machine
-# that has nothing else to do; what misses its goal is in bold.
+# Each step runs in its process and starts from the cached results of the steps before it. *Memory* is the peak of the process and its children, mapped files included. The *floor* is the time that the unavoidable transforms, memory traffic and
+# operations would take on this machine without overlap. *Alternative* is the usual tool on the same data: above 1 it is slower; where it is too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
 
 # %% tags=["hide-input"]
 Markdown(steps_table(paper))
 
 # %% [markdown]
-# What the floors count, and why some steps are far from theirs:
+# What the floors count, and why some steps are far above theirs:
 #
-# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations for each step of each ray. The floor counts these as
-#   arithmetic; really each step collects sixteen numbers from all over the box, and that is what takes the time.
-# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 of what is faint and one in float64 of the foregrounds.
-#   The foregrounds are a dozen spectral modes, not 500 maps, and the three beams share all analyses.
-# - **Peak masking, polynomial**: the cube read twice and written once, and one projection of each line of sight on the polynomials. The step takes float64
-#   copies of blocks of lines, looks for what stands out, and fits lines with peaks again without them.
-# - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the few whitened maps only.
-# - **Parametric**: two products of each line of sight with the curves of one index. The search compares 65 indices and bisects between them, on an interpolation of the curves.
-# - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back. It has no usual alternative to be timed against.
-# - **Harmonic analysis**: every channel once, which BeamSubspace and SDecGMCA share with any number of sources.
-# - **BeamSubspace, SDecGMCA**: from those coefficients; two products with them in every iteration, and every scale of every source there and back. They too have no usual alternative.
-# - **All measures**: $C_\ell$, $P(k)$, Pearson r and the errors of lines of sight of one separation. What is left differs from the truth by a few spectra times maps; only these are transformed.
+# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per step of each ray. The floor counts the interpolations as arithmetic, but each gathers sixteen numbers from all over the box, which takes most of
+#   the time.
+# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 for HI and noise and one in float64 for the foregrounds, which are a dozen spectral modes. The three beams share all analyses.
+# - **Peak masking, polynomial**: the cube is read twice and written once, and each line of sight projected once on the polynomials; lines with peaks are fitted again without them.
+# - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the whitened maps only.
+# - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared and interpolated.
+# - **GMCA**: in each iteration two products with the cube and starlets of the sources there and back. It has no usual alternative, nor have BeamSubspace and SDecGMCA.
+# - **Harmonic analysis**: every channel once, shared by BeamSubspace and SDecGMCA for any number of sources.
+# - **BeamSubspace, SDecGMCA**: in each iteration two products with those coefficients, and every scale of every source there and back.
+# - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight of one separation. The residual differs from the truth by a few spectra times maps, and only these are transformed.
 
 # %% [markdown]
 # (whole)=
-# ### All of it, one after another
+# ### The ledger of one realisation
 #
-# What one realisation of the claims takes at the paper's size, on the real Galaxy and with `--jobs 2`: the light cone and the observations of the table above, and the
-# ledger once they are there. The chapters with figures come on top; what they took when they were last made at this size is on {doc}`the status page <../book/status>`.
+# With the real Galaxy and `--jobs 2`: light cone and observations as above, then the claims. {doc}`The status page <../book/status>` has the times of the chapters with figures.
 
 # %% tags=["hide-input"]
 parts = times_of_all(paper, read_stored("claims_paper_templates", results)["about"])
@@ -98,8 +91,7 @@ rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 
 # %% [markdown]
-# The claims take most: they measure what 72 separations leave (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, 8 with other regularisations and restarts of it, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18. No cleaned cube is made for it: a method gives a few spectra times maps, and
-# so does its error.
+# The claims measure 72 separations (six methods in seven cases, SDecGMCA beyond $\ell = 200$ with three beams, 8 with other regularisations and restarts of it, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18.
 
 # %% [markdown]
 # ## The same at half that size
@@ -111,14 +103,12 @@ Markdown(steps_table(laptop))
 # (growth)=
 # ## How the cost grows
 #
-# The exponent $p$ of time $\propto x^p$ between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`.
-# A machine that others share changes its pace within minutes, so a fixed piece of work is timed before and after every measurement, and all times are those at the
-# quickest pace seen.
+# The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`. On a shared machine the pace varies within minutes: a fixed piece of work is timed before and after
+# each measurement, and all times are scaled to the quickest pace.
 #
-# On logarithmic axes a power law is a straight line, and its slope the exponent. Which line is on top at the right end is what a larger survey waits
-# for.
+# The slope of a line is the exponent. The highest line at the right end is the step that limits a larger survey.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels) and against the number of channels (nside 128), at three sizes each."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels, left) and against the number of channels (nside 128, right), at three sizes each."}}
 looks = [("black", "-"), (styles.BLUE, "--"), (styles.VERMILION, "-.")]  # of neighbours
 with_nside = scaling["found"]["nside"]
 slowest_first = sorted(with_nside, key=lambda name: -with_nside[name]["seconds"][-1])
@@ -144,9 +134,6 @@ plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 Markdown(growth_table(scaling))
 
 # %% [markdown]
-# `python -m benchmarks --preset laptop`, or any other preset, and `python -m benchmarks.scaling` make these tables on your machine;
-# {doc}`../book/contributing` has the whole commands.
-#
 # ## Long runs
 #
 # ```sh
@@ -154,20 +141,16 @@ Markdown(growth_table(scaling))
 # himap cache info
 # ```
 #
-# - **Stopped?** Run the same command again. Every product (a light cone, an observation, what a method found, a spectrum) is written whole or not at all,
-#   with a checksum; what is there is used, what was cut short or altered is reported and made again. The result equals that of an undisturbed run bit for bit.
-# - **Memory** is estimated before anything is computed, and what does not fit is refused, for the light cone with a box that would. `--max-memory`
-#   (the variable `HIMAP_MAX_MEMORY`) says what may be used; the default is what is free. `--jobs 2` cleans two cubes at once and needs twice as much for it.
-# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`; the ledger keeps those of one case (a beam, dimmed or not) of one realisation while it works. Cubes can be deleted at any time, with
-#   `himap cache clear pipeline.observation` for instance; `himap measure claims` deletes those that it made itself once they are measured, but not
-#   those that an interrupted run left.
+# - **Interrupted?** Run the same command again. Every product is written completely or not at all, with a checksum; damaged ones are reported and made again. The result equals that of an undisturbed run bit for bit.
+# - **Memory** is estimated before anything is computed, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`) sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the memory.
+# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case of one realisation while it works and deletes them afterwards, except those of an interrupted run; `himap cache clear pipeline.observation`
+#   deletes cubes at any time.
 #
 # (kills)=
-# ### What was tried
+# ### Tests of interruption
 #
-# Processes were killed at random points, alone or with all that they had started, and started again until they were done. Everything that they wrote was held
-# against an undisturbed run, bit by bit. *Failed* are runs started again that did not end well, and ends without a clear sentence; *other results* were not the same bits; *left behind* is what then lay about: files beside outputs, in the cache and
-# in temporary folders, shared memory, and processes. On a full disk a command ends with a sentence that names the file, or does without what it could not keep.
+# Processes were killed at random times, alone or with all that they had started, and restarted until they finished; everything that they wrote was compared bit by bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends
+# without a clear message; *left behind* counts files, shared memory and processes that remained. On a full disk a command ends with a message that names the file, or continues without what it could not store.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -175,11 +158,8 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # %% [markdown]
 # ## On a cluster
 #
-# With `--dask`, `himap measure claims` and `himap run` share independent products among the workers of a [Dask](https://distributed.dask.org) scheduler that is already there.
-# Cubes do not travel: each worker keeps what it makes in the cache folder and reads from there. So that folder, and that of the templates, must be ones that all
-# machines see, and all need the same himap. What a worker that dies was making goes to another one, and the result is the same as without Dask.
-#
-# On a cluster with SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers (`pip install dask-jobqueue`):
+# With `--dask`, `himap measure` and `himap run` distribute independent products over the workers of a running [Dask](https://distributed.dask.org) scheduler. Cubes are not sent: workers read and write the cache folder, which all machines must share, as
+# they must the templates and the version of himap. Products of a worker that dies go to another; the result is the same as without Dask. With SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -197,24 +177,20 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # print(cluster.scheduler_address)  # keep this process alive while you work
 # ```
 #
-# In another terminal, with the address that was printed:
-#
 # ```sh
 # export HIMAP_CACHE=/scratch/me/himap HIMAP_MAX_MEMORY=24GB
 # himap measure claims --preset paper -p n_realisations=20 --dask tcp://10.0.0.7:35791
 # ```
 #
-# - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once.
-# - Dask tells workers to use one core for matrix products unless the job says otherwise, hence the variables in its prologue.
-# - `HIMAP_MAX_MEMORY` is what *one worker* may use, and travels to it; without it each takes what is free on its node, whatever SLURM has granted.
-# - On a cluster the cubes of all realisations of one command are on disk until their claims are measured. In portions, `-p seed=2045 -p n_realisations=20` and so on, they need less.
+# - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once. Dask limits matrix products to one core unless the prologue sets these variables.
+# - `HIMAP_MAX_MEMORY` is the limit of one worker; without it each worker uses the free memory of its node, whatever SLURM has granted.
+# - The cubes of all realisations of one command are on disk until their claims are measured. Portions (`-p seed=2045 -p n_realisations=20`, ...) need less.
 
 # %% [markdown]
 # (cluster)=
 # ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
 #
-# What Figs. 1 and 2 need: six methods, three beams, both spectra. *Times* is how often a step is done in each realisation. *Memory* is what himap asks for before it begins.
-# The ledger measures what 72 separations leave of each realisation where these two figures have 18.
+# For Figs. 1 and 2: six methods, three beams, both spectra. *Times* is how often a step runs in each realisation; *memory* is the estimate of himap. The ledger has 72 separations for each realisation where these figures have 18.
 
 # %% tags=["hide-input"]
 rows = [
@@ -232,14 +208,9 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is the one above. The exponent with `nside` comes from the two tables of steps: what is left of the ratio of their times when the doubled
-# channels are taken out. These are extrapolations, {glue:text}`scale_further` times in `nside` and {glue:text}`scale_more` times in channels, and no better than a factor of two:
-#
-# - The exponents with channels are those of small maps, where GMCA, SDecGMCA, FastICA and the spectra spend most of their time on a few maps of sources and not on channels.
-# - The two tables were measured within an hour on a machine whose pace varies by tens of percent.
-# - The methods were timed on the oscillating beam. More than two cores for one product have not been measured.
-#
-# The cubes of one realisation take {glue:text}`scale_disk` times the disk that they do at the paper's size.
+# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These are extrapolations by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels,
+# uncertain by a factor of two: the exponents with channels are of small maps, the two tables were measured within an hour on a machine whose pace varies by tens of percent, the methods were timed on the oscillating beam only, and more than two cores for
+# one product were not measured. The cubes of one realisation take {glue:text}`scale_disk` times the disk space of the paper's size.
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]
@@ -256,22 +227,19 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - At the paper's size every step of the chain fits a machine with two cores; the light cone and the observations are made once and shared by all methods.
-# - Most steps stay near the usual tools or ahead of them, and above their floor for the reasons given under the first table.
-# - What can be kept is kept, so that a run that was stopped, or that shares products with an earlier one, does only what is missing.
+# - At the paper's size every step fits a machine with two cores; the light cone and the observations are made once and shared by all methods.
+# - Most steps are near or faster than the usual tools, and above their floor for the reasons given under the first table.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** The light cone needs a box of four cells per unit of $N_\mathrm{side}$. Which exponent of $N_\mathrm{side}$ would its memory have, and which
-# that of a cube of maps?
+# The light cone needs a box of four cells per unit of $N_\mathrm{side}$. With which exponents of $N_\mathrm{side}$ do its memory and that of a cube of maps grow?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The box has $(4\,N_\mathrm{side})^3$ cells, so 3; a cube has $12\,N_\mathrm{side}^2$ pixels in each channel, so 2. Beyond some size the box is what
-# does not fit.
+# The box has $(4\,N_\mathrm{side})^3$ cells, so 3; a cube has $12\,N_\mathrm{side}^2$ pixels in each channel, so 2. Beyond some size the box limits.
 #
 # </details>
 #
@@ -280,5 +248,5 @@ quote(
 # ```sh
 # himap run 19_scale -p nside=1024 -p n_channels=1000            # another survey, another number of core hours
 # python -m benchmarks --preset quick                            # every step on your machine, in minutes
-# himap run --all --preset laptop --jobs 2                       # the whole book at half the paper's resolution
+# python -m benchmarks.scaling                                   # the exponents
 # ```

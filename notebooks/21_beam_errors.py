@@ -25,19 +25,19 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
-# A method that uses the beam depends on the one that it assumes. In the paper that is the true one. On a telescope the beam is measured, with some error. In this chapter methods assume a beam that is wrong by a known amount; the questions are
-# at which error a method without a beam does better, and what one source more gains.
+# Methods that use the beam assume one. In the paper it is the true one; the beam of a telescope is measured, with an error. Here the assumed beam is wrong by a known amount. At which error does a method without a beam do better, and what do additional
+# sources gain?
 #
-# The FWHM that a method assumes is that of the data times $1 + e$, with an error of one of these kinds:
+# The assumed FWHM is the true one times $1 + e$:
 #
-# | kind | $e(\nu)$ |
+# | error | $e(\nu)$ |
 # |---|---|
 # | width | the same in all channels |
 # | ripple | $a \sin(2\pi\nu / 20\,\mathrm{MHz})$, which the beam does not have |
-# | amplitude, phase, period | what follows where that number of the beam's own ripple is wrong; it is 0.14 % of the FWHM ({doc}`02_beams_and_noise`) |
+# | amplitude, phase, period | that of the beam's ripple, which is 0.14 % of the FWHM ({doc}`02_beams_and_noise`), is wrong |
 #
-# Two things can go wrong, and they are shown separately. A part of the power $P$ of the residual is correlated with the truth $t$: the share of HI that is **recovered**, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$. A
-# projection recovers a mode in full or not at all, so what is in $P/P_0$ above that share is **foreground residual**. A transfer function ({doc}`20_transfer_function`) corrects the first; nothing corrects the second.
+# Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$. A projection recovers a mode completely or not at all, so
+# that the excess of $P/P_0$ over this share is **foreground residual**. A transfer function ({doc}`20_transfer_function`) corrects the first and not the second.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -88,47 +88,43 @@ study = Study(
 # %% [markdown]
 # ## One sky
 #
-# Each method cleans the same observation several times, each time with another assumed beam. The figure shows the foreground residual over the truth in the band where it is largest, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
+# Each method cleans the same observation, each time with another assumed beam. The figure shows the band in which the residual is largest, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
 
 # %%
 table = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# From left to right the error grows. A curve that rises is a method that depends on its beam; where it crosses the horizontal one, a method without a
-# beam does better.
+# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method without a beam does better. An error that oscillates with frequency costs far more than one that all channels share.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual in the worst band, over the power of HI and noise, by the error of the assumed beam. The horizontal curve is a method that uses no beam; the grey line is 1 %. What is less than 0.1 % is below the frame."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. The horizontal curve is a method without a beam; the grey line is 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
 
 # %% [markdown]
-# An error that oscillates costs far more than one of all channels together: it is the failure of {doc}`10_results`, brought back in small. Foregrounds are brighter than HI by $10^4$ and more, and what the ripple makes of them is no
-# smooth spectrum.
-#
 # (beam-errors-record)=
 # ## Over several skies
 #
-# More errors, methods and skies, measured before and stored with the book, with the synthetic and the real Galaxy (templates, nside 64):
+# More errors, methods and skies, measured before and stored with the book, for the synthetic and the real Galaxy (templates, nside 64):
 #
 # ```sh
 # himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
 # ```
+#
+# With more sources (compare the lines of BeamSubspace) the curves turn over at large errors: the effect of the wrong beam on the foreground is then bright enough to be fitted by the additional source. Just below, where it is as bright as the HI, no
+# source fits it. SDecGMCA, with the paper's five sources, fails on a few skies with any beam, which raises its mean.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")
 paths = results or [RESULTS / f"beam_errors_quick_{name}.json" for name in galaxies]
 records = [Record.load(EXPERIMENT, path) for path in paths]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "As above, mean over several skies, by the error of each kind, with the synthetic Galaxy."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies with the synthetic Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "The same with the real Galaxy."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies with the real Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]
-# One source more removes what a wrong beam makes of the foreground, once that is bright enough to be detected: the curves come down again. Just before that, where it is as bright as the HI, no source fits it: **with sources to spare, the
-# small errors do most harm.** SDecGMCA, with the paper's five, fails on a few skies with any beam ({doc}`09_sdecgmca` has its sensitivity), and a mean over skies shows that.
-#
-# The next table has the error up to which the foreground residual is at most 1 % more than with the exact beam, by interpolation between those that were tried; "less" where the smallest of them is too large.
+# The next table has the error up to which the foreground residual is at most 1 % larger than with the exact beam, interpolated between the errors that were tried ("less" if the smallest of them is too large).
 
 
 # %% tags=["hide-input"]
@@ -165,8 +161,8 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 # (beam-errors-lobes)=
 # ## A beam with side lobes
 #
-# Widths are not all. The beams of MeerKAT as holography knows them ({cite:t}`asad2021`, package katbeam) are no Gaussians: they have side lobes, and no $b_\ell$ at all beyond $2\pi D/\lambda$. Here the data are seen through
-# these, `beam=meerkat_lobes`, and methods assume a Gaussian of the same FWHM in every channel, `meerkat`.
+# The beams of MeerKAT measured by holography ({cite:t}`asad2021`, package katbeam) are not Gaussian: they have side lobes, and $b_\ell = 0$ beyond $2\pi D/\lambda$. The data are seen through these (`beam=meerkat_lobes`), and methods assume Gaussians of
+# the same FWHM in every channel (`meerkat`).
 
 # %% tags=["hide-input"]
 shown = [case.survey.freqs[i] for i in (0, -1)]
@@ -185,8 +181,7 @@ panel = {
 }
 
 # %% [markdown]
-# The two have the same width, and part at high $\ell$: with side lobes the beam ends, and the Gaussian goes on. At the multipoles where it is far above
-# the true beam a method believes in structure that the data do not have.
+# The two beams agree at low $\ell$ and differ at high $\ell$, where the Gaussian continues and the true beam ends.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with its side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6, 3.6)))
@@ -241,19 +236,18 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
 # At `quick`, in the mean over {glue:text}`beams_skies` skies:
 #
-# - **With the number of sources that is enough for an exact beam, the beam has to be exact**: the foreground residual of BeamSubspace with three sources is 1 % more than with the exact beam as soon as the width is wrong by {glue:text}`beams_width`, or
-#   by a ripple of {glue:text}`beams_ripple` of the FWHM, with the Galaxy where that is less.
-# - **More sources make up for a beam that is not known well**: what a wrong beam makes of the foreground is a few more spectra, and a method with one or two sources to spare fits them. The cost is the signal loss of each further source, which
-#   mocks can correct ({doc}`20_transfer_function`). The smallest ripples with the real Galaxy are an exception: there the table allows five and six sources no more than three.
-# - **A Gaussian is not a beam.** With the beam and its side lobes, three sources have a foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real); if they assume Gaussians of the right
-#   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The best with more sources is {glue:text}`beams_best`, and with the real Galaxy {glue:text}`beams_best_real`.
-# - **A method without a beam cannot assume a wrong one.** Where the beam is not known to the errors in the table, PCA with enough components is no worse, and simpler.
+# - **With the number of sources that suffices for an exact beam, the beam must be exact.** For BeamSubspace with three sources the foreground residual grows by 1 % for an error of the width of {glue:text}`beams_width` or a ripple of
+#   {glue:text}`beams_ripple` of the FWHM (for the Galaxy where that is less).
+# - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which mocks can correct. An exception are the smallest ripples with the real Galaxy, where five and six sources tolerate no more than three.
+# - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right
+#   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
+# - **Where the beam is less well known than that**, PCA with enough components is no worse, and simpler.
 #
-# How much the result depends on the beam of a cube of one's own, without the truth:
+# For a cube of your own, without the truth:
 #
 # ```sh
 # himap sensitivity cube.h5 --method beam_subspace --beam meerkat -p n_sources=4 --width 0.01 --ripple 0.001 -o beam.html
@@ -262,24 +256,21 @@ quote(
 #
 # ## Exercises
 #
-# **1.** A foreground of 10 K stands before HI of 0.1 mK. To which relative accuracy must a method predict the foreground of a channel, if 1 % of the
-# power of HI is tolerated?
+# **1.** The foreground is 10 K, the HI 0.1 mK. To which relative accuracy must a method predict the foreground of a channel, if the residual may have 1 % of the power of HI?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well. What saves a method is that an error which
-# is smooth in frequency looks like one spectrum more.
+# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well. But an error that is smooth in frequency acts like one more spectrum, which can be fitted.
 #
 # </details>
 #
-# **2.** Why does an error of the width in all channels alike cost so much less than a ripple of the same size?
+# **2.** Why does an error of the width of all channels cost so much less than a ripple of the same size?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# It changes the blurring of all channels together, which for smooth foregrounds is again a smooth change with frequency, and the spectra that are
-# fitted take most of it. A ripple makes of every bright pixel a spectrum that none of these spectra has.
+# It changes the blurring of all channels together, which for smooth foregrounds is a smooth change with frequency, and the fitted spectra absorb most of it. A ripple makes of every bright pixel a spectrum that none of these spectra has.
 #
 # </details>
 #
@@ -287,6 +278,5 @@ quote(
 #
 # ```sh
 # himap run 21_beam_errors -p beam=meerkat_lobes -p 'errors={"beam": ["meerkat", "evolving"], "width": [0.01]}'
-# himap run 21_beam_errors -p 'methods=[["beam_subspace", 5], ["pca", 7]]'
 # himap run 21_beam_errors -p beam=rippled:amplitude=1 -p 'errors={"amplitude": [0.01, 0.1], "period": [0.001]}'
 # ```

@@ -24,19 +24,19 @@
 # > - **Good to know**: what a likelihood is.
 # > - **Time and memory**: {cost}`22_how_many`.
 #
-# Each method of blind source separation has to be told how many sources to remove. The paper chooses the number by the truth ({doc}`11_ns_scan`) and says in its conclusions that it should come from the data. This chapter holds criteria
-# that do not know the truth against it. A number is *right* if it is the one with which the worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is nearest to 1.
+# Blind methods need the number of sources. The paper chooses it with the truth ({doc}`11_ns_scan`) and concludes that it should come from the data. This chapter measures how often criteria that do not use the truth give the *right* number, for which the
+# worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is nearest to 1.
 #
-# | criterion | is for |
+# | criterion | recommends |
 # |---|---|
-# | BIC | the least mean over channels of $\ln \sigma^2_\nu$ of what is left, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
+# | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
-# | eigenvalues | how many of the channel covariance stand above the line of HI and noise by a factor of 3; for a method that knows the beam, of maps at one resolution |
-# | stability | the first number with which no spectrum moves by 10 % or more when one source is added |
-# | mocks | the same, 3 %, of bands of the spectra over the transfer function ({doc}`20_transfer_function`): what is lost is corrected, so that only foreground moves them |
-# | evidence | the Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
+# | eigenvalues | how many of the channel covariance exceed the line of HI and noise by a factor of 3; for a method that knows the beam, of maps at one resolution |
+# | stability | the first number after which one more source changes no spectrum by 10 % or more |
+# | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
+# | evidence | the maximum Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
 #
-# The first, the third and the fourth are what `himap suggest` shows.
+# `himap suggest` shows BIC, eigenvalues and stability.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -88,8 +88,6 @@ study = Study(
 
 # %% [markdown]
 # ## One sky
-#
-# The first three panels show what the criteria use, the last what they do not: how far the worst band is from the truth.
 
 # %% tags=["hide-input"]
 table = EXPERIMENT.table([first_sky])
@@ -133,10 +131,10 @@ for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
 # %% [markdown]
-# For each method all panels should turn at the same number: the eigenvalues reach the line, the criterion is least, the spectra stand still, and the
-# error, which only a simulation knows, is least. A method that knows the beam turns earlier: it needs no sources for what the beam adds.
+# The first three panels show what the criteria use, the last the error, which needs the truth. For each method they should agree on one number: where the eigenvalues reach their line, BIC is least, the spectra become stable, and the error is least. A
+# method that knows the beam needs fewer sources.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Views of the number of sources. Eigenvalues of the channel covariance, at one resolution for a method that knows the beam, and the line of HI and noise. The information criterion. How much the spectra move with one source more, as they are left and corrected by mocks; the grey lines are 10 % and 3 %. And what none of them knows: how far the worst band of both spectra is from the truth."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources. Eigenvalues of the channel covariance (at one resolution for a method that knows the beam) and the line of HI and noise; BIC; the change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
@@ -160,14 +158,14 @@ Table(
 # (how-many-record)=
 # ## Over skies, beams and noise
 #
-# Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, on the synthetic and on the real Galaxy (templates, nside 64).
+# Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, for the synthetic and the real Galaxy (templates, nside 64).
 #
 # ```sh
 # himap measure n_sources --preset quick -p n_realisations=3 --jobs 2
 # ```
 #
-# Each line counts observations by what the criterion recommended: the right number, one or several more, one or several less, or none. The *bias* is the median over observations of how far the worst band is from 1, with the recommended number
-# (where it was among those tried) and with the best.
+# The columns count observations by the recommended number relative to the right one. *Bias* is the median over observations of the deviation from 1 in the worst band, with the recommended number (where it was tried), and *least bias* that with the right
+# one.
 
 # %% tags=["hide-input"]
 paths = results or [RESULTS / f"n_sources_quick_{name}.json" for name in ("synthetic", "templates")]
@@ -210,19 +208,15 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - **The BIC** is right for {glue:text}`many_bic` observations and methods ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** for
-#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` names that number; where they do not, for a method that knows the beam, it names
-#   that of the criterion, if the spectra hardly move after it, and else a range.
-# - **Stability** is right for {glue:text}`many_stability`. But HI is lost with every source, so that spectra never stop moving, and how much is too much depends on the survey: `himap suggest` shows it, and names
-#   *no* number where no spectrum is stable and the two disagree.
-# - **Mocks** are right for {glue:text}`many_mocks`. They are for the number with which the *corrected* spectra have settled, which is often one more: correction buys back what that one takes.
-# - **AIC and evidence** ({glue:text}`many_aic` and {glue:text}`many_minka`) take HI for components: its channels are correlated, as those of foregrounds are, and both criteria know only white noise. GNILC ({cite:t}`olivari2016`) gives AIC maps that are
-#   whitened by the covariance of HI, which has to be known beforehand.
-# - The number belongs to the method and to its beam: what is right for PCA costs a method that knows the beam a share of the HI, and the other way round leaves foreground.
-#
-# On a cube of one's own:
+# - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest`
+#   gives that number; otherwise, for a method that knows the beam, that of BIC if the spectra are stable after it, and else a range.
+# - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the spectra never stop changing, and which change is tolerable depends on the survey.
+# - **Mocks** are right in {glue:text}`many_mocks`, and often recommend one source more: the correction recovers what it removes.
+# - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that are whitened by the covariance of HI, which
+#   must be known.
+# - The right number depends on the method and the beam: that of PCA costs a method that knows the beam a share of the HI, and the reverse leaves foreground.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
@@ -230,7 +224,7 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Try no more than six sources. Which criteria still answer for PCA, and what does AIC name?
+# **1.** Try at most six sources. Which criteria still answer for PCA, and what does AIC give?
 #
 # ```sh
 # himap run 22_how_many -p 'noises=[1, 100]' -p n_sources_max=6
@@ -239,8 +233,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# BIC and the eigenvalues do, as before. Stability and mocks name none: they need to see that the next source changes nothing, and there is no next one.
-# AIC names the largest number that was tried, as it did with more of them. Try a few more than you expect to need.
+# BIC and the eigenvalues, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried. Try a few more than you expect to need.
 #
 # </details>
 #
@@ -249,8 +242,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# BIC asks $\ln N / N$ for each number, AIC $2/N$: BIC is stricter where $\ln N > 2$, from eight pixels on. With the pixels of a sky it asks several
-# times as much.
+# BIC asks $\ln N / N$ for each number, AIC $2/N$: BIC is stricter where $\ln N > 2$, from eight pixels on.
 #
 # </details>
 #

@@ -21,23 +21,21 @@
 # > - **Good to know**: the Wiener filter.
 # > - **Time and memory**: {cost}`23_thresholds`.
 #
-# The paper ends with the wish for better thresholds. What would they be better at? A ratio of 1 between the power that is left and that of the truth is no proof that the HI is kept: what is lost of it and what is left of the foreground
-# may cancel. This chapter takes the two apart,
+# The paper ends with the wish for better thresholds. A power ratio of 1 does not show that HI is preserved, because signal loss and foreground residual can cancel. This chapter separates them,
 #
 # ```{math}
-# \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground left} - \underbrace{\mathcal{P} t}_\text{HI lost} ,
+# \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground residual} - \underbrace{\mathcal{P} t}_\text{signal loss} ,
 # ```
 #
-# $\mathcal P$ being what the method, once it has found its spectra, takes of any maps; for the paper's SDecGMCA, for BeamSubspace, which has no thresholds in the way of its spectra, and for **SmoothSpectra**, which has none at all.
+# where $\mathcal P$ is what the method, with the spectra that it found, removes from any maps. It compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources; and **SmoothSpectra**, which has no thresholds.
 #
-# HI is lost in two ways:
+# Signal is lost in two ways:
 #
-# 1. $n_s$ spectra, whichever they are, hold some HI at every $\ell$, and least squares gives all of it to the foreground. That follows from $n_s$ alone: even spectra from a sky without HI lose it.
-# 2. Spectra that are fitted to data with HI in them follow this very HI, the more of them the more. That is the harm that thresholds, weights and iterations can do or avoid.
+# 1. $n_s$ spectra, even exact ones, overlap with HI at every $\ell$, and least squares assigns all of the overlap to the foreground.
+# 2. Spectra that are fitted to data with HI adapt to this HI, the more of them the more. Thresholds, weights and iterations affect this part.
 #
-# SmoothSpectra avoids the second: its spectra, before the beam, are made of a few smooth functions, which HI cannot turn. It lessens the first: at each $\ell$ it takes only what stands out of HI and noise, by as much as random matrices of
-# that size let one believe ({cite:t}`donoho2018`), through a Wiener filter whose covariance of HI and noise it finds in what it leaves. So a source too many takes nothing, no noise level is told, and what is lost is *known*: from that
-# covariance, without mocks and without the truth.
+# SmoothSpectra avoids the second: its spectra, before the beam, are combinations of a few smooth functions, which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by more than expected of random matrices
+# of that size ({cite:t}`donoho2018`), with a Wiener filter whose covariance of HI and noise is estimated from the residual. An excess source then removes nothing, no noise level is needed, and the signal loss is *known* from that covariance.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -82,7 +80,7 @@ study = Study(
 found = {(one.name, one.n_sources): decompose(case, one) for one in removers}
 
 # %% [markdown]
-# ## Foreground left and HI lost, apart
+# ## Foreground residual and signal loss
 
 
 # %% tags=["hide-input"]
@@ -133,10 +131,9 @@ for band, title in (
         )
 
 # %% [markdown]
-# On the left a level line is a method that does not pay for further sources, and a falling one pays with HI. On the right a level line says that the
-# foreground was found with the fewest already. A point off the frame would be a run that failed.
+# Left: a flat line means that additional sources cost no signal, a falling one that they do. Right: a flat line means that the smallest number of sources suffices. Points outside the frame are failed runs.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "HI and noise that are kept (left) and foreground that is left (right), as powers over that of the truth, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). What is less or more than the frame is not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). Values outside the frame are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam)
 
 # %% tags=["hide-input"]
@@ -159,10 +156,9 @@ rows = {
 show_table(rows)
 
 # %% [markdown]
-# ## What is lost, known without mocks
+# ## Signal loss without mocks
 #
-# The filter of SmoothSpectra is linear, and the covariance of HI and noise that it worked with says what it takes of them: `himap.measures.transfer.expected_mock_power`. Divided by that share, its spectra are corrected without a mock and
-# without the truth.
+# The filter of SmoothSpectra is linear, and its covariance of HI and noise predicts which share of them it removes (`himap.measures.transfer.expected_mock_power`). The spectra are corrected by that share, without mocks and without the truth.
 
 # %% tags=["hide-input"]
 smooth = create("smooth_spectra", n_sources=n_sources[min(1, len(n_sources) - 1)])
@@ -198,15 +194,15 @@ bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
 # %% [markdown]
-# The ratio of SmoothSpectra as it is left, and the dotted one corrected: the first should be smooth and below 1, the second 1. Where a curve is below 1 at some $\ell$ and above it at others, its mean says nothing of either.
+# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 has a mean near 1 that says little.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of what SDecGMCA leaves with the paper's number of sources, and the two others with four unless told otherwise; of SmoothSpectra divided by what it knows that it keeps; and their ratios to the truth. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the two other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; with ratios to the truth. The grey band is 10 %."}}
 both_figure(study, case.beam, curves)
 
 # %% [markdown]
-# ## The goal, and what became of it
+# ## The goal, and the result
 #
-# Before anything was measured the goal stood: $C_\ell/C_{\ell,0}$ within 1 % at $5 \leq \ell \leq 200$ and $P/P_0$ within 1 % at $k_\nu > 0.03$, without mocks, for three to six sources alike.
+# The goal, set before anything was measured: $C_\ell/C_{\ell,0}$ within 1 % at $5 \leq \ell \leq 200$ and $P/P_0$ within 1 % at $k_\nu > 0.03$, without mocks, for three to six sources.
 
 # %% tags=["hide-input"]
 GOAL = (
@@ -257,21 +253,18 @@ quote(
 )
 
 # %% [markdown]
-# On this sky, with {glue:text}`thresholds_few` sources ({glue:text}`thresholds_paper_n`, as in the paper, for SDecGMCA), the worst band of the goal is off by:
+# Deviation from 1 in the worst band of the goal, on this sky, with {glue:text}`thresholds_few` sources ({glue:text}`thresholds_paper_n`, as in the paper, for SDecGMCA):
 #
 # | SDecGMCA | BeamSubspace | SmoothSpectra | SmoothSpectra, corrected | the same with {glue:text}`thresholds_many` sources |
 # |---|---|---|---|---|
 # | {glue:text}`thresholds_paper` | {glue:text}`thresholds_beam` | {glue:text}`thresholds_cube` | {glue:text}`thresholds_corrected` | {glue:text}`thresholds_more` |
 #
-# - **No cube meets the goal, and none can**: the spectra that the foreground needs hold that much HI, whoever finds them.
-# - **More sources do no harm to SmoothSpectra**: with {glue:text}`thresholds_many` of them SmoothSpectra keeps {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
-#   {glue:text}`thresholds_kept_beam`, SDecGMCA {glue:text}`thresholds_kept_paper`. In the worst band, what is corrected moves by {glue:text}`thresholds_alike` between {glue:text}`thresholds_few` and {glue:text}`thresholds_many`.
-# - **Corrected without mocks** most bands come within the goal. What it rests on is the power of HI at the smallest $k_\nu$, where foregrounds are: it is continued from where HI is all that there is, and an error of that
-#   continuation is one of the correction.
-# - **A ratio near 1 says little by itself.** With {glue:text}`thresholds_fill_n` sources SDecGMCA keeps {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and leaves {glue:text}`thresholds_fill_left` of foreground. The mean $C/C_0$, here
-#   {glue:text}`thresholds_fill_both`, counts both together, so that residual foreground can make up for lost HI.
-#
-# On a cube of one's own:
+# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with that much HI, however they are found.
+# - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace {glue:text}`thresholds_kept_beam`, SDecGMCA
+#   {glue:text}`thresholds_kept_paper`. Its corrected spectrum changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and {glue:text}`thresholds_many` sources.
+# - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
+# - **A ratio near 1 says little.** With {glue:text}`thresholds_fill_n` sources SDecGMCA preserves {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and has a foreground residual of {glue:text}`thresholds_fill_left`; the mean $C/C_0$,
+#   {glue:text}`thresholds_fill_both`, is the sum of the two.
 #
 # ```sh
 # himap clean cube.h5 --method smooth_spectra --beam oscillating -p n_sources=5 -o cleaned.h5
@@ -279,24 +272,21 @@ quote(
 #
 # ## Exercises
 #
-# **1.** A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter take if $S \gg N$, if $S = N$, and if
-# there is nothing but HI and noise?
+# **1.** A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter remove if $S \gg N$, if $S = N$, and if $S = 0$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $S/(S + N)$: nearly all, a half, nothing. Least squares takes all in every case. So to a method with the filter a source too many does no harm, and to
-# one without it costs what it holds of HI.
+# $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so that an excess source costs the HI that it overlaps with.
 #
 # </details>
 #
-# **2.** A method keeps $0.9$ of the power of HI and leaves a foreground of $0.1$ of it. What are $C/C_0$ and the error of the maps?
+# **2.** A method preserves $0.9$ of the power of HI and has a foreground residual of $0.1$ of it. What are $C/C_0$ and the error of the maps?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $C/C_0 = 1$. If what was lost is a projection the mean squared error of the maps is $0.1 + 0.1 = 0.2$ of the power of HI: both parts count, where in
-# the spectrum they cancel.
+# $C/C_0 = 1$. If the loss is a projection, the mean squared error of the maps is $0.1 + 0.1 = 0.2$ of the power of HI.
 #
 # </details>
 #
@@ -305,5 +295,4 @@ quote(
 # ```sh
 # himap run 23_thresholds -p galaxy=templates -p template_dir=maps
 # himap run 23_thresholds -p beam=meerkat_lobes -p 'n_sources=[4, 6]'
-# himap run 23_thresholds -p seed=7
 # ```

@@ -15,23 +15,22 @@
 # ---
 
 # %% [markdown]
-# # Masks inside of the separation
+# # Masks within the separation
 #
 # > - **Read first**: {doc}`12_post_masking`, {doc}`13_dimmed_galaxy`.
 # > - **Time and memory**: {cost}`24_masks`.
 #
-# Foregrounds are bright in the Galactic plane, and HI is wanted everywhere else. The paper leaves the plane out *after* the separation ({doc}`12_post_masking`), asks what a fainter plane would change ({doc}`13_dimmed_galaxy`), and names masks
-# inside of SDecGMCA as future work. And a telescope sees a part of the sky only.
+# Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as future work. Surveys of a part of the sky need
+# them as well.
 #
-# For a method that takes each line of sight as it comes a mask is no question. One that knows the beam transforms whole maps. What it wants on kept pixels $p$ is
+# For methods that clean each line of sight a mask changes nothing. Methods that know the beam transform maps, and on the kept pixels $p$ should solve
 #
 # ```{math}
-# \min_{S} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\ell m} \Big)^2 ,
+# \min_{S} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\ell m} \Big)^2
 # ```
 #
-# with sources that are free outside. An extension of the maps by any $H A s$ costs nothing there; so the few bright maps are continued smoothly over the masked sky, and the method works on the whole of it. The sources that say where $A$ is
-# looked for are weighted down to nothing at the edge, where the continuation is a guess: within reach of the beam, two of its widths. (Conjugate gradients on the sources themselves were tried: foregrounds are brighter than HI by five orders,
-# and they do not get there.)
+# with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. So the few bright maps are continued smoothly over the masked sky, and the method works on the full sky; sources within two beam widths of the edge, where
+# the continuation is uncertain, have low weight in the fit of $A$. (Conjugate gradients on the sources do not converge: the foregrounds are brighter by five orders of magnitude.)
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -78,10 +77,10 @@ plane, north = Region(latitude=latitude), Region(latitude=cap, north=True)
 names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in removers}
 
 # %% [markdown]
-# ## The plane left out
+# ## Without the Galactic plane
 #
-# Four ways, measured on the same pixels, those further from the plane than `latitude` and `margin` together (at the top of this page): the foreground found on the whole sky; the same, without the lines of sight whose error stands out (which needs the truth); the plane dimmed in the sky
-# itself; and the plane left out of the separation.
+# Four ways are compared on the same pixels, further from the plane than `latitude` plus `margin`: no mask; lines of sight with large errors masked afterwards (with the truth); a sky with a dimmed plane; and the plane masked within the separation
+# (*inside*).
 
 # %%
 found = {(one, way): compared(case, one, plane, way, margin) for one in removers for way in WAYS}
@@ -120,10 +119,9 @@ def ratios(results, title):
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
 # %% [markdown]
-# One row for each method. Where the four curves lie together the mask does not matter, as it does for the method that knows the beam in all but *inside*; where
-# *inside* stands out above the others, its edge has left foreground.
+# One row for each method. Where the four curves agree, the mask does not matter. Where *inside* is above the others, there is foreground residual from the edge: this is so for the method that knows the beam with the fewest sources.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power that is left over that of the truth, beyond the Galactic plane, for each method (rows) and way: across the sky (left) and along the line of sight (right). What is off by more than 40 % is not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power of the residual over that of the truth away from the Galactic plane, for each method (rows) and way: angular (left) and frequency (right) power spectrum. Deviations of more than 40 % are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
 
 
@@ -144,7 +142,7 @@ def means(one):
 show_table({f"{names[one]}, {way}": means(result) for (one, way), result in found.items()})
 
 # %% [markdown]
-# ## How far the edge reaches
+# ## The effect of the edge
 
 # %% tags=["hide-input"]
 edges = np.array([0, 1, 2, 4, 6, 8, 12, 16, 24])
@@ -169,16 +167,16 @@ panel = {
 }
 
 # %% [markdown]
-# Solid and dashed lines of a method part near the edge and run side by side further in. How far out they part, against the margin, is what the edge costs.
+# Solid and dashed lines of a method separate near the edge and agree further in; the distance at which they separate, compared with the margin, is the cost of the edge.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "What is wrong with the cleaned maps, by the distance from the edge of the mask, where the plane is left out of the separation (dashed) and where it is not (solid). The grey line is the margin."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). The grey line is the margin."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=case.beam, latitude=latitude)
 
 # %% [markdown]
 # (masks-survey)=
 # ## A tenth of the sky
 #
-# A survey of the northern cap, with nothing known outside. *No mask* is the same pixels of a survey of the whole sky.
+# A survey of the northern cap, with no data outside. *No mask* is the same pixels of a survey of the full sky.
 
 # %%
 survey_of = {
@@ -186,10 +184,9 @@ survey_of = {
 }
 
 # %% [markdown]
-# Solid is what a survey of the whole sky would have in these pixels, dashed what the tenth alone allows. For PCA the dashed curve can be the nearer
-# one: the plane, which cost it components, is not in this survey.
+# Compare solid (full sky) and dashed (this tenth alone). For PCA the dashed curve can be nearer to 1, because the plane, which needs components, is not in this survey.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power that is left over that of the truth within a tenth of the sky, for each method (rows), separated on the whole sky and on that tenth alone."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power of the residual over that of the truth within a tenth of the sky, for each method (rows), separated on the full sky and on that tenth alone."}}
 panels = [
     panel
     for one in removers
@@ -223,22 +220,20 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# How far the worst band of the tables is from the truth, on this sky:
+# Deviation from 1 in the worst band of the tables, on this sky:
 #
 # | | no mask | post-masked | dimmed | inside | a tenth of the sky |
 # |---|---|---|---|---|---|
 # | {glue:text}`masks_first` | {glue:text}`masks_none` | {glue:text}`masks_post` | {glue:text}`masks_dimmed` | {glue:text}`masks_inside` | {glue:text}`masks_survey` |
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | | | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
-# - **To know the beam replaces the mask.** For a method whose model holds the plane too, that is one more place to learn the spectra from: without a mask, masked afterwards and dimmed it does alike. Left out of the separation the plane
-#   costs it some foreground from the edge, which shows at small $k_\nu$ and where the beam ripples, most with the fewest sources.
-# - **A mask helps** where the model does not hold: PCA, to which the plane gives components that the rest of the sky does not need.
-# - **The edge costs a margin**, about two widths of the beam: spectra should begin there.
-# - **A part of the sky can be cleaned by all of them.** Where its edge is long and its interior small, a method without a beam has the least to lose: the table says which is nearer.
-#
-# On a cube of one's own, of the whole sky or a part of it:
+# - **A method that knows the beam needs no mask**: its model describes the plane too. Without a mask, masked afterwards and with a dimmed plane it does equally well. Masking the plane within the separation adds foreground residual from the edge, at small
+#   $k_\nu$ and at the ripple of the beam.
+# - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
+# - **The edge costs a margin** of about two beam widths, where spectra should not be measured.
+# - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least; the table shows which is nearer to the truth.
 #
 # ```sh
 # himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mask mask.fits -o cleaned.h5
@@ -246,31 +241,21 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Which share of the sky is left beyond $|b| = 10°$ and a margin of $4°$?
+# **1.** Which share of the sky lies beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $1 - \sin 14° = 0.76$. The margin alone takes $\sin 14° - \sin 10° = 0.07$ of the sky.
+# $1 - \sin 14° = 0.76$. A cap beyond the latitude $b$ has the share $(1 - \sin b)/2$, so $\sin b = 0.8$ and $b = 53.1°$, the default of `cap`.
 #
 # </details>
 #
-# **2.** From which latitude on does a cap hold a tenth of the sky?
+# **2.** Why is a margin of two beam widths enough?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# A cap beyond the latitude $b$ has the share $(1 - \sin b)/2$ of the sky, so $\sin b = 0.8$ and $b = 53.1°$, the `cap` in the last line of the figure.
-#
-# </details>
-#
-# **3.** Why is a margin of two widths of the beam enough, and why does the rest of the map not suffer?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# What is guessed outside of the mask enters a pixel through the beam only, and two widths away hardly anything of a Gaussian is left: $\exp(-4 \ln 2
-# \cdot 2^2) = 2^{-16}$.
+# The continuation enters a pixel through the beam only, and two widths away a Gaussian has fallen to $\exp(-4 \ln 2 \cdot 2^2) = 2^{-16}$.
 #
 # </details>
 #
@@ -279,5 +264,4 @@ quote(
 # ```sh
 # himap run 24_masks -p galaxy=templates -p template_dir=maps
 # himap run 24_masks -p 'methods=[["smooth_spectra", 4], ["gmca", 5]]'
-# himap run 24_masks -p latitude=20
 # ```

@@ -23,10 +23,10 @@
 # > - **Read first**: {doc}`../book/glossary` for the words; {doc}`10_results`, {doc}`20_transfer_function` and {doc}`22_how_many` for the reasons.
 # > - **Time and memory**: {cost}`25_side_by_side`.
 #
-# The paper's method, principal components, and what this book has added, side by side through the three beams, over many skies, and the answer that follows for data of one's own.
+# The paper's method, PCA, and the methods that this book adds, side by side through the three beams over many skies; the last section recommends one for each kind of data.
 #
-# SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs, which it
-# does not mind ({doc}`23_thresholds`), and GNILC finds its own at each scale ({cite:t}`olivari2016`).
+# SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs ({doc}`23_thresholds`), and
+# GNILC determines its number at each scale ({cite:t}`olivari2016`). Each sky has one restart of SDecGMCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -88,34 +88,30 @@ study = Study(
 
 # %% [markdown]
 # ## One sky
-#
-# The first sky, as every method leaves it. The axis of ratios is even near 1, so that a deviation of 5 % can be seen, and logarithmic far from it; the grey band is 10 %.
 
 # %%
 first = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# Look at the oscillating beam, where the methods part most: PCA with the number of the paper is above the truth, where foreground is left, and the
-# others below it, where HI is lost.
+# The methods differ most through the oscillating beam: PCA with the paper's number has foreground residual (above 1), the others signal loss (below 1). The axis of ratios is linear near 1 and logarithmic far from it; the grey band is 10 %.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of what each method leaves of the first sky, over that of the truth, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
 study.stamped(methods_figure({"": first}, "angular"))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "Frequency power spectrum of the residual of each method over that of the truth, on the first sky: signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near k = 0.31 with too few components."}}
 study.stamped(methods_figure({"": first}, "frequency"))
 
 # %% [markdown]
 # (side-record)=
 # ## Over many skies
 #
-# One sky is an anecdote: at the lowest $\ell$ there are few modes, and what resembles the foreground by chance goes with it. What follows was measured before, on {glue:text}`side_skies` skies with each Galaxy, and stored with the book:
+# At the lowest $\ell$ one sky has few modes, so that what follows is from {glue:text}`side_skies` skies with each Galaxy, measured before and stored with the book:
 #
 # ```sh
 # himap measure methods --preset quick --jobs 2
 # ```
 #
-# and the same once more with `-p galaxy=templates -p template_dir=FOLDER`. A line is the mean over skies; within the shade are two skies in three. These are Figs. 1 and 2 of the paper once more, with what the paper does not have: their
-# spread, and the methods that came after it.
+# and again with `-p galaxy=templates -p template_dir=FOLDER`. These are Figs. 1 and 2 of the paper with the scatter over skies, and with further methods.
 
 # %% tags=["hide-input"]
 GALAXIES = ("synthetic", "templates")
@@ -147,36 +143,35 @@ def in_short(made):
 records = stored(results, "quick")
 
 # %% [markdown]
-# Narrow shades are methods that do the same on every sky. Compare the rows: what changes between them is the Galaxy.
+# Compare the width of the bands: narrow ones are methods that give the same on every sky. Compare the rows for the effect of the Galaxy.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of what each method leaves, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (above) and the real one (below)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom)."}}
 figure_of(records, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "Frequency power spectrum of the residual over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). Below 1 at the lowest wavenumbers is signal loss; a peak near k = 0.31 is the ripple of the beam."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
-# What is below 1 is HI that went with the foreground: every method takes some at the lowest $k_\nu$, where HI is as smooth as the foreground. That loss is the same from sky to sky, so that mocks can tell it
-# ({doc}`20_transfer_function`). The next two figures have the same spectra over the transfer function of {glue:text}`side_mocks` mocks: what was below 1 has come back; what is still above it is foreground, which a transfer function
-# cannot take away.
+# Ratios below 1 are signal loss, for every method largest at the lowest $k_\nu$, where HI is as smooth as the foreground. It varies little from sky to sky, so that mocks can measure it ({doc}`20_transfer_function`). The next two figures have the same spectra
+# divided by the transfer function from {glue:text}`side_mocks` mocks: the loss is corrected, and what remains above 1 is foreground residual, which a transfer function does not remove.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). What remains above 1 is foreground residual."}}
 figure_of(records, "angular", corrected=True)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum over the transfer function, over that of the truth. As in the figures before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). The loss at the lowest wavenumbers is corrected; the peak near k = 0.31 is not."}}
 figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
 # ## In numbers
 #
-# How far the mean over skies is from the truth in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, with the Galaxy where that is more: below 0 power is missing, above it foreground was left.
+# Deviation of the mean over skies from 1 in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, for the Galaxy where it is larger: negative for signal loss, positive for foreground residual.
 
 # %% tags=["hide-input"]
 header, lines = methods_table(tables_of(records))
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% [markdown]
-# The two methods of the paper whose iteration takes long, with a transfer function through the oscillating beam:
+# The two methods of the paper that take long, with a transfer function through the oscillating beam:
 #
 # ```sh
 # himap measure methods --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
@@ -190,28 +185,28 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # (side-larger)=
 # ## With twice the resolution
 #
-# The same at `laptop`, of 128 in $N_\mathrm{side}$ and 250 channels, through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy, with mocks as above:
+# The same at `laptop` (`nside` 128, 250 channels), through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy:
 #
 # ```sh
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$ and at the bump of the ripple: with more pixels and channels there is more of a foreground to find, and the number of components that is enough at `quick` may not be enough here. A mean that lies
-# outside of its shade is drawn there by a few skies on which the method failed.
+# Look at the highest $\ell$ and at the ripple of the beam ($k_\nu \approx 0.3$): with more pixels and channels more of the foreground is detectable, and the number of components that suffices at `quick` may not suffice here. A mean outside its band is due to a
+# few skies on which the method failed.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
 quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of what each method leaves at laptop through the oscillating beam, over that of the truth: mean over skies (lines) and the range of two in three (shades), with the synthetic Galaxy (left) and the real one (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (left) and the real one (right). A line outside its band is due to a few skies on which the method failed."}}
 figure_of(finer, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "The frequency power spectrum, as in the figure before."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (left) and the real one (right). PCA with six components has a peak near k = 0.31 that it does not have at quick."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]
-# In the worst band, as in the table above. SDecGMCA fails, with a mean error of $C_\ell$ of more than 10 % at $10 < \ell < 200$, as {doc}`16_readings` counts it, on {glue:text}`side_larger_failed` of the
-# {glue:text}`side_larger_total` skies of both Galaxies.
+# SDecGMCA fails, with a mean error of $C_\ell$ of more than 10 % at $10 < \ell < 200$, on {glue:text}`side_larger_failed` of the {glue:text}`side_larger_total` skies of both Galaxies, which dominates its mean in this table. {doc}`27_restarts` has how often it
+# fails.
 
 # %% tags=["hide-input"]
 header, lines = methods_table(tables_of(finer))
@@ -282,27 +277,24 @@ quote(
 # (what-to-use)=
 # ## What should I use?
 #
-# From the table above, and from the chapters named; all at `quick`, in the worst band and with the Galaxy where it is more. The number of sources is the one that `himap suggest` names for the method ({doc}`22_how_many`).
+# From the table at `quick`, in the worst band and for the Galaxy where it is larger; through the oscillating beam unless stated. The number of sources is that of `himap suggest`.
 #
-# | what you have | what to use | as it is left | corrected by mocks |
+# | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
-# | maps of one resolution in all channels | PCA, the simplest: with as many sources BeamSubspace leaves the same | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
-# | a beam that is known, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
-# | a beam that changes smoothly and is not known | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
-# | a beam that oscillates with frequency and is not known | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
-# | a known beam, and no wish to hang on the number of sources | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
-# | no number of sources at all | GNILC | {glue:text}`side_gnilc` | – |
+# | maps of one resolution in all channels | PCA, the simplest; BeamSubspace gives the same | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
+# | known beam, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
+# | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
+# | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
+# | known beam, number of sources uncertain | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
+# | number of sources not wanted | GNILC | {glue:text}`side_gnilc` | – |
 # | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | – | – |
 #
-# Where the beam is not said, it is the oscillating one. At `laptop` the number of sources that PCA needs is larger: the six of the table leave {glue:text}`side_larger_unknown` there, corrected. GNILC was not corrected. For comparison: SDecGMCA as in the paper is off by {glue:text}`side_paper` through the oscillating beam and by {glue:text}`side_paper_evolving` through the evolving one, and PCA with the
-# paper's five components by {glue:text}`side_few` through the oscillating one.
-#
-# - **How well is your beam known?** If its width is wrong by 1 %, three sources of BeamSubspace leave {glue:text}`side_wrong_few` of foreground, {glue:text}`side_many` of them {glue:text}`side_wrong_many`
-#   ({doc}`21_beam_errors`). An error that oscillates with frequency has to be far smaller than one of the width. `himap sensitivity` tells it for a cube of your own, without the truth.
-# - **Correct what is lost**, by mocks: no method keeps all of the HI. But a transfer function is for HI that was lost and not for foreground that was left, so that the number of sources comes first.
-# - **A method that knows the beam is not better because it knows it**: through the degraded beam, where there is nothing to know, methods leave much the same.
-#
-# As commands, on a cube of one's own:
+# - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near ({glue:text}`side_unknown`). Through the evolving beam
+#   SDecGMCA is off by {glue:text}`side_paper_evolving`.
+# - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by {glue:text}`side_larger_unknown` after correction.
+# - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of {glue:text}`side_wrong_few` with three sources and {glue:text}`side_wrong_many` with {glue:text}`side_many` ({doc}`21_beam_errors`). `himap sensitivity` measures this for a
+#   cube, without the truth.
+# - **Choose the number of sources before correcting the loss**: the correction does not remove foreground residual.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating
@@ -312,30 +304,27 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Your maps are all of one resolution. Is it worth telling a method the beam?
+# **1.** All maps have the same resolution. Does a method gain from knowing the beam?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# No: through the degraded beam the curves of PCA and BeamSubspace lie on each other. A source has one map in all channels then, which is what PCA
-# assumes.
+# No: through the degraded beam the curves of PCA and BeamSubspace coincide. Each source has the same map in all channels, as PCA assumes.
 #
 # </details>
 #
-# **2.** Your corrected spectrum is above that of the theory at small $k_\nu$ and at one narrow $k_\nu$. What do you suspect, and what do you try first?
+# **2.** A corrected spectrum is above theory at small $k_\nu$ and at one narrow $k_\nu$. What is the likely cause, and what do you try first?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Foreground that was left, by a ripple of the beam with the period $2\pi/k_\nu$: a transfer function does not take it away. Try one source more, and
-# look whether both go together, as they do in {doc}`04_pca`; then ask how well the beam is known ({doc}`21_beam_errors`).
+# Foreground residual from a ripple of the beam with the period $2\pi/k_\nu$. Add one source and see whether both excesses disappear, as in {doc}`04_pca`; then ask how well the beam is known ({doc}`21_beam_errors`).
 #
 # </details>
 #
 # More to run:
 #
 # ```sh
-# himap run 25_side_by_side -p galaxy=templates -p template_dir=maps
 # himap run 25_side_by_side -p 'beams=["meerkat"]' -p 'methods=[["pca", 5], ["beam_subspace", 4]]'
 # himap run 25_side_by_side -p 'methods=[["pca", 5], ["gmca", 5], ["gaussian_process", null]]'
 # ```

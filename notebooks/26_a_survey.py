@@ -20,24 +20,22 @@
 # > - **Read first**: {doc}`17_your_own_cube`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`26_a_survey`.
 #
-# The skies of the other chapters are seen everywhere, equally long, in all channels. A survey has a patch of it, looks at the middle of that longer than at its edge, and loses channels and single voxels to interference. This
-# chapter makes such a survey, about as large as a field of MeerKLASS and in its band ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`), through the beam of MeerKAT, and cleans it by principal components and by polynomials: with weights and flags, with flags alone, and with neither, the
-# gaps filled by straight lines.
-#
-# On the command line the whole chapter is
+# The other chapters have skies that are observed everywhere, equally long, in all channels. A survey observes a patch, its middle longer than its edge, and loses channels and voxels to interference. This chapter simulates one about as large as a field of
+# MeerKLASS, in its band ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`) and through the beam of MeerKAT, and cleans it by PCA and polynomials: with weights and flags, with flags alone, and with neither, where gaps are interpolated linearly. On the command
+# line:
 #
 # ```sh
 # himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
 # ```
 #
-# With weights $w$ the components are those of
+# With weights $w$, 0 in missing voxels, the components minimise
 #
 # ```{math}
-# \min_{m, A, S} \sum_{\nu, p} w_\nu(p) \Big( x_\nu(p) - m_\nu - \sum_j A_{\nu j} S_j(p) \Big)^2 ,
+# \min_{m, A, S} \sum_{\nu, p} w_\nu(p) \Big( x_\nu(p) - m_\nu - \sum_j A_{\nu j} S_j(p) \Big)^2 .
 # ```
 #
-# where a voxel without weight may be anything. Where only pixels have weights that is one eigenproblem; where voxels are missing, the model fills them in turns, until what is left settles ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is fitted by
-# weighted least squares to what there is on a line of sight. What is left in a gap is not told.
+# If only pixels have weights this is one eigenproblem; if voxels are missing, the model fills them iteratively until the residual converges ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is fitted by weighted least squares to the observed voxels
+# of a line of sight. Gaps have no residual.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -86,8 +84,8 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # %% [markdown]
 # ## The survey
 #
-# Dishes scan to and fro at one elevation, while the sky drifts by, rising or setting. A block of observation covers a parallelogram, sheared to one side or to the other, and where many cross there are most hits. Noise falls with their root. Lost are a few
-# channels altogether, bursts in some channels while a part of the sky drifts by, and single voxels. All of it is a formula with a seed (`himap.paper.patch.Patch`).
+# Dishes scan at one elevation while the sky drifts, rising or setting. Each block covers a sheared parallelogram, and hits are most where many overlap; the noise falls with their square root. A few channels are lost completely, others in bursts, and some voxels
+# singly. All of it is a formula with a seed (`himap.paper.patch.Patch`).
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -109,10 +107,10 @@ maps_of_hits = {
     "share of the channels that is lost [%]": shown(100 * flags.mean(axis=0)),
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, the most of them 1 (left), and the share of the channels that is lost on each line of sight (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is lost on each line of sight (right)."}}
 study.stamped(patch_maps(maps_of_hits, field.box, unit=""), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel. Channels at 100 % are lost altogether, and are left out of the cube."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel. Channels at 100 % are left out of the cube."}}
 lost = 100 * flags[:, inside].mean(axis=1)
 panel = {
     "curves": [(study.survey.freqs, lost, {"color": styles.BLUE})],
@@ -141,7 +139,7 @@ show(
 # %% [markdown]
 # ## The files, and the cube
 #
-# Hits are a HEALPix map, one for all channels; flags an array of all voxels. Maps are NaN where nothing was observed; what stands in a voxel that is flagged counts nothing, and here it is bright.
+# Hits are one HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed. Values in flagged voxels are ignored; here they are bright.
 
 # %%
 folder = Path(tempfile.mkdtemp())
@@ -159,7 +157,7 @@ print(*cube.remarks, sep="\n")
 # %% [markdown]
 # ## Cleaning
 #
-# Three ways. *Weights and flags* is the cube as it is. For *flags alone* every voxel that is there counts the same. For *neither* each gap is filled by a straight line between the channels around it, and the cube is cleaned as if that had been observed.
+# *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps are interpolated linearly in frequency and then treated as observed.
 
 # %%
 WAYS = {"weights and flags": "-", "flags alone": "--", "neither": ":"}
@@ -217,13 +215,13 @@ span = {title: (low, high) for title in pictures if title != "before"}
 errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS}
 widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "One channel in the middle of the band: as observed; the truth; and what principal components leave with weights and flags, and with neither, all but the first on one scale of colours. White is not seen."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; and the residual of PCA with weights and flags, and with neither, all but the first on one colour scale. Unobserved pixels are white."}}
 study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
 
 # %% [markdown]
-# Less the truth, on a scale of its own, these are errors: with weights or flags HI and noise that the components took, patch by patch; without, foreground that the lines across the gaps left.
+# The next figure has the errors, residual less truth, on a scale that shows them: with weights or flags HI and noise that the components removed; with neither, foreground residual from the interpolation.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: what is left less the truth, by principal components with weights and flags, with flags alone, and with neither, on one scale, even about 0."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: residual of PCA less the truth, with weights and flags, with flags alone, and with neither, on one colour scale."}}
 study.stamped(
     patch_maps(errors_at, field.box, span=(-widest, widest), diverging=True),
     beam=selected,
@@ -234,7 +232,8 @@ study.stamped(
 # %% [markdown]
 # ## Spectra
 #
-# Pixels count by their hits, and gaps are 0, in the truth as in what is left. There are few modes in such a patch: what a method takes of HI by chance is a larger share than on the whole sky, most at the largest scales.
+# Pixels are weighted by their hits, and gaps are 0, in truth and residual alike. A small patch has few modes, so that by chance a larger share of HI resembles the foreground than on the full sky, most at the largest scales. The first figure is the power of the
+# residual, the second that of the error; compare the three ways in each panel.
 
 # %% tags=["hide-input"]
 power = PatchPower(
@@ -285,10 +284,10 @@ def over_truth(found):
     return {key: {kind: one[kind][1] / true[kind][1] for kind in true} for key, one in found.items()}
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power that is left over that of HI and noise, for each method (rows): across the sky (left) and along the line of sight (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power of the residual over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
 study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of what is left less HI and noise, over that of HI and noise: foreground that is left and HI that is lost together."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise: foreground residual and signal loss together."}}
 panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
 scales = {"xscale": "log", "yscale": "log", "ylim": (0.01, 20)}
 study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selected, patch=patch)
@@ -296,7 +295,7 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # %% [markdown]
 # ## Corrected by mocks
 #
-# Mocks of HI with other seeds, and noise by hits, are put into the cube, through the same gaps, and cleaned with it ({doc}`20_transfer_function`). What comes back of them says how much of the signal each way keeps; the power that is left is divided by that.
+# Mocks of HI with other seeds, and noise by hits, are added to the cube, through the same gaps, and cleaned with it ({doc}`20_transfer_function`). The share that is recovered divides the power of the residual.
 
 # %%
 windows = beams_of(cube, selected)
@@ -316,11 +315,11 @@ corrected = {
     key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "As the figure of what is left, over the transfer function."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "Power of the residual divided by the transfer function, over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
 study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
 
 # %% [markdown]
-# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$), of what is left, of that corrected, and of the error, each over the truth.
+# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$) of the residual, corrected and not, and of the error, each over the truth:
 
 
 # %% tags=["hide-input"]
@@ -379,56 +378,42 @@ quote(
 )
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# Of {glue:text}`survey_pca` on this sky, in shares of the power of HI and noise:
+# For {glue:text}`survey_pca` on this sky, as shares of the power of HI and noise:
 #
-# | | left at small $k_\nu$ | error at large $k_\nu$ | corrected: off in the worst band |
+# | | residual at small $k_\nu$ | error at large $k_\nu$ | corrected: deviation in the worst band |
 # |---|---|---|---|
 # | weights and flags | {glue:text}`survey_weighted_low` | {glue:text}`survey_weighted` | {glue:text}`survey_weighted_corrected` |
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
 # | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
 #
-# - **Gaps must be told.** Of this cube {glue:text}`survey_lost` are missing. A straight line across a gap is off by far more than HI, and each gap has one of its own, so that a few components cannot take it.
-# - **Weights are a choice between noise and signal.** They keep the noise of the edge out of the components. But with weights fewer pixels count, which a component can follow more closely: compare how much HI and noise is lost, and correct for it.
-# - **A small patch loses more** than the whole sky with as many components, and mocks through the same gaps tell how much.
-# - **Fits feel the gaps less**, and weights of pixels not at all: each line of sight is fitted by itself. The {glue:text}`survey_fit` leaves {glue:text}`survey_fit_low` of the power at small $k_\nu$ behind this beam.
-#
-# On a cube of one's own:
+# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across a gap has an error far above HI, different for each gap, which a few components cannot describe.
+# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, but fewer pixels contribute, to which components adapt more closely: compare the signal loss, and correct for it.
+# - **A small patch loses more signal** than the full sky with the same number of components; mocks through the same gaps measure it.
+# - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at small $k_\nu$ through this beam.
 #
 # ```sh
-# himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 -o transfer.html
 # ```
 #
 # ## Exercises
 #
-# **1.** Hits fall by a factor of four from the middle of a patch to its edge. By how much does the noise rise, and how much less does an edge pixel weigh?
+# **1.** Hits fall by a factor of four from the middle of a patch to its edge. By which factors do the noise and the weight change?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Noise falls with the root of the hits: it is twice as large at the edge. Its inverse variance, the weight, is a quarter of that in the middle.
+# The noise falls with the root of the hits, and is twice as large at the edge; its inverse variance, the weight, is a quarter of that in the middle.
 #
 # </details>
 #
-# **2.** Weights that are twice as large in all pixels: what changes?
+# **2.** A channel is flagged completely. Why is it left out, and not filled by the model?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Nothing. The sum of squares has them as a factor, so that its least place is the same; only ratios of weights matter. The same goes for a factor of each channel where there are as
-# many components as foregrounds and no noise; with noise a channel of large weight is followed more closely.
-#
-# </details>
-#
-# **3.** A channel is flagged altogether. Why is it left out, and not filled by the model?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# No line of sight has a value there, so the data say nothing of the components in that channel: any number fits as well as any other. Where some pixels see the channel, they tell the
-# components there, and the others are filled by them.
+# No line of sight constrains the components in that channel, so that any value fits. In a channel that some pixels see, they constrain the components, which fill the others.
 #
 # </details>
 #
