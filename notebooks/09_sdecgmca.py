@@ -15,27 +15,24 @@
 # ---
 
 # %% [markdown]
-# # SDecGMCA: separation that knows the beam
+# # SDecGMCA: source separation with the beam in the model
 #
 # > - **Read first**: {doc}`06_gmca`.
 # > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
 # > - **Time and memory**: {cost}`09_sdecgmca`.
 #
-# PCA, FastICA and GMCA all assume that a source has *one* sky map, seen in every channel with some weight. A beam that changes
-# with frequency breaks this: the same source is blurred differently in each channel, and every bright pixel acquires a
-# spectrum of its own. {cite:t}`gkogkou2025` therefore apply a method that puts the beam into the model, SDecGMCA
-# {cite:p}`carloni2021` (C21 below). In harmonic space a circular beam is one number $\hat H_\nu^\ell$ for each channel and multipole, and
-# the mixture is (the paper's Eq. 21)
+# PCA, FastICA and GMCA assume that a source has the same sky map in every channel. A beam that changes with frequency violates this assumption: each channel smooths the source differently, so that every
+# bright pixel acquires spectral structure. {cite:t}`gkogkou2025` therefore apply SDecGMCA {cite:p}`carloni2021` (C21 below), which has the beam in its model. In harmonic space a circular beam is a factor $\hat H_\nu^\ell$ for each
+# channel and multipole, and the mixture is (the paper's Eq. 21)
 #
 # ```{math}
 # :label: eq-sdecgmca-mixture
 # \hat{\mathbf{X}}^{\ell m} = \mathrm{diag}(\hat H^\ell)\,\mathbf{A}\,\hat{\mathbf{S}}^{\ell m} + \hat{\mathbf{N}}^{\ell m} .
 # ```
 #
-# This notebook goes through the method step by step as the paper has it, runs it on the three beams, looks at what its last step does beyond $\ell = 200$, and
-# asks how far its answer moves when nothing of importance changes. It moves: the iteration is chaotic, so that starts which differ by $10^{-10}$ end in different answers. So each result is that of an
-# *ensemble* of restarts: figures have their median, the band with 16 to 84 % of them, and each of them as a thin line; where only one run can be shown, as in maps, it is the *medoid*, the restart whose residual maps are nearest to those of the others. Its last section has a method of our own for the same model, BeamSubspace.
+# This chapter describes the steps of the method, applies it to the three beams, shows the effect of its last step beyond $\ell = 200$, and measures its sensitivity to the start of the iteration. Starts that differ by $10^{-10}$ give
+# different results ({doc}`27_restarts`), so results here are those of an ensemble of restarts: figures show their median, their 16 to 84 % band and each restart as a thin line, and maps show the {term}`medoid`. The last section compares it with BeamSubspace, a method of this library.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -86,7 +83,7 @@ removers = {each: [sdecgmca_for(each, reading=reading)] for each in beams.values
 removers[selected] = [sdecgmca_for(selected, reading=reading, n_sources=n_sources)]
 study.check(removers)
 remover = removers[selected][0]
-warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is printed with its numbers
+warnings.simplefilter("ignore", SeparationWarning)  # whether a run converged is printed with its numbers
 quote(
     sdecgmca_reading=captions.of_sdecgmca(remover, study.survey.nside),
     sdecgmca_reading_short=captions.in_short(remover, study.survey.nside, n_restarts),
@@ -97,10 +94,9 @@ study.prepare(removers)
 medoid = study.medoid(selected, remover)
 
 # %% [markdown]
-# ## How it works
+# ## The method
 #
-# **The aim** is few and sparse sources that explain the data (the paper's Eq. 22): with $\mathbf{\Phi}$ the starlet wavelets,
-# $\mathcal{F}^{\dagger}$ the way from harmonics to pixels and $\mathbf{\Lambda}$ the thresholds,
+# **Cost function** (the paper's Eq. 22): few and sparse sources that explain the data, with $\mathbf{\Phi}$ the starlet wavelets, $\mathcal{F}^{\dagger}$ the transform from harmonics to pixels and $\mathbf{\Lambda}$ the thresholds,
 #
 # ```{math}
 # :label: eq-sdecgmca-cost
@@ -108,10 +104,9 @@ medoid = study.medoid(selected, remover)
 #   + \sum_{\ell, m} \big\| \hat{\mathbf{X}}^{\ell m} - \mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}^{\ell m} \big\|_2^2 .
 # ```
 #
-# **The start** is a mixing matrix of the principal components of the data, brought to the resolution of the worst channel at every $\ell$: there a source has
-# one map again. Then two updates take turns.
+# **Start.** $\mathbf{A}$ holds the principal components of the data at the lowest resolution. Two updates then alternate.
 #
-# **S from A** is least squares at every $\ell$ with a Tikhonov term (Eq. 23 of the paper, Eq. 21 of C21),
+# **Update of S**: least squares at every $\ell$ with a Tikhonov term (Eq. 23 of the paper, Eq. 21 of C21),
 #
 # ```{math}
 # :label: eq-sdecgmca-sources
@@ -119,8 +114,7 @@ medoid = study.medoid(selected, remover)
 #   \mathbf{A}^{\top} \mathrm{diag}(\hat H^\ell)\, \hat{\mathbf{X}}^{\ell m} ,
 # ```
 #
-# whose $\epsilon$ keeps the inverse finite where the beam leaves too little. In the *warm-up* it follows the matrix, in the *refinement* the spectra of the
-# last sources (strategies 3 and 4, Eqs. 26 and 27 of C21), both times the strength $c$:
+# where $\epsilon$ keeps the inverse finite where the beam is small. In the *warm-up* it depends on $\mathbf{A}$ and the beam, in the *refinement* on the spectra of the last sources (strategies 3 and 4, Eqs. 26 and 27 of C21), both with the strength $c$:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -129,11 +123,10 @@ medoid = study.medoid(selected, remover)
 # \epsilon_{n, \ell} = c\, \frac{C_\ell^\mathrm{noise}}{C_\ell(\hat{\mathbf{S}}_n)} .
 # ```
 #
-# **Thresholds.** The sources go to five starlet scales, where coefficients below three times their noise, by default that of the instrument carried through the inversion, are dropped (the paper
-# says neither the three nor whose noise); of the others a share is kept that grows
-# to $K_\mathrm{max}$ in the warm-up, less their threshold. In the refinement large coefficients have lower thresholds ($\ell_1$ reweighting).
+# **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their noise are set to zero. Of the others the largest are kept, a share that grows to $K_\mathrm{max}$ during the warm-up, and reduced by their threshold. In the
+# refinement large coefficients have lower thresholds ($\ell_1$ reweighting).
 #
-# **A from S** is least squares in every channel over all harmonics; then a column whose sum is negative is turned, negative entries are set to zero, and columns get unit length (Eqs. 14 to 16 of C21):
+# **Update of A**: least squares in every channel over all harmonics, then columns of unit length, and in some readings no negative entries (Eqs. 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -141,9 +134,9 @@ medoid = study.medoid(selected, remover)
 #   \Big( \sum_{\ell m} (\hat H_\nu^\ell)^2\, \hat{\mathbf{S}}^{\ell m} \hat{\mathbf{S}}^{\ell m\,\top} \Big)^{-1} .
 # ```
 #
-# **The end.** Warm-up and refinement end when $\hat{\mathbf{S}}$ hardly changes, as the paper has it, or by count, as the code of C21 has it. The foreground is $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a
-# last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds, found in the maps with their peaks masked and subtracted from those with their peaks (the paper says neither).
-# The paper chooses three parameters by beam (its Table 1):
+# **End.** Each stage ends when $\hat{\mathbf{S}}$ changes by less than a tolerance (the paper), or after a number of iterations (the code of C21). The foreground is $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds.
+#
+# Three parameters depend on the beam (the paper's Table 1):
 
 # %% tags=["hide-input"]
 rows = {
@@ -157,12 +150,10 @@ show(rows)
 # (sdecgmca-reading)=
 # ## What the paper leaves open
 #
-# Some of these steps can be read in more than one way, and what the authors' public code does is not always what the text says. So each choice has a name, and
-# four sets of them are *readings*: the **letter**, with nothing that the text speaks against; the **code** of C21; the **follow-up**, that with what the later code of the paper's first author
-# changes in the inversion; and the **default**, of those that do not fail the nearest to the letter. How that was decided, and what each reading reproduces, is in {doc}`16_readings`. Here: {glue:text}`sdecgmca_reading`.
+# The text can be implemented in more than one way, and the public code of C21 deviates from it in places. Each choice has a name, and a set of choices is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The table has the choices of each. Captions state the reading; in this chapter {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
-head = ["What is to be decided", *READINGS]
+head = ["Choice", *READINGS]
 body = [
     [option.question, *(option.choices[values[name]] for values in READINGS.values())]
     for name, option in OPTIONS.items()
@@ -170,33 +161,30 @@ body = [
 Markdown("\n".join(Table(head, body).markdown()))
 
 # %% [markdown]
-# ## What is removed
+# ## The foreground model
 #
-# Spectra and maps of the medoid of the restarts; another one has other columns, as the figures of what is left show.
-# The columns fall with frequency and are nearly parallel, and the sources have both signs and cancel in part, as those of
-# GMCA do. The last source is the faintest by far; what it follows decides what becomes of HI.
+# The columns of $\mathbf{A}$ fall with frequency and are nearly parallel; the sources have both signs and partly cancel, as those of GMCA do. The faintest source decides how much HI is lost: look for a column with structure from channel to channel.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "The spectra that SDecGMCA removes, of the medoid of its restarts: columns of the mixing matrix against frequency. Smooth columns can be foreground; one with structure from channel to channel follows HI and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts) against frequency. A smooth column can be foreground; a column with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources that go with these spectra, mK. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours span the central 96 % of the pixels."}}
 sources_figure(study, selected, medoid)
 
 # %% [markdown]
-# ## What is left
+# ## The residual
 #
-# Ratios are those to the truth, HI plus noise, with all its multipoles; of a reading that ends at some $\ell$ the maps are compared with the truth up to there.
+# In the maps, foreground residual would show as a ridge in the difference along the Galactic plane.
 #
-# In the maps look along the plane, where foreground would stand out of the difference. In the spectra look on which side of 1 the ratio is: the paper
-# has an excess at low $\ell$ and low $k_\nu$ through the oscillating beam, and a small peak at the ripple. Then look at the band: what restarts do not agree on is no result.
+# In the spectra, compare the median with 1, and then the width of the band: what restarts disagree on is no result. With the oscillating beam the paper has an excess at low $\ell$ and low $k_\nu$, and a small peak at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "One channel in the middle of the band: observed, cleaned by SDecGMCA (the medoid of its restarts), the truth (HI plus noise), and what is wrong. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and truth; the difference is white where nothing is wrong."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, the same for recovered and truth; the difference is white at zero."}}
 channel_figure(study, selected, medoid)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum after SDecGMCA for the three beams, with the numbers of sources of the paper, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend says how many failed, for the three beams in turn. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, with the paper's numbers of sources, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives how many restarts failed, for each beam. The grey band is 10 %. (SDecGMCA's part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum after SDecGMCA for the three beams, and its ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend says how many failed, for the three beams in turn. The grey band is 10 %. (SDecGMCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives how many restarts failed, for each beam. The grey band is 10 %. (SDecGMCA's part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -206,22 +194,19 @@ for each, methods in removers.items():
     results = [study.assessed(each, member) for member in study.members(methods[0])]
     numbers[f"{each}: failed"] = over_restarts(remover, failed)
     numbers[f"{each}: iterations"] = over_restarts(remover, [(one.n_iterations, 1) for one in results])
-    settled = ["yes" if one.converged else "no" for one in results]
-    numbers[f"{each}: settled"] = over_restarts(remover, settled)
+    converged = ["yes" if one.converged else "no" for one in results]
+    numbers[f"{each}: converged"] = over_restarts(remover, converged)
 show(numbers)
 
 # %% [markdown]
-# ## The last step, and what lies beyond
+# ## Beyond the last multipole
 #
-# The paper inverts the beam up to $\ell = 200$ and cuts its curves there. What does the method take away beyond? Its text does not say what maps and $P(k)$ hold there, and three answers have names: with
-# `beyond="cut"` nothing is estimated there and the residual ends, so that it lacks what the truth has beyond; with `"regularised"`
-# {eq}`eq-sdecgmca-sources` goes on to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it goes on without. Up to the end all three are the same
-# $\mathbf{A}$ and the same $\hat{\mathbf{S}}$.
+# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there. It does not say what the maps and $P(k_\nu)$ contain beyond. Three options share the same $\mathbf{A}$ and $\hat{\mathbf{S}}$ up to the end: with `beyond="cut"` nothing is estimated there and the residual lacks that power; with
+# `"regularised"` {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it is continued without.
 #
-# Up to the dotted line there is one curve. Beyond it look at “regularised”: the paper's spurious peak beyond $\ell = 200$ is what an $\epsilon$ above
-# zero makes of the highest multipoles.
+# The curves coincide up to the dotted line. Beyond it compare “regularised” with 1: an excess there is the paper's spurious peak.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of the spectra to the truth for three answers to what happens beyond the last multipole of the inversion (dotted): frequency (left) and angular (right). Medians and bands of the restarts, which have the same mixing matrices in all three; the reading is that of the figures above. The axes of ratios are logarithmic. Beyond 2 nside (dotted as well) the pixels hold maps badly."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of recovered to true spectra for three treatments of the multipoles beyond the last one of the inversion (dotted): frequency (left) and angular (right) power spectrum. Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},
@@ -262,8 +247,7 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# Where $\epsilon$ is at work, the foreground is too small, and what is left too large: this is the paper's explanation of a peak beyond $\ell = 200$. The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in
-# this reading ([readings](sdecgmca-reading)); strategy 3, which the paper takes for the warm-up, may have none at these multipoles. The first at which it is above zero, of those looked at, with $c$ of Table 1 and the $\mathbf{A}$ of each restart (– if it is zero at all of them):
+# The paper explains the peak by $\epsilon$: it biases the foreground low and the residual high (exercise 2). The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in this reading. Strategy 3, which the paper uses in the warm-up, gives the following first multipole with $\epsilon > 0$, with $c$ of Table 1 and the $\mathbf{A}$ of each restart (–: none):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -275,16 +259,14 @@ for each, methods in removers.items():
         mixing = study.assessed(each, member).mixing
         epsilon = problem.epsilon_of_matrices(mixing, table_1(each)["regularisation"])[:, 0]
         onsets.append(f"l = {np.flatnonzero(epsilon)[0]}" if epsilon.any() else "–")
-    name = f"{each}: first l to {len(epsilon) - 1} with an epsilon above zero"
+    name = f"{each}: first l up to {len(epsilon) - 1} with epsilon > 0"
     numbers[name] = over_restarts(remover, onsets)
 show(numbers)
 
 # %% [markdown]
-# ## How far to trust it
+# ## Sensitivity to the start
 #
-# An answer that changes when nothing of importance changes is no answer. So we change what should not matter. Of SDecGMCA that is the start of $\mathbf{A}$, by $10^{-10}$: on the left the restarts in the reading of this
-# notebook, in the middle in another one. BeamSubspace settles from any start; on the right it is given a noise level 0.1 % too low and too high. To see it on the real Galaxy run this
-# notebook with `galaxy=templates`; {doc}`16_readings` has every reading on it, on more than one sky.
+# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter. The left panel has the restarts in the reading of this chapter, the middle one those in another reading. BeamSubspace converges from any start; the right panel has it with a noise level 0.1 % lower and higher.
 
 # %% tags=["hide-input"]
 other = "letter" if reading != "letter" else "default"
@@ -302,9 +284,9 @@ runs["BeamSubspace"] = [
 ]
 
 # %% [markdown]
-# Where curves lie on each other nothing depends on the start, or on the noise level. Where they part, each of them is one of many answers.
+# Where the curves of a panel coincide the result does not depend on the start or on the noise level; where they differ, each is one of many possible results.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 when what should not matter is changed, each run a thin line, with their median and 16 to 84 % band. Left: restarts of SDecGMCA in the reading of this notebook. Middle: in another one. Right: BeamSubspace with three noise levels that differ by 0.1 %. Titles name the readings. A panel whose curves leave 0.4 to 1.6 has a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter, each run a thin line, with their median and 16 to 84 % band. Left: restarts of SDecGMCA in the reading of this chapter. Middle: in another reading. Right: BeamSubspace with three noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
 panels = []
 for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE, styles.INDIGO), strict=True):
     drawn = np.array([one.angular_ratio for one in results])
@@ -317,8 +299,7 @@ for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE,
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
-# In numbers: means of both ratios over bands, the median, of restarts with the 16 to 84 %, and the lowest and highest of the runs. Another rounding moves the iteration of SDecGMCA as another start does: with another processor each run is
-# another one, and nothing compares them ([conventions](../book/conventions.md)).
+# Means of both ratios over bands (median, 16 to 84 %, and range of the runs). Rounding acts like a restart, so another processor gives other values ([conventions](../book/conventions.md)).
 
 # %% tags=["hide-input"]
 rows, worst = {}, {}
@@ -351,29 +332,24 @@ quote(
 )
 
 # %% [markdown]
-# At the multipole where it moves most, the highest C/C0 of the left panel is {glue:text}`sdecgmca_moves` times the lowest, that of the reading “{glue:text}`sdecgmca_other`”
-# {glue:text}`sdecgmca_other_moves` times, and that of BeamSubspace {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts {glue:text}`sdecgmca_failed` failed in the reading of this notebook and
-# {glue:text}`sdecgmca_other_failed` in the other. There are two sides to it. Runs that scatter little can be further from the truth than others that
-# scatter much: compare the medians, not only the bands. And a run that is right says nothing of a method that fails from the next start: a result of SDecGMCA is
-# worth reporting with its scatter, as {doc}`15_claims` and {doc}`16_readings` do.
+# At the most sensitive multipole the highest $C/C_0$ of the left panel is {glue:text}`sdecgmca_moves` times the lowest; in the reading “{glue:text}`sdecgmca_other`” it is {glue:text}`sdecgmca_other_moves` times, for BeamSubspace {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
+# {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in the other; so few do not measure the probability of failure, which is in {ref}`restarts-failures`. Stability is not accuracy: compare the medians with 1 too.
 #
-# ## Another method for the same model: BeamSubspace
+# ## BeamSubspace
 #
-# SDecGMCA fits $\mathbf{A}$ to the data with sources of which the thresholds have taken something. The largest sources are many times brighter than HI, and cancel each other to that precision in every channel; what
-# is cut from one of them stays in the data, blurred differently by each beam, and $\mathbf{A}$ bends to describe it. BeamSubspace, which is ours and not the paper's,
-# has the same mixture, a start of the same kind and thresholds on the same starlets. It has no constraint on signs and no $\epsilon$, takes the beam over that of the best channel, and subtracts the *whole* sources before it asks what is left for $\mathbf{A}$:
+# SDecGMCA fits $\mathbf{A}$ to thresholded sources. The brightest sources exceed HI by orders of magnitude and cancel to that precision in every channel; what a threshold removes from them remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace, which is not in the paper, has the same mixture and
+# start, no constraint on signs and no $\epsilon$. It estimates the mixing matrix from the residual of the sources before thresholds:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction
 # \sum_{\ell m} \hat H_\nu^\ell \left( \hat X_\nu^{\ell m} - \hat H_\nu^\ell\, \mathbf{A}_\nu \hat{\mathbf{S}}^{\ell m} \right) \hat{\mathbf{T}}^{\ell m\,\top} = 0 ,
 # ```
 #
-# with $\hat{\mathbf{T}}$ the thresholded sources, which only choose *where* to look. Without noise the true $\mathbf{A}$ solves it whatever the thresholds leave out. Its foreground is the projection on the
-# space of the blurred spectra at every $\ell$, without $\epsilon$ and without an end. It stands beside SDecGMCA, never in its place.
+# where the thresholded sources $\hat{\mathbf{T}}$ are only weights. Without noise the true $\mathbf{A}$ is a solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$. It complements SDecGMCA here and does not replace it.
 #
-# The two lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$, and at the ripple.
+# The two methods lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$ and at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum after SDecGMCA and after BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum recovered by SDecGMCA and by BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
 ensembles = {method: study.ensemble(selected, method) for method in pair}
 curves = [
@@ -382,55 +358,40 @@ curves = [
 both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - SDecGMCA puts the beam into the mixture, and finds sources and spectra in turns: sparse sources, least squares, an $\epsilon$ where the beam leaves too little.
-# - The text leaves choices; each has a name here, and wherever a result of SDecGMCA is shown the reading is said.
-# - The inversion ends at some $\ell$. What happens beyond is a choice, and the figure shows what depends on it.
-# - It trusts its beam, and its iteration is chaotic: one run is one draw. Report an ensemble, and how many of it failed.
+# - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
+# - The text leaves choices; captions state the reading. The treatment beyond the last multipole alone changes $P(k_\nu)$.
+# - The iteration is chaotic: quote results with their scatter over restarts, and the number that failed.
 #
 # ## Exercises
 #
-# **1.** Is the method better off with fewer sources through the oscillating beam?
+# **1.** Run the method with three sources through the oscillating beam. Is it more accurate?
 #
 # ```sh
-# himap run 09_sdecgmca -p n_sources=3                       # fewer sources, through the oscillating beam
+# himap run 09_sdecgmca -p n_sources=3
 # ```
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# At low $\ell$ and at the smallest $k_\nu$ it is nearer to 1, for fewer sources take less HI, where they hold the foreground. Look at how many restarts fail and at the width of the band: a median between runs that fail and runs that do not is not yet a result.
+# At low $\ell$ and the smallest $k_\nu$ the ratio is nearer to 1 where restarts do not fail, since fewer sources remove less HI. Compare how many fail, and the width of the band, with those for five.
 #
 # </details>
 #
-# **2.** Take the reading of the public code. What changes through which beam?
-#
-# ```sh
-# himap run 09_sdecgmca -p reading=code                      # the public code of C21
-# ```
+# **2.** With one source and a beam of $0.05$ in all channels, what is $\epsilon_\ell$ of strategy 3 for $c = 0.01$, and which share of the foreground is recovered?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Through the degraded beam little. Through the oscillating beam it is another answer, and how much foreground it leaves depends on the start.
-#
-# </details>
-#
-# **3.** One source, and at some $\ell$ the beam is $0.05$ in all channels. What is $\epsilon_\ell$ of strategy 3 with $c = 0.01$, and which share of
-# the foreground is found?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# With one column of unit length $\mathbf{A}^{\top} \mathrm{diag}(\hat H)^2 \mathbf{A} = 0.0025$, so $\epsilon = 0.01 - 0.0025 = 0.0075$.
-# {eq}`eq-sdecgmca-sources` then finds $0.0025 / (0.0025 + 0.0075) = 1/4$ of the source: three quarters of the foreground stay in the maps. This is how
-# a peak beyond the last multipole comes about.
+# With a column of unit length $\mathbf{A}^{\top} \mathrm{diag}(\hat H)^2 \mathbf{A} = 0.0025$, so $\epsilon = 0.01 - 0.0025 = 0.0075$. {eq}`eq-sdecgmca-sources` recovers $0.0025 / (0.0025 + 0.0075) = 1/4$ of the source: three quarters of the
+# foreground remain in the residual.
 #
 # </details>
 #
 # More to run:
 #
 # ```sh
+# himap run 09_sdecgmca -p reading=code                            # the steps of the public code
 # himap run 09_sdecgmca -p galaxy=templates -p template_dir=maps   # the real Galaxy
 # ```

@@ -2,8 +2,6 @@
 # jupyter:
 #   himap:
 #     figures: ["3", "4"]
-#     reads:
-#     - book/results/claims_laptop.json
 #     section: "4.3"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -17,16 +15,14 @@
 # ---
 
 # %% [markdown]
-# # How many sources?
+# # The number of sources
 #
 # > - **Read first**: {doc}`10_results`.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
-# Every component method asks its user for one number before it starts: $n_s$, how many spectra it may take out of the maps. Too few leave
-# foreground, too many take HI. {cite:t}`gkogkou2025` try 2 to 20 with SDecGMCA on the oscillating beam, compare both spectra with the truth, and
-# choose 5. This notebook repeats the scan, together with that of a method which does not know the beam, and asks how much of the answer
-# depends on what is called an error, and how much on the start of an iteration that is chaotic ({doc}`09_sdecgmca`): each number of sources has several restarts. {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
+# A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps. Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats the scan,
+# adds a method without knowledge of the beam, and tests how sensitive the optimum is to the definition of the error and to the start of SDecGMCA, which is chaotic ({doc}`27_restarts`): each $n_s$ has several restarts. {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -50,11 +46,8 @@ import warnings
 from dataclasses import fields
 
 import numpy as np
-from IPython.display import Markdown
 
 from himap import removal
-from himap.app.stored import read_ledger
-from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
@@ -109,7 +102,7 @@ def remover(name, n):
 
 removers = {selected: [remover(name, n) for name in methods for n in scanned]}
 study.check(removers)
-warnings.simplefilter("ignore", SeparationWarning)  # which runs did not settle is listed at the end
+warnings.simplefilter("ignore", SeparationWarning)  # which runs did not converge is listed at the end
 stated = {"reading": reading} if "sdecgmca" in methods else {}  # in the lines under the figures
 quote(
     scan_reading=captions.in_short(sdecgmca_for(selected, reading=reading), study.survey.nside, n_restarts)
@@ -120,8 +113,7 @@ quote(
 # %% [markdown]
 # ## The scan
 #
-# Numbers beyond 8 are tried at 10, 15 and 20 only. Every run is one cleaning of the same maps, {doc}`with their peaks masked <03_peak_masking>`, and one pair of spectra. The runs know nothing of each
-# other: `--jobs` says how many are made at a time, and one that was made before, here or in another notebook, is not made again.
+# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps, {doc}`with their peaks masked <03_peak_masking>`.
 
 # %%
 study.prepare(removers)
@@ -132,11 +124,9 @@ comparisons = {  # of all restarts
 }
 
 # %% [markdown]
-# ## One number for two spectra
+# ## The total error
 #
-# The paper's Fig. 3 shows a *total MSE* over both spectra. How the mean squared error of a $C_\ell$ in mK$^2$ and that of a $P(k_\nu)$ in
-# mK$^2$ MHz become one number it does not say. Each must lose its unit first. With $S$ the spectrum of what is left, $S^0$
-# that of the truth, and $i$ running over the $\ell$ of the one or the $k_\nu$ of the other, there are three ways that come to mind:
+# The paper's Fig. 3 shows a *total MSE* of both spectra, but does not define how the errors of a $C_\ell$ in mK$^2$ and of a $P(k_\nu)$ in mK$^2$ MHz are combined. With $S$ the recovered spectrum, $S^0$ the true one, and $i$ over $\ell$ or $k_\nu$, three dimensionless definitions are
 #
 # ```{math}
 # :label: eq-scan-mse
@@ -147,10 +137,8 @@ comparisons = {  # of all restarts
 # \end{aligned}
 # ```
 #
-# The total is that of $C_\ell$, averaged over channels, for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$, plus that of $P(k_\nu)$ at all $k_\nu > 0$.
-# The first weighs all scales alike and an excess more than a loss, which cannot exceed 1. The second weighs a factor of two the same
-# in both directions. The third hears mostly where the spectra are highest: low $\ell$ and low $k_\nu$. The parameter `definition` chooses; the default is
-# the first, because the paper reads its spectra by their ratios.
+# The total is that of the channel-averaged $C_\ell$ for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$ plus that of $P(k_\nu)$ for $k_\nu > 0$. The first is dominated by foreground residual, since a loss cannot exceed 1; the second is symmetric in excess and loss; the third is dominated by low $\ell$ and low $k_\nu$, where the spectra are
+# largest. The default (parameter `definition`) is the first, since the paper discusses ratios.
 
 # %% tags=["hide-input"]
 LMAX = 200
@@ -198,7 +186,7 @@ def scan_panel(definition):
         curves.append((scanned, curve(values), style | {"label": label}))
         median = np.median(values, axis=0)
         mark = {"color": style["color"], "marker": "o" if name == method else "s", "markersize": 9}
-        mark |= {"label": f"least at $n_s$ = {best(values)}", "markeredgecolor": "black"}
+        mark |= {"label": f"minimum at $n_s$ = {best(values)}", "markeredgecolor": "black"}
         points.append(([best(values)], [median.min()], mark))
     low = min(values.min() for _, values, _ in curves)
     return axis | {"curves": curves, "points": points, "yscale": "log", "ylim": (0.3 * low, 1e4 * low)}
@@ -221,18 +209,21 @@ def bare(curves):
     return [(x, y, {key: value for key, value in style.items() if key != "label"}) for x, y, style in curves]
 
 
-detail = whole | {"curves": bare(whole["curves"]), "points": bare(whole["points"]), "title": "near the least"}
+detail = whole | {
+    "curves": bare(whole["curves"]),
+    "points": bare(whole["points"]),
+    "title": "near the minimum",
+}
 detail["ylim"] = (
     0.7 * parts.min(),
     1e3 * min(values.min() for _, values, _ in whole["curves"][: len(methods)]),
 )
-whole = whole | {"ylim": None, "title": "all of it"}
+whole = whole | {"ylim": None, "title": "full range"}
 
 # %% [markdown]
-# Follow one curve from left to right. It falls while foreground is left and rises once further sources take HI; the mark is where the total is least. A total cannot see foreground that
-# fills HI that was taken ({doc}`23_thresholds`): compare the mean $r$ in the table at the end. Where the band of SDecGMCA is wide or a member leaves it, the start decides, and two neighbours whose bands overlap are not told apart.
+# From left to right, each curve falls while foreground residual dominates and rises as further sources remove HI. Where the bands of two neighbouring $n_s$ overlap, the restarts do not separate them. Foreground residual that compensates lost HI does not show in this error ({doc}`23_thresholds`); compare the mean $r$ in the last table.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources (the paper's Fig. 3), and where it is least. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). The dashed and dotted lines are what each spectrum adds to the thick one, of restarts the median. Right: the same near the least, on an axis that ends at a thousand times that."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: contributions of the two spectra to the thick line, medians of the restarts. Right: the same near the minimum."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -254,7 +245,7 @@ def times_least(values):
 def best_of(values, name):
     """The number with the least median, and those of single restarts where these are others."""
     numbers = sorted({best(one) for one in values})
-    others = f" (of single restarts {' and '.join(map(str, numbers))})" if len(numbers) > 1 else ""
+    others = f" (single restarts: {' and '.join(map(str, numbers))})" if len(numbers) > 1 else ""
     if not has_restarts(remover(name, first)):
         return best(values), 1
     return over_restarts(remover(name, first), [f"{best(values)}{others}"])
@@ -277,28 +268,24 @@ quote(
 )
 
 # %% [markdown]
-# The paper's figure has a cliff at few sources, a slope at many, and its minimum at 5. Here the first method has its minimum at {glue:text}`scan_best`; its error with 5 sources is {glue:text}`scan_five`
-# times that, with 2 sources it is {glue:text}`scan_two` times, and from 10 on at least {glue:text}`scan_ten` times. The second method has its minimum at {glue:text}`scan_best_beside`.
-# The first fails altogether, with a total above 1, with {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. (Of SDecGMCA these are medians over its restarts; in brackets their 16 to 84 %.)
-# Do the other definitions find the same?
+# In the paper the error falls steeply to its minimum at 5 and rises slowly beyond. Here the first method has its minimum at {glue:text}`scan_best` sources. Relative to it, the error is {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and at least {glue:text}`scan_ten` times from 10 on (SDecGMCA: medians of the
+# restarts, with their 16 to 84 %). The total exceeds 1 for {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. The second method has its minimum at {glue:text}`scan_best_beside`.
 #
-# Compare the marks with those above: a minimum that moves with the definition belongs to the definition, one that stays belongs to the method.
+# The next figure compares the minima for the other two definitions.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE by the two definitions that the figure above does not use, near the least; curves are cut off at the top."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum; curves are cut off at the top."}}
 panels = [
     scan_panel(other) | {"ylabel": f"total MSE, {other}"} for other in MSE_DEFINITIONS if other != definition
 ]
 study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 
 # %% [markdown]
-# ## The spectra behind it
+# ## The spectra
 #
-# The same runs with both spectra, a curve for each number of sources. Look which lie above the truth, where foreground is left, which below, where HI
-# is lost, and whether their order is the same on all scales. In the paper the order differs: few sources are best at low $k_\nu$, more at intermediate
-# $\ell$.
+# For each $n_s$, ratios above 1 are foreground residual and ratios below 1 are lost HI. Look whether the order of the curves is the same on all scales: in the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra after the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend says how many failed. The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend gives how many failed. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond."}}
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]
@@ -311,10 +298,9 @@ curves = [(look, comparisons[method][n]) for look, n in zip(lines, drawn, strict
 both_figure(study, selected, curves, method=method, **stated)
 
 # %% [markdown]
-# ## Which number is best, and for what
+# ## The optimum by scale
 #
-# By each definition of the total, and by scale as in the paper's Sect. 4.3: the mean of $|P/P^0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P^0 - 1|$ at the
-# highest point of the bump near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the mean of $|C/C^0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
+# The table has the best $n_s$ for each definition of the total, and by scale as in the paper's Sect. 4.3: mean $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P_0 - 1|$ at the top of the bump near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, and mean $|C/C_0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
 
 # %% tags=["hide-input"]
 measures = {
@@ -360,19 +346,16 @@ quote(
 )
 
 # %% [markdown]
-# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 for intermediate $\ell$. Here the first method has {glue:text}`scan_best_low` at low $k_\nu$, {glue:text}`scan_best_bump` for the bump and
-# {glue:text}`scan_best_intermediate` for intermediate $\ell$. Where a neighbour is nearly as good, the best number can move by one; for SDecGMCA brackets have what its restarts find.
+# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$; here the first method has {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and {glue:text}`scan_best_intermediate`. Neighbouring values can be nearly as good.
 #
-# ## What too few leave and too many take
+# ## Excess and loss
 #
-# The relative error can be split by the sign of $S_i - S_i^0$: an *excess*, which is foreground, and a *loss*, which is HI and noise that was taken for
-# foreground. (Where both happen at one $i$ only their difference shows.) Signal is lost with every source: a source is one number for each direction of the
-# sky or each $(\ell, m)$ where there were $N_\nu$, so that about $1/N_\nu$ of a signal without correlation goes with it, and more of C/C0, for HI at low $\ell$ correlates between channels.
+# The relative error is the sum of an *excess* ($S_i > S_i^0$: foreground residual) and a *loss* ($S_i < S_i^0$: HI and noise removed with the foreground); only their net effect shows at each $i$. Every source removes signal: one of $N_\nu$ numbers for each direction or $(\ell, m)$, hence a share of about $1/N_\nu$ of a signal
+# without correlation between channels, and more of HI, which is correlated between channels at low $\ell$.
 #
-# On the left the excess falls off a cliff and the loss creeps up: their sum is the curve of the first figure. On the right the losses lie near a
-# straight line, one part in the number of channels for each source; those of C/C0 fall faster.
+# In the left panel the excess falls steeply and the loss grows slowly with $n_s$. In the right panel $P/P_0$ follows the dotted line, and $C/C_0$ falls faster.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: the total relative MSE as the sum of a part where the spectra are too high and one where they are too low; the axis cuts both off. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean of P/P0 at all k and of C/C0 at the l of the total, for numbers of sources that leave no excess (in the median); the dotted line loses one part in the number of channels for each source. Parts that are zero are not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 over all k and mean C/C0 over the l of the total, for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source. Parts that are zero are not drawn."}}
 
 
 def part(name, sign):
@@ -423,7 +406,7 @@ panels = [
 study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 
 # %% [markdown]
-# In numbers, for the first method:
+# The same for the first method, with the mean Pearson $r$ ({doc}`14_diagnostics`):
 
 # %% tags=["hide-input"]
 rows = {}
@@ -447,10 +430,10 @@ for n, excesses, losses in zip(scanned, part(method, 1).T, part(method, -1).T, s
 show_table(rows, columns=3)
 
 # %% [markdown]
-# With which numbers of sources a run, or one of the restarts, says that it did not settle:
+# Numbers of sources for which a run, or one of its restarts, did not converge:
 
 # %% tags=["hide-input"]
-unsettled = {}
+unconverged = {}
 for name in methods:
     those = [
         f"{n}"
@@ -459,52 +442,41 @@ for name in methods:
     ]
     which = f"all {len(those)}" if len(those) == len(scanned) > 1 else f"n_s = {', '.join(those)}"
     said = [which if those else "none"]
-    unsettled[looks[name]["label"]] = over_restarts(remover(name, first), said)
-show(unsettled)
+    unconverged[looks[name]["label"]] = over_restarts(remover(name, first), said)
+show(unconverged)
 
 # %% [markdown]
-# ## Over several skies, on the real Galaxy
+# ## What follows
 #
-# This is one sky, and few restarts of an iteration that is chaotic. The ledger has what the paper says of the scan, judged on the real Galaxy; {doc}`15_claims` has the words of
-# each row, {doc}`18_paper_size` the paper's own size, and {doc}`16_readings` the other readings.
-
-# %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger()], of_chapter("11_ns_scan")))
-
-# %% [markdown]
-# ## What to take away
-#
-# - The method needs a choice, and the truth is needed to find the best one. Here the total error is least at {glue:text}`scan_best` sources, by the chosen definition, with the preset and the Galaxy of this page.
-# - What one choice too few and one too many cost is in the first figure; where it is lost, in the split of the error.
-# - A method that does not know the beam must describe with spectra what the beam adds. With {glue:text}`scan_best_beside` of them the error of the second method is {glue:text}`scan_beside_over_best` times
-#   the least of the first.
-# - Where no foreground is left, loss is nearly a matter of counting: about one part in the number of channels for each source, more at low $k_\nu$ and low $\ell$.
+# - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria that do without.
+# - A method without knowledge of the beam needs more sources to describe its effect: with {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times the minimum of the first.
+# - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$ and low $\ell$.
+# - These are results for one sky. {doc}`15_claims` judges N1 to N5 on the real Galaxy, {doc}`18_paper_size` at the paper's size, {doc}`16_readings` in other readings.
 #
 # ## Exercises
 #
-# **1.** Which of the three definitions punishes $S = 10\,S^0$ more than $S = 0.1\,S^0$?
+# **1.** Which of the three definitions weights $S = 10\,S^0$ more than $S = 0.1\,S^0$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$. Absolute: the same ratio, at each $i$ by itself. Logarithmic: $\ln^2 10$ for both. So a
-# total of relative errors is ruled by foreground that is left, and hardly sees HI that is lost.
+# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$; absolute: the same ratio at each $i$; logarithmic: $\ln^2 10$ for both. A relative total is dominated by foreground residual and nearly insensitive to lost HI.
 #
 # </details>
 #
-# **2.** Which share of a signal without correlation between channels do five sources take here, and with twice the channels?
+# **2.** Which share of a signal without correlation between channels do five sources remove here, and with twice the channels?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# With 125 channels $5/125 = 0.04$, with 250 half of that. HI does correlate between channels, the more so the lower $\ell$ is, and loses more.
+# With 125 channels $5/125 = 0.04$, with 250 half of that. HI is correlated between channels, the more so at low $\ell$, and loses more.
 #
 # </details>
 #
 # More to run:
 #
 # ```sh
-# himap run 11_ns_scan -p reading=letter -p n_sources_max=10    # another reading of the paper on SDecGMCA
-# himap run 11_ns_scan -p beside=beam_subspace                  # another method that knows the beam
-# himap run 11_ns_scan -p n_channels=250 -p n_sources_max=10    # twice the channels, half the price of a source
+# himap run 11_ns_scan -p reading=letter -p n_sources_max=10    # another reading of SDecGMCA
+# himap run 11_ns_scan -p beside=beam_subspace                  # another method with the beam in its model
+# himap run 11_ns_scan -p n_channels=250 -p n_sources_max=10    # twice the channels
 # ```

@@ -2,8 +2,6 @@
 # jupyter:
 #   himap:
 #     figures: ["7"]
-#     reads:
-#     - book/results/claims_laptop.json
 #     section: "5.2"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -20,12 +18,10 @@
 # # A dimmed Galaxy
 #
 # > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
 # > - **Time and memory**: {cost}`13_dimmed_galaxy`.
 #
-# Leaving out lines of sight after the cleaning ({doc}`12_post_masking`) does not help the cleaning itself, which has seen them. A mask before it
-# would, but a hole in the maps cannot be handled in harmonic space by SDecGMCA. {cite:t}`gkogkou2025` therefore make the Galactic plane fainter: the
-# foregrounds of every channel are multiplied by a weight that depends on latitude, before the beam and the noise,
+# SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation. {cite:t}`gkogkou2025` emulate such a mask: they multiply the foregrounds of every channel, before beam and noise, by a weight that depends on latitude,
 #
 # ```{math}
 # :label: eq-dimming
@@ -33,11 +29,10 @@
 # g(b) = \exp\!\left( -\frac{b^2}{2 \sigma^2} \right) ,
 # ```
 #
-# for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$ and $b_\mathrm{edge} = 15°$, and calls the shape Gaussian; its width it does
-# not say. Here it is $\sigma = b_\mathrm{edge} / 3$, and the two subtractions make the ends exact. HI and noise stay as they are.
+# for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$, $b_\mathrm{edge} = 15°$ and a Gaussian shape; its width, which is not given, is $\sigma = b_\mathrm{edge} / 3$ here, and the subtractions make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA, FastICA and SDecGMCA, and
+# that the peak at the ripple falls below 2 % for SDecGMCA only.
 #
-# This is no method for real data, where nobody can dim the Galaxy without knowing it. It asks which part of the failures of
-# {doc}`10_results` comes from the brightest sky, on one sky and one beam, at the defaults the oscillating one with the synthetic Galaxy; SDecGMCA, which is chaotic, from several starts ({doc}`09_sdecgmca`). {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
+# Dimming is no method for real data. It measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -57,10 +52,7 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 import warnings
 
 import numpy as np
-from IPython.display import Markdown
 
-from himap.app.stored import read_ledger
-from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, quote, show_table
 from himap.instrument.beams import named
@@ -92,7 +84,7 @@ selected = beams.get(beam) or named(beam)
 full, dimmed = Study(**common), Study(**common, dimming=dimming)
 removers = methods_for(selected, n_sources, reading=reading)
 full.check({selected: removers})
-warnings.simplefilter("ignore", SeparationWarning)  # which methods settle is listed in 10_results
+warnings.simplefilter("ignore", SeparationWarning)  # which methods converge is listed in 10_results
 quote(dimmed_reading=captions.in_short(removers[3], full.survey.nside, n_restarts))
 
 # %%
@@ -102,10 +94,9 @@ for study in (full, dimmed):
 # %% [markdown]
 # ## The weight
 #
-# The weight is a smooth valley along the plane, with nothing changed beyond its edges. In the maps below it the bright ridge is gone: where
-# the weight is least the plane is even darker than the sky beside it, which is as it was.
+# The weight changes smoothly, and only within the edges. In the maps the ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude. At the dashed lines it reaches 1."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude; it reaches 1 at the dashed lines."}}
 rings, first = np.unique(sphere.pixel_latitude(256), return_index=True)
 weight = dimming.weights(256)[first]
 near = np.abs(rings) < min(2 * plane_edge, 90)
@@ -124,7 +115,7 @@ full.stamped(
     plotting.lines([panel], columns=1, size=(6.4, 3)), plane_weight=plane_weight, plane_edge=plane_edge
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of one channel in the middle of the band before the beam, in full and dimmed. Both have the same logarithmic colours."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, with the same logarithmic colours."}}
 channel = full.survey.n_channels // 2
 foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
 freq = f"{full.survey.freqs[channel]:.0f} MHz"
@@ -138,10 +129,9 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 #
-# The first figure is the paper's: all six methods, on the dimmed sky. The second has the full Galaxy beside it, dotted, for three of them. Look at the
-# peak of the ripple and at low $\ell$: where a dotted line above 1 comes down towards it, the plane was to blame; a line below 1 that moves is HI. Of SDecGMCA compare the bands: two that overlap show no change.
+# The first figure has all six methods on the dimmed sky. The second compares three of them with the full Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. For SDecGMCA, overlapping bands show no change.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum of what six methods leave of the dimmed sky, with the ratio to the truth below (the paper's Fig. 7). The grey band is 10 %, and the axis of ratios is even near 1 and logarithmic far from it. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). The curves of PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
     remover: {name: study.ensemble(selected, remover) for name, study in (("full", full), ("dimmed", dimmed))}
     for remover in removers
@@ -153,7 +143,7 @@ curves = [
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 both_figure(dimmed, selected, curves, **look)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and the angular (right) power spectrum to the truth with the full Galaxy (dotted) and with the dimmed one (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and angular (right) power spectrum to the truth with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA; logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
 for remover in (removers[0], removers[2], removers[3]):
     method = styles.method_style(remover)
@@ -184,8 +174,7 @@ for remover in (removers[0], removers[2], removers[3]):
 dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 
 # %% [markdown]
-# In numbers, with the full Galaxy and with the dimmed one: the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
-# P/P0), the highest P/P0 near $k_\nu = 0.31$, and the share of multipoles, up to 200 or $2\,N_\mathrm{side}$, at which $C_\ell$ is within 10 %. Of SDecGMCA the medians over its restarts.
+# The table has the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of $P/P_0$), the highest $P/P_0$ near $k_\nu = 0.31$, and the share of multipoles up to 200 (or $2\,N_\mathrm{side}$) with $C_\ell$ within 10 %; of SDecGMCA medians of the restarts.
 
 
 # %% tags=["hide-input"]
@@ -235,10 +224,9 @@ quote(
 )
 
 # %% [markdown]
-# ## Why it helps some and not others
+# ## Foreground residual and signal loss
 #
-# The error of a component method is foreground that was left less HI that was lost, and the two can be told apart ({eq}`eq-post-split`). Dimming the
-# foreground can only mend the first.
+# Dimming can reduce only the foreground part of the error ({eq}`eq-post-split`).
 
 
 # %% tags=["hide-input"]
@@ -250,7 +238,7 @@ def parts_of(remover):
     }
     return {
         f"{what}, {name} [mK]": (rms[n], 0.0005)
-        for n, what in enumerate(("foreground left", "HI lost"))
+        for n, what in enumerate(("foreground residual", "signal loss"))
         for name, rms in errors.items()
     }
 
@@ -266,7 +254,7 @@ lost = {
 show_table(lost, columns=3)
 
 # %% tags=["hide-input"]
-FULL = "foreground left, full [mK]"
+FULL = "foreground residual, full [mK]"
 
 
 def share(over, under, tolerance):
@@ -277,8 +265,8 @@ def share(over, under, tolerance):
     }
 
 
-less = share(FULL, "foreground left, dimmed [mK]", 0.1)
-lost_over_left = share("HI lost, full [mK]", FULL, 0.1)
+less = share(FULL, "foreground residual, dimmed [mK]", 0.1)
+lost_over_left = share("signal loss, full [mK]", FULL, 0.1)
 quote(
     dimmed_less_pca=less["pca"],
     dimmed_less_gmca=less["gmca"],
@@ -289,19 +277,19 @@ quote(
 )
 
 # %% [markdown]
-# The foreground that is left of the full Galaxy is {glue:text}`dimmed_less_pca` times that of the dimmed one for PCA and FastICA, {glue:text}`dimmed_less_gmca` times for GMCA and {glue:text}`dimmed_less_sd` times for
-# SDecGMCA. The HI that is lost with the full Galaxy is {glue:text}`dimmed_lost_pca` times the foreground that is left there for PCA, {glue:text}`dimmed_lost_gmca` times for GMCA and
-# {glue:text}`dimmed_lost_sd` times for SDecGMCA: the larger this number, the less there is for dimming to mend.
+# | | foreground residual, full/dimmed | signal loss/foreground residual, full |
+# |---|---|---|
+# | PCA, FastICA | {glue:text}`dimmed_less_pca` | {glue:text}`dimmed_lost_pca` |
+# | GMCA | {glue:text}`dimmed_less_gmca` | {glue:text}`dimmed_lost_gmca` |
+# | SDecGMCA | {glue:text}`dimmed_less_sd` | {glue:text}`dimmed_lost_sd` |
 #
-# ## How strong, how wide
+# The larger the second ratio, the less dimming can improve.
 #
-# The paper tries one strength and one width. PCA is quick, so here is its P/P0 for others: on the left for several weights in the plane, with the edge `plane_edge`
-# at the top of this page; on the right for several edges, with the weight `plane_weight`.
+# ## Strength and width
 #
-# The peak shrinks as the plane becomes fainter (left) and as more of it is dimmed (right), and so does the hump at low $k_\nu$. How much of the peak
-# stays at the end?
+# The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the right panel the edge. The peak and the excess at low $k_\nu$ shrink with both; look how much of the peak remains.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber. Left: for several weights in the plane, with the edge at the latitude above. Right: for several latitudes of the edge, with the weight above."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
 observation = full.observed(selected)
 nside = full.survey.nside
 
@@ -364,37 +352,28 @@ quote(
 )
 
 # %% [markdown]
-# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and with the smallest weight in the plane {glue:text}`dimmed_peak_faintest` times. What stays however faint the plane is comes
-# from the sky beside it.
-#
-# ## Over several skies, on the real Galaxy
-#
-# What the paper says of this, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
-
-# %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger()], of_chapter("13_dimmed_galaxy")))
+# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground outside the plane.
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - **Every method improves** in the paper, most PCA, FastICA and SDecGMCA. Here the total error becomes smaller by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA,
-#   {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit; below 1 it grows.
-# - **The peak** near $k_\nu = 0.31$ stays for PCA and FastICA in the paper, and is below 2 % for SDecGMCA. Here PCA and FastICA still have {glue:text}`dimmed_peak_pca` times the truth there, and SDecGMCA {glue:text}`dimmed_peak_sd` times.
-# - **The range of multipoles** within 10 % grows in the paper. Here, the table under the spectra has it for every method: for SDecGMCA it is {glue:text}`dimmed_within_sd` with the dimmed Galaxy.
+# - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit (below 1: it grows).
+# - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA.
+# - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within 10 % with the dimmed Galaxy; the table has the others.
+# - A method without foreground residual has nothing to gain. {doc}`15_claims` judges these claims on the real Galaxy, {doc}`18_paper_size` at the paper's size.
 #
 # ## Exercises
 #
-# **1.** Make the plane almost vanish. Who gains, and does the peak of PCA go?
+# **1.** Dim the plane to a hundredth. Which methods improve further, and does the peak of PCA vanish?
 #
 # ```sh
-# himap run 13_dimmed_galaxy -p plane_weight=0.01              # a plane almost gone
+# himap run 13_dimmed_galaxy -p plane_weight=0.01
 # ```
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# GMCA gains most of the component methods, and the fits gain by larger factors still, from errors that remain orders of magnitude above all others. The
-# peak of PCA becomes smaller and stays. SDecGMCA gains where its restarts leave foreground, as far as their band says.
+# GMCA improves most of the component methods; the fits improve by larger factors, from errors that remain far above all others. The peak of PCA shrinks and remains. SDecGMCA improves where its restarts have foreground residual.
 #
 # </details>
 #
@@ -403,18 +382,7 @@ Markdown(ledgers_table([read_ledger()], of_chapter("13_dimmed_galaxy")))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $g(0) = 1$, so the fraction is $(1 - g(b_\mathrm{edge})) / (1 - g(b_\mathrm{edge})) = 1$ and $w = 1 - (1 - w_0) = w_0$. At the edge its numerator is
-# zero, so $w = 1$. A plain Gaussian would jump there.
-#
-# </details>
-#
-# **3.** Why can nobody do this to real data, and what can be done?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# To multiply the foreground and not the HI one must have them apart, which is what the cleaning is for. What can be done is to leave the plane out of
-# the separation: {doc}`24_masks`.
+# $g(0) = 1$, so the fraction is 1 and $w = w_0$. At the edge its numerator is zero, so $w = 1$. A plain Gaussian would be discontinuous there.
 #
 # </details>
 #
@@ -422,5 +390,5 @@ Markdown(ledgers_table([read_ledger()], of_chapter("13_dimmed_galaxy")))
 #
 # ```sh
 # himap run 13_dimmed_galaxy -p plane_edge=30                  # dimmed over half of the sky
-# himap run 13_dimmed_galaxy -p reading=letter                 # another reading of the paper on SDecGMCA
+# himap run 13_dimmed_galaxy -p reading=letter                 # another reading of SDecGMCA
 # ```

@@ -2,8 +2,6 @@
 # jupyter:
 #   himap:
 #     figures: ["A.1", "A.2"]
-#     reads:
-#     - book/results/claims_laptop.json
 #     section: "A"
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -17,17 +15,15 @@
 # ---
 
 # %% [markdown]
-# # Two more diagnostics
+# # Correlation and variance
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: correlation and linear regression.
-# > - **Tests** these claims of the paper; beside each the verdict at half its resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
-# Power spectra averaged over channels, as in {doc}`10_results`, can be right for the wrong reason: power that was lost may be replaced by power that
-# does not belong there, and a channel that is too bright hides one that is too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics that see one of these
-# each: how well the *maps* agree, channel by channel, and how much the error of $C_\ell$ *scatters* from channel to channel. Here they are for all
-# six methods on one beam, at the defaults the oscillating one; SDecGMCA, which is chaotic, from several starts ({doc}`09_sdecgmca`). {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
+# In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics: the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and the *variance* of
+# the error of $C_\ell$ over channels, smallest for SDecGMCA at $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam, with several restarts of SDecGMCA, which is chaotic ({doc}`27_restarts`). {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -45,10 +41,7 @@ n_restarts: int = 4  # starts of SDecGMCA, which is chaotic: all of them are sho
 import warnings
 
 import numpy as np
-from IPython.display import Markdown
 
-from himap.app.stored import read_ledger
-from himap.app.stored_tables import ledgers_table, of_chapter
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, one_run, quote, show_table
 from himap.instrument.beams import named
@@ -73,7 +66,7 @@ study = Study(
 study.case(selected)  # an unknown beam is refused here
 removers = {selected: methods_for(selected, n_sources, reading=reading)}
 study.check(removers)
-warnings.simplefilter("ignore", SeparationWarning)  # whether a run settled is in the table at the end
+warnings.simplefilter("ignore", SeparationWarning)  # whether a run converged is in the table at the end
 quote(diagnostics_reading=captions.in_short(removers[selected][3], study.survey.nside, n_restarts))
 
 # %%
@@ -93,9 +86,9 @@ component = [remover for remover in removers[selected] if hasattr(remover, "n_so
 freqs = study.survey.freqs
 
 # %% [markdown]
-# ## Do the maps agree?
+# ## Correlation of the maps
 #
-# The Pearson correlation coefficient of the cleaned map $T$ and the true one $T^0$, over all pixels $p$ of one channel,
+# The Pearson correlation coefficient of the recovered map $T$ and the true map $T^0$ over all pixels $p$ of a channel is (the paper's Eq. A.1)
 #
 # ```{math}
 # :label: eq-diagnostics-pearson
@@ -104,16 +97,12 @@ freqs = study.survey.freqs
 # \delta T_{\nu,p} = T_{\nu,p} - \langle T_\nu \rangle_p .
 # ```
 #
-# It is 1 if and only if one map is the other times a positive number. So it sees foreground that is left and signal that is missing, where spectra can
-# only see the sum of both; and it does *not* see a factor, not even one that changes from channel to channel. With a foreground left over of variance $f$
-# and a lost share $q$ of the signal's variance (both in units of that variance, the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$: it falls by about
-# $(q + f) / 2$.
+# It is sensitive to foreground residual and to signal loss, but not to a constant factor in a channel. With a foreground residual of variance $f$ and a lost share $q$ of the signal variance (in units of that variance, the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond
+# the last one of the inversion of SDecGMCA are included.
 #
-# The left panel holds all methods, the right one those that come near 1. Look for swings with the period of the ripple, and for the channels in which
-# one curve crosses another: the paper has SDecGMCA on top at every frequency. All multipoles of the maps count: what a reading of SDecGMCA leaves, or lacks, beyond the last $\ell$ of its inversion
-# lowers $r$ like everything else.
+# Look for oscillations with the period of the ripple, which are foreground, and for channels in which SDecGMCA is not the highest.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the cleaned map with the true one in every channel, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA remove the same foreground, so their curves coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 correlations = {  # (n_members, n_channels) of an ensemble
     name: np.squeeze([one.correlation for one in members]) for name, members in assessments.items()
 }
@@ -154,19 +143,14 @@ quote(
 )
 
 # %% [markdown]
-# In the median channel SDecGMCA is at {glue:text}`diagnostics_r_sd_median`, the polynomial at {glue:text}`diagnostics_r_polynomial_median`; PCA goes down to {glue:text}`diagnostics_r_pca_lowest`, GMCA to
-# {glue:text}`diagnostics_r_gmca_lowest` and SDecGMCA to {glue:text}`diagnostics_r_sd_lowest`, and the parametric fit is nowhere above {glue:text}`diagnostics_r_parametric_highest`. A swing every 20 MHz is the ripple of
-# the beam.
+# In the median channel $r$ is {glue:text}`diagnostics_r_sd_median` for SDecGMCA and {glue:text}`diagnostics_r_polynomial_median` for the polynomial. The lowest value is {glue:text}`diagnostics_r_sd_lowest` for SDecGMCA, {glue:text}`diagnostics_r_pca_lowest` for PCA and {glue:text}`diagnostics_r_gmca_lowest` for GMCA; the highest of the parametric fit is {glue:text}`diagnostics_r_parametric_highest`.
 #
-# ### Which channels are worst, and why
+# ### Signal loss and foreground residual by channel
 #
-# Foreground that is left has nothing to do with HI, so that $r$ can be taken apart. With the regression of the cleaned map on the true one,
-# $b_\nu = \sum_p \delta T\, \delta T^0 / \sum_p (\delta T^0)^2$, the share of the signal that was lost in a channel is $q_\nu = 1 - b_\nu$, and, if what was lost is a
-# projection, the rest of the variance beside $b_\nu$ is foreground: $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$, in units of the variance of the truth.
+# The foreground residual is not correlated with HI. With the slope of the regression of the recovered on the true map, $b_\nu = \sum_p \delta T\, \delta T^0 / \sum_p (\delta T^0)^2$, the lost share of the signal is $q_\nu = 1 - b_\nu$, and if the loss is a projection, the foreground residual in units of the variance of the truth is
+# $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$.
 #
-# How much must be lost? With $\mathbf{P}$ the projector on the spectra that a method removes, a signal without correlation between channels
-# loses $h_\nu = P_{\nu\nu}$, and all $h_\nu$ add up to $n_s$: each source takes one channel's worth of signal, and all that is open is from which channels. (For SDecGMCA the spectra are those
-# blurred by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
+# A signal without correlation between channels loses $h_\nu = P_{\nu\nu}$, with $\mathbf{P}$ the projector on the removed spectra; $\sum_\nu h_\nu = n_s$. (For SDecGMCA the spectra are those smoothed by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
 
 # %% tags=["hide-input"]
 observation, true = study.observed(selected), study.truth(selected).angular
@@ -202,10 +186,9 @@ for remover in component:
     signal_lost[name], foreground[name] = np.squeeze(both[:, 0]), np.squeeze(both[:, 1])
 
 # %% [markdown]
-# From left to right: what was lost, what counting says must be lost, and what was left of the foreground. Where the first two go together, a method
-# takes the HI that its number of sources makes it take.
+# Where the left and middle panels agree, a method loses the HI that its number of sources implies.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "What lowers r, for the component methods. Left: share of the signal lost in each channel. Middle: share that lies in the space of the removed spectra, which adds up to the number of sources. Right: variance of the foreground that is left over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra; it sums to the number of sources. Right: variance of the foreground residual over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(np.median(np.atleast_2d(values), axis=0).max() for values in signal_lost.values())
 panels = [
@@ -231,7 +214,7 @@ panels = [
         ),
         (
             {name: np.maximum(values, 1e-9) for name, values in foreground.items()},
-            r"foreground left, $f_\nu$",
+            r"foreground residual, $f_\nu$",
             "variance over that of the truth",
             {"yscale": "log", "ylim": (1e-3, 3 * max(values.max() for values in foreground.values()))},
         ),
@@ -283,16 +266,21 @@ quote(
 )
 
 # %% [markdown]
-# **Foreground left**, over the variance of the signal, in the mean over channels: PCA {glue:text}`diagnostics_f_pca` (below 1000 MHz, where the Galaxy is brightest and the beam widest,
-# {glue:text}`diagnostics_f_pca_low_end`, above {glue:text}`diagnostics_f_pca_above`), GMCA {glue:text}`diagnostics_f_gmca`, SDecGMCA {glue:text}`diagnostics_f_sd`.
-# **Signal lost** in the median channel: PCA {glue:text}`diagnostics_q_pca`, SDecGMCA {glue:text}`diagnostics_q_sd`, where sources spread evenly would take {glue:text}`diagnostics_q_least`. The most that SDecGMCA loses
-# in one channel is {glue:text}`diagnostics_q_sd_most`, at {glue:text}`diagnostics_q_sd_at`. Where $h_\nu$ goes with $q_\nu$ (for SDecGMCA with a correlation of {glue:text}`diagnostics_q_and_h`) it says without the
-# truth which channels pay for the sources. {doc}`11_ns_scan` finds its least error there with {glue:text}`11_ns_scan.ipynb::scan_best:s` sources and a mean $r$ of
-# {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is {glue:text}`diagnostics_r_sd`. The number with the least error need not be the one with the highest $r$.
+# | | PCA | GMCA | SDecGMCA |
+# |---|---|---|---|
+# | foreground residual $f_\nu$, mean | {glue:text}`diagnostics_f_pca` | {glue:text}`diagnostics_f_gmca` | {glue:text}`diagnostics_f_sd` |
+# | below 1000 MHz | {glue:text}`diagnostics_f_pca_low_end` | | |
+# | above | {glue:text}`diagnostics_f_pca_above` | | |
+# | signal loss $q_\nu$, median | {glue:text}`diagnostics_q_pca` | | {glue:text}`diagnostics_q_sd` |
 #
-# ## Is the error the same in all channels?
+# PCA leaves most foreground at the low end of the band, where the Galaxy is brightest and the beam widest. Sources spread evenly over channels would remove {glue:text}`diagnostics_q_least` of the signal; SDecGMCA loses up to {glue:text}`diagnostics_q_sd_most`, at {glue:text}`diagnostics_q_sd_at`. The correlation of $q_\nu$ with $h_\nu$, which
+# follows from the removed spectra, is {glue:text}`diagnostics_q_and_h`.
 #
-# The fractional error of the angular power spectrum of one channel, and its variance over the $N_\nu$ channels:
+# In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s` sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is {glue:text}`diagnostics_r_sd`. The smallest error and the highest $r$ need not coincide.
+#
+# ## Variance over channels
+#
+# The fractional error of $C_\ell$ in a channel, and its variance over the $N_\nu$ channels, are (the paper's Eqs. A.2 and A.3)
 #
 # ```{math}
 # :label: eq-diagnostics-variance
@@ -300,14 +288,12 @@ quote(
 # \sigma^2_\ell = \frac{1}{N_\nu} \sum_\nu \left( R_{\nu,\ell} - \langle R_{\nu,\ell} \rangle_\nu \right)^2 .
 # ```
 #
-# The paper writes that $R_\ell$ is averaged over channels and that the variance is over channels; only the second can be meant. It is a variance *about the
-# mean*: a method that loses the same share of power in every channel has none, however large the share. And it is a plain mean
-# of squares over channels, so that one channel far off outweighs a hundred that are right.
+# The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the latter is possible. The variance is zero for an error that all channels share, however large, and a single channel can dominate it.
 #
-# Low is good, and says that an error is shared by all channels, not that it is small. In the table below the figure, *settled* says whether the iteration came to rest before it was ended. The paper has SDecGMCA lowest between the grey lines.
+# Look between the grey lines, where the paper has SDecGMCA lowest.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of the fractional error of the angular power spectrum, R = 1 - C/C0 of each channel, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines mark the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines are the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(members):
     """l from 2 to 2 nside, or where the curve ends, C_l of each member and channel, and those of the truth."""
     powers, of_truth = [one.power_spectra.angular for one in members], study.truth(selected).angular
@@ -378,7 +364,7 @@ for remover in removers[selected]:
             "l where smallest": (100 * least.mean(), 5, "%"),
             "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
             "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
-            "settled": "yes" if assessed.converged else "no",
+            "converged": "yes" if assessed.converged else "no",
         }
         against_sd = ("channels where highest", "l where smallest")  # SDecGMCA is one of the six
         members.append({what: one_run(one) if what in against_sd else one for what, one in row.items()})
@@ -406,63 +392,44 @@ quote(
 )
 
 # %% [markdown]
-# SDecGMCA's variance is the smallest at {glue:text}`diagnostics_smallest` of these multipoles; in the mean over them the least of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Of the
-# variance {glue:text}`diagnostics_in_two` come from two of the channels, in the mean over the methods; for SDecGMCA the one at {glue:text}`diagnostics_top_channel` makes {glue:text}`diagnostics_top_share` of the squares.
-#
-# ## Over several skies, on the real Galaxy
-#
-# What the paper says of both, as the ledger judges it; {doc}`15_claims` has the words of each row, {doc}`18_paper_size` the paper's own size.
-
-# %% tags=["hide-input"]
-Markdown(ledgers_table([read_ledger()], of_chapter("14_diagnostics")))
+# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; on average the smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Two channels make {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA the channel at
+# {glue:text}`diagnostics_top_channel` contributes {glue:text}`diagnostics_top_share` of the squares.
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - **Correlation.** The paper has SDecGMCA highest at every frequency. Here its mean $r$ is {glue:text}`diagnostics_r_sd`, against {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for
-#   GMCA, and it is the highest in {glue:text}`diagnostics_highest` of the channels.
-# - **Variance of $R_\ell$.** The paper has that of SDecGMCA smallest from 10 to 200. Here it is at {glue:text}`diagnostics_smallest` of the multipoles from 10 to the end.
-# - Neither number says why. The regression on the truth does: it tells foreground that was left from signal that was lost.
-# - Neither sees everything: $r$ is blind to a factor, the variance to an error that all channels share. Together with the mean ratios of {doc}`10_results` little can hide.
+# - **Correlation** (A1): the mean $r$ is {glue:text}`diagnostics_r_sd` for SDecGMCA, {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA. SDecGMCA is highest in {glue:text}`diagnostics_highest` of the channels.
+# - **Variance** (A2): SDecGMCA is lowest at the share of multipoles given above.
+# - Regression on the truth separates foreground residual from signal loss, which neither diagnostic does. $r$ is insensitive to a factor, and the variance to an error that all channels share: compare both with the mean ratios of {doc}`10_results`.
+# - {doc}`15_claims` judges A1 and A2 over skies and restarts on the real Galaxy, {doc}`18_paper_size` at the paper's size.
 #
 # ## Exercises
 #
-# **1.** One source more. Does SDecGMCA still have the highest correlation?
+# **1.** With six sources, does SDecGMCA still have the highest correlation?
 #
 # ```sh
-# himap run 14_diagnostics -p n_sources=6                      # one source more
+# himap run 14_diagnostics -p n_sources=6
 # ```
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By little, if at all: with six sources PCA and GMCA hold the foreground as well, and the mean correlations of the component methods are
-# nearly the same. What set SDecGMCA apart with five was the foreground that the others left.
+# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five, SDecGMCA differs by the foreground residual of the others.
 #
 # </details>
 #
-# **2.** A method leaves half of the true map in every pixel and nothing else. What are $r$, $C/C_0$ and the variance of $R_\ell$?
+# **2.** A method recovers half of the true temperature in every pixel and nothing else. What are $r$, $C/C_0$ and the variance of $R_\ell$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $r = 1$, for one map is the other times a positive number. $C/C_0 = 0.25$. $R_\ell = 0.75$ in every channel, so that its variance is 0. Only the ratio
-# of the spectra sees that anything is wrong.
-#
-# </details>
-#
-# **3.** Nothing is lost, and foreground with a tenth of the variance of the signal is left. What is $r$?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# With $q = 0$ and $f = 0.1$: $r = \sqrt{1/1.1} = 0.953$, near to $1 - f/2 = 0.95$.
+# $r = 1$, $C/C_0 = 0.25$, and $R_\ell = 0.75$ in every channel, so that its variance is 0. Only the ratio of the spectra shows the error.
 #
 # </details>
 #
 # More to run:
 #
 # ```sh
-# himap run 14_diagnostics -p reading=letter                   # another reading of the paper on SDecGMCA
-# himap run 14_diagnostics -p beam=degraded -p n_sources=3     # one resolution for all channels
+# himap run 14_diagnostics -p reading=letter                   # another reading of SDecGMCA
+# himap run 14_diagnostics -p beam=degraded -p n_sources=3     # the same resolution in all channels
 # ```

@@ -116,7 +116,7 @@ def ledgers_table(ledgers, only=None, others=None):
         A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
     only
         Function from the entries of one claim, one of each ledger, to whether it is shown, such as
-        `of_chapter("10_results")` or `differing`; all claims unless given, and then their count as well.
+        `differing`; all claims unless given, and then their count as well.
     others
         As of `himap.paper.ledger_table.cause`, for a column with what the verdict in the first ledger is due
         to.
@@ -147,11 +147,6 @@ def ledgers_table(ledgers, only=None, others=None):
     for name, words in zip(names, footers, strict=True):
         notes.append(f"*{name}: {' · '.join(word for word in words if word not in shared)}*")
     return "\n\n".join([table, *notes])
-
-
-def of_chapter(notebook):
-    """Function for `ledgers_table`: the claims that a chapter shows."""
-    return lambda entries: entries[0].claim.notebook == notebook
 
 
 def differing(entries):
