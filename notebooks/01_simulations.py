@@ -268,11 +268,11 @@ source_cl = sphere.power_spectrum(sphere.analyse(sources.amplitude - sources.amp
 panels = [
     {
         "curves": [
-            (flux, counts, {"color": styles.BLUE, "label": "faint: a field"}),
+            (flux, counts, {"color": styles.BLUE, "label": "faint: field"}),
             (
                 flux[bright],
                 counts[bright],
-                {"color": styles.VERMILION, "linewidth": 3, "label": "drawn one by one"},
+                {"color": styles.VERMILION, "linewidth": 3, "label": "individual sources"},
             ),
         ],
         "xlabel": "flux S [Jy]",
@@ -370,7 +370,7 @@ show(
         "rms of HI there": (1e3 * middle_maps["HI"].std(), 0.05, "µK"),
         "median foreground there": (np.median(foreground) / 1e3, 0.005, "K"),
         "rms of the foreground there": (foreground.std() / 1e3, 0.01, "K"),
-        "that over the rms of HI": (foreground.std() / middle_maps["HI"].std(), 500),
+        "rms of the foreground over that of HI": (foreground.std() / middle_maps["HI"].std(), 500),
         "mean of the point sources at 1.4 GHz": (sources.amplitude.mean(), 0.05, "mK"),
         "... of theory, below 1 Jy": (point_sources.mean_temperature(1.0), 0.01, "mK"),
     }

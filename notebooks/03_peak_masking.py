@@ -152,7 +152,7 @@ show(
         "total temperature there": (float(line[channel]), 1.0, "mK"),
         "standard deviation of the flattened line": (float(np.std(line - first)), 0.002, "mK"),
         "flagged channels of this line": int(flagged.sum()),
-        "what the first fit takes of the peak": (float((first - second)[channel]), 0.003, "mK"),
+        "signal loss of the peak in the first fit": (float((first - second)[channel]), 0.003, "mK"),
     }
 )
 
@@ -213,9 +213,9 @@ for name in beams:
     numbers |= {
         f"{name}: masked voxels": (percent(where), 0.003, "%"),
         f"{name}: lines of sight with a mask": (percent(where.any(axis=0)), 0.3, "%"),
-        f"{name}: masked peaks that stick out upwards": (percent(from_all > 0), 0.2, "%"),
+        f"{name}: masked peaks above the baseline": (percent(from_all > 0), 0.2, "%"),
         f"{name}: masked peaks that are mostly HI": (percent(foreground_share < 0.5), 0.2, "%"),
-        f"{name}: peaks of HI plus noise alone that are found": (percent(where[peaks]), 1.0, "%"),
+        f"{name}: peaks of HI plus noise alone that are flagged": (percent(where[peaks]), 1.0, "%"),
     }
 half = ([0.5, 0.5], [0, 1], {"color": "0.5", "linestyle": ":"})
 labels = {"xlabel": "share of the foreground in a masked peak", "ylabel": "fraction of the peaks below"}
@@ -227,8 +227,8 @@ show(numbers)
 # %% tags=["hide-input"]
 quote(
     peaks_of_hi=numbers["oscillating: masked peaks that are mostly HI"],
-    peaks_found_degraded=numbers["degraded: peaks of HI plus noise alone that are found"],
-    peaks_found_oscillating=numbers["oscillating: peaks of HI plus noise alone that are found"],
+    peaks_found_degraded=numbers["degraded: peaks of HI plus noise alone that are flagged"],
+    peaks_found_oscillating=numbers["oscillating: peaks of HI plus noise alone that are flagged"],
     peaks_found_plane=(by_latitude["oscillating"]["plane"], 1.0, "%"),
     peaks_found_pole=(by_latitude["oscillating"]["pole"], 1.0, "%"),
 )

@@ -170,7 +170,7 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
         panels.append(
             {
                 "curves": [
-                    (freqs, residual, {"color": styles.VERMILION, "label": "left by the fit"}),
+                    (freqs, residual, {"color": styles.VERMILION, "label": "residual"}),
                     (freqs, flattened, {"color": "black", "linestyle": "--", "label": "truth, flattened"}),
                 ],
                 "title": f"{place}\n{name}",
@@ -229,7 +229,7 @@ for name in beams:
     foreground_left = np.sqrt((beyond + np.cumsum(foreground[::-1])[::-1] - foreground) / power)
     signal_lost = np.sqrt(np.cumsum(signal) / power)
     curves.append(
-        (scan + 1, foreground_left, styles.BEAM_STYLES[name] | {"label": f"foreground left, {name}"})
+        (scan + 1, foreground_left, styles.BEAM_STYLES[name] | {"label": f"foreground residual, {name}"})
     )
     error = np.hypot(foreground_left, signal_lost)
     at_order = error[min(order, top)]
@@ -237,7 +237,7 @@ for name in beams:
     numbers[f"{name}: lowest error"] = (error.min(), 0.02 * max(1, error.min()))
     numbers[f"{name}: order of it"] = (int(error.argmin()), 1.0)
 curves.append(
-    (scan + 1, signal_lost, {"color": "black", "linestyle": ":", "label": "signal lost (oscillating)"})
+    (scan + 1, signal_lost, {"color": "black", "linestyle": ":", "label": "signal loss (oscillating)"})
 )
 labels = {"xlabel": "order + 1", "ylabel": "rms error / rms truth", "xscale": "log", "yscale": "log"}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 4)))

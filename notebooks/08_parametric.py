@@ -205,7 +205,7 @@ for place, (lon, lat) in places.items():
         panels.append(
             {
                 "curves": [
-                    (freqs, residual, {"color": styles.VERMILION, "label": "left by the fit"}),
+                    (freqs, residual, {"color": styles.VERMILION, "label": "residual"}),
                     (freqs, truth, {"color": "black", "linestyle": "--", "label": "truth"}),
                 ],
                 "title": f"{place}\n{name}",
@@ -262,15 +262,18 @@ for name in beams:
     curves.append((levels, 100 * np.where(above > 0, above, np.nan), styles.BEAM_STYLES[name]))
     relative = {
         "rms error / rms truth": np.sqrt(squares.mean() / power),
-        "the same of lines of sight without a flag": np.sqrt(
+        "rms error without flagged lines / rms truth": np.sqrt(
             squares[~study.separation(beams[name], remover).flagged].mean() / power
         ),
-        "the same that the worst 1 % of the lines of sight exceed": np.percentile(rms, 99) / np.sqrt(power),
+        "error exceeded on the worst 1 % of the lines of sight": np.percentile(rms, 99) / np.sqrt(power),
     }
     worst = squares >= np.percentile(squares, 99)
     numbers |= {f"{name}: {what}": (value, 0.03 * value) for what, value in relative.items()}
     numbers |= {
-        f"{name}: the same of the median line of sight": (float(np.median(rms) / np.sqrt(power)), 0.05),
+        f"{name}: rms error of the median line of sight / rms truth": (
+            float(np.median(rms) / np.sqrt(power)),
+            0.05,
+        ),
         f"{name}: lines of sight with an error above the truth": (100 * np.mean(squares > power), 1.0, "%"),
         f"{name}: squared error in the worst 1 %": (100 * squares[worst].sum() / squares.sum(), 1.0, "%"),
     }
@@ -287,8 +290,8 @@ show(numbers)
 
 # %% tags=["hide-input"]
 above = "lines of sight with an error above the truth"
-exceeded = "the same that the worst 1 % of the lines of sight exceed"
-share, unflagged = "squared error in the worst 1 %", "the same of lines of sight without a flag"
+exceeded = "error exceeded on the worst 1 % of the lines of sight"
+share, unflagged = "squared error in the worst 1 %", "rms error without flagged lines / rms truth"
 quote(
     parametric_worse_degraded=(numbers[f"degraded: {above}"][0], 0.1, "%"),
     parametric_worse_evolving=numbers[f"evolving: {above}"],

@@ -69,7 +69,7 @@ removers = {beams[name]: methods_for(beams[name], n, reading=reading) for name, 
 more = {beams[name]: PCA(n_sources=n + 1) for name, n in n_sources.items()}
 everything = {each: [*methods, more[each]] for each, methods in removers.items()}
 study.check(everything)
-warnings.simplefilter("ignore", SeparationWarning)  # which methods did not settle is listed at the end
+warnings.simplefilter("ignore", SeparationWarning)  # which methods did not converge is listed at the end
 titles = {beams[name]: f"{name}, {n} components" for name, n in n_sources.items()}
 quote(results_reading=captions.in_short(removers[beams["oscillating"]][3], study.survey.nside, n_restarts))
 
@@ -125,12 +125,12 @@ for beam, methods in removers.items():
     for method in methods:
         name = f"{beam}, {styles.method_style(method)['label']}"
         members = study.members(method)
-        settled = ["yes" if study.assessed(beam, member).converged else "no" for member in members]
+        converged = ["yes" if study.assessed(beam, member).converged else "no" for member in members]
         if method.name == "sdecgmca":
             failed = ["yes" if one.fails else "no" for one in study.ensemble(beam, method)]
             numbers[f"{name}: failed"] = over_restarts(method, failed)
-        if method.name == "sdecgmca" or "no" in settled:
-            numbers[f"{name}: settled"] = over_restarts(method, settled)
+        if method.name == "sdecgmca" or "no" in converged:
+            numbers[f"{name}: converged"] = over_restarts(method, converged)
 show(numbers)
 
 # %% tags=["hide-input"]
