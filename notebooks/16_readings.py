@@ -18,26 +18,22 @@
 # ---
 
 # %% [markdown]
-# # Readings
+# # Readings of SDecGMCA
 #
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`15_claims`.
 # > - **Time and memory**: {cost}`16_readings`.
 #
-# A method that is described in words can be written as a program in more than one way. For PCA the ways agree. For SDecGMCA they do not. {glue:text}`readings_options` choices are looked at here: where the text of
-# {cite:t}`gkogkou2025` leaves one open, where a program of the authors does otherwise than it says, and where one asks what a word does. Here every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those that have a name, and the default with one choice changed at a time.
+# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways. {glue:text}`readings_options` choices are varied here, where the text is silent, where a program of the authors deviates from it, or where the effect of a word is of interest. Every claim of {doc}`15_claims` is judged under
+# {glue:text}`readings_count` readings: those with a name, and the default with a single choice changed.
 #
-# - **letter**: nothing that the paper's text contradicts, and where that says nothing what is usual.
-# - **code**: the steps of the public code of {cite:t}`carloni2021` with the numbers of the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
-# - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, not at $10^{-9}$ of the largest.
-# - **follow-up**: the code with what the later code of the paper's first author changes in the inversion. There a network is in the place of thresholds, which himap does not have.
-# - **instrument-noise**: the letter with the noise of the instrument in its thresholds, where the letter has the median absolute deviation of each scale: the former default.
+# - **letter**: contradicts no statement of the text; usual choices where it is silent.
+# - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
+# - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of $10^{-9}$ of the largest.
+# - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
+# - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# The default is chosen by a rule of charity, not by performance: *of the candidates, which are the readings with a name and each way to go on beyond $\ell = 200$, the one under which most of the paper's statements on SDecGMCA hold*, as its authors most likely ran
-# that. A main part of a claim that holds in a share $p$ of skies and restarts counts $p$, all compared with one truth; a tie goes to the one with fewer departures from the text. A run fails if the mean $|C/C_0 - 1|$ through the
-# oscillating beam is above {glue:text}`readings_failing` at $10 < \ell < 200$, or up to the end of the maps.
-#
-# Why restarts? Because the iteration is chaotic: a change of the start in the tenth digit should change nothing, and under many readings does. So every reading is run on {glue:text}`readings_skies` from several starts,
-# {glue:text}`readings_runs` runs for each.
+# SDecGMCA is chaotic ({doc}`27_restarts`), so that a difference between single runs can be that between restarts. Runs of each reading in the record of this page: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$
+# (or up to the end of the maps).
 
 # %% tags=["parameters"]
 results: str | None = None  # what `himap measure readings` wrote; None: that of the book
@@ -72,30 +68,26 @@ runs = {label: one.runs for label, one in outcomes.items()}
 Markdown(f"*{made.footer()}*")
 
 # %% [markdown]
-# They are made by
+# It was measured by
 #
 # ```sh
 # himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_restarts=3 -p n_sources_max=7 --jobs 2
 # ```
-#
-# and stored with the book, because they take long.
 
 # %% [markdown]
 # (readings-answer)=
-# ## The answer
+# ## Which claims depend on the reading
 #
-# These are verdicts on the small maps that the line above names, and differ from those at `laptop` in {doc}`15_claims`: what counts here is which of them a reading changes. A claim *holds* if it is reproduced, at
-# least in part. Of {glue:text}`readings_claims` claims
+# A claim *holds* if it is reproduced, at least in part. These verdicts are for the small maps named above and differ from those of the ledger at `laptop`; only their differences between readings matter here. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
-# - **{glue:text}`readings_void_n` apply under none**, since what they speak of does not occur: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table says on which choice. A single one decides on
+# - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**: {glue:text}`readings_void`.
+# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table has the choices that change them. A single choice changes
 #   {glue:text}`readings_one`.
 #
-# {glue:text}`readings_deciders_n` of the choices turn the verdict on some claim when they alone are changed in the default: {glue:text}`readings_deciders`. The others turn none:
-# {glue:text}`readings_idle`. {glue:text}`readings_unmoved_n` of the claims are not about SDecGMCA at all, and every reading gives the same number: {glue:text}`readings_unmoved`. Under the default, {glue:text}`readings_split` are
-# undecided: there a difference between readings may be one between runs.
+# {glue:text}`readings_deciders_n` of the choices change a verdict when they alone are changed in the default: {glue:text}`readings_deciders`. The others change none: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default, so that
+# a difference between readings can be that between restarts: {glue:text}`readings_split`.
 
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
@@ -156,40 +148,42 @@ rows = [
     )
     for claim in places[SOME]
 ]
-Table(["claim", "what it says", *READINGS, "the choice that turns the default's verdict"], rows)
+Table(["claim", "statement", *READINGS, "choices that change the default's verdict"], rows)
 
 # %% [markdown]
 # (readings-claims)=
-# ## Every claim under every reading
+# ## All claims under all readings
 #
-# Read it by rows: a row of one shade is a claim that no reading changes. Then by columns: a column that differs from the first is a choice that
-# matters. Rows of claims about other methods must be of one shade.
+# A row of a single shade is a claim that no reading changes; rows of claims about other methods must be such. A column that differs from the first is a choice that matters.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "The verdict on every claim (rows) under every reading (columns), grouped by where the claim stands. The default is at the left, then the other readings with a name, then the default with one choice changed. The darker, the more holds; signs say the same."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns), grouped by robustness. The default is at the left, then the other named readings, then the default with a single choice changed. Darker is nearer to reproduced; the signs are those of the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
 
 # %% [markdown]
 # (readings-bands)=
-# ## How near to the truth
+# ## Spectra under each reading
 #
-# The verdicts in numbers. Where the points of a reading lie close together its numbers do not hang on the run; whether they are right is how far they lie from the line. Where they spread over orders of magnitude, every number is one of a single run.
+# The distance of the points from the line is the bias; their spread is the scatter over restarts and skies.
+#
+# In the curves, compare the named readings with the truth, and their bands with each other.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under every reading (rows; those with a name come first). Mean C/C0 in six bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky; The line is the truth; axes are logarithmic where runs differ by more than an order of magnitude, and what is wrong by more than a factor of a thousand stands at their edge."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows; named readings first): mean C/C0 in bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky, the line the truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are drawn at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the readings that have a name, for every sky: median and 16 to 84 % band of the restarts, each of them a thin line. Curves of runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and each restart as a thin line. Runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]
 # (readings-default)=
-# ## How the default was chosen
+# ## Choice of the default
 #
-# All candidates were run from the same starts on the same skies; readings that differ in the last $\mathbf{S}$ alone share the fit of $\mathbf{A}$. A table for each stored ensemble says how many of the paper's statements on SDecGMCA hold (the sum of the shares of members in which each
-# main part about it holds), which words of the text the candidate departs from, and in how many members it fails. By this count the most charitable is {glue:text}`readings_charitable`.
+# The default is chosen by charity and not by performance: of the candidates (each named reading, with each treatment of the multipoles beyond $\ell = 200$), the reading under which most of the paper's statements on SDecGMCA hold is most likely what its authors ran. A main part that holds in a share $p$ of the members counts $p$, compared with the
+# truth at all multipoles; a tie goes to the candidate with fewer departures from the text.
 #
-# The rule is meant for `laptop`: found on the skies of two seeds, confirmed on three others. At `ci` the maps end at $\ell = 64$, where nothing can be said of what the paper states up to 200, and one sky is no sample: a table of that size shows what the candidates do, and decides nothing. Until the
-# candidates are stored at `laptop` for all of these skies, the default is provisional. It was taken from a look at eight starts on each of two skies at that size, and one at the paper's, in which `code-rounding` had the spectra, the peak, the flagged lines of sight and the dependence on the number of sources that
-# the paper shows, and failed in none.
+# The tables have, for each stored ensemble, this count, the departures from the text, and how many members fail. Candidates share starts and skies. The most charitable is {glue:text}`readings_charitable`.
+#
+# **The default is provisional.** The rule is for `laptop`: selection on the skies of two seeds, confirmation on three others. Maps at `ci` end at $\ell = 64$ and cannot test what the paper states up to 200, and a single sky is no sample, so a table of that size decides nothing. Until the candidates are stored at `laptop` for all of these skies, the
+# default rests on eight starts on each of two skies at that size and on one at the paper's, in which `code-rounding` had the spectra, the peak, the flagged lines of sight and the dependence on the number of sources of the paper, and did not fail.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -204,8 +198,7 @@ charitable = {size: known[default_reading(several)].title for size, several in b
 quote(readings_charitable=listed([f"{label} at {size}" for size, label in charitable.items()]))
 
 # %% [markdown]
-# Of the readings above, single choices included, the next table says how many choices the paper's text contradicts, how many statements hold, in how many runs it fails, how many claims are reproduced (✓), in part (≈), not (✗) or do not apply (–). The last has of
-# bands and bump the value that is furthest from 1 in any run. Without a column there: {glue:text}`readings_empty`.
+# For the readings above, the next table has the number of choices that contradict the text, the statements that hold, the failures, and how many claims are reproduced (✓), in part (≈), undecided (?), not reproduced (✗) or do not apply (–). The last table has, in each band, the value furthest from 1 of any run; no column: {glue:text}`readings_empty`.
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -221,12 +214,10 @@ quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empt
 Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
-# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in
-# {glue:text}`readings_fails_follow_up`. Readings that fail in none of the runs shown here: {glue:text}`readings_sound`.
+# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`; so few runs do not measure a probability of failure, for which see {ref}`restarts-failures`. No failure here:
+# {glue:text}`readings_sound`. Between starts on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, and of the default by {glue:text}`readings_moved_default`.
 #
-# The default has been chosen by three rules. First it was the letter with the sign of $\mathbf{A}$ free, which failed in a run; then the letter with the noise of the instrument, as it failed in none of six runs: by performance, of a method that is chaotic. The rule of
-# charity is the third. The mean error of one reading on one sky differs
-# between starts by a factor of up to {glue:text}`readings_moved`, and by a factor of {glue:text}`readings_moved_default` for the default.
+# Two earlier defaults were chosen by performance: the letter with the sign of $\mathbf{A}$ free, rejected when it failed in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
 
 # %% tags=["hide-input"]
 sound = [known[label].title for label, one in outcomes.items() if not one.n_failing]
@@ -251,37 +242,37 @@ quote(
 
 # %% [markdown]
 # (readings-words)=
-# ## Which choice decides what
+# ## Effect of each choice
 #
-# Every choice, the words that speak of it, and the readings that take it. For a choice that the default does not take: in how many runs the default fails once it is changed, and which claims then change
-# from held to not held or back. How to take them: `himap measure claims -p reading=code` for a reading, `SDecGMCA(sign="free")` or `himap clean --method sdecgmca -p sign=free` for a single choice.
+# The table lists each choice, the paper's words on it, and the readings that have it; for a choice that the default does not have, how many runs fail once the default is changed to it, and which claims then change between held and not held. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# `himap clean --method sdecgmca -p sign=free`.
 
 # %% tags=["hide-input"]
 head = [
     "choice",
-    "what is decided",
+    "question",
     "the paper says",
-    "that is",
-    "readings that take it",
+    "meaning",
+    "readings",
     "fails",
-    "it decides",
+    "changes the verdict on",
 ]
 Table(head, readings_table.option_rows(outcomes))
 
 # %% [markdown]
-# What the paper leaves open about other things than SDecGMCA (the ripple, the noise, the maps that the foreground is subtracted from) is in {doc}`../book/conventions`.
+# Choices that do not concern SDecGMCA are in {doc}`../book/conventions`.
 #
 # (readings-code)=
-# ## Is the code the authors' code?
+# ## Comparison with the authors' code
 #
-# The reading `code` is held against numbers that the public code of {cite:t}`carloni2021` gave on a small problem (16 channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute
-# deviation or from the noise carried through the inversion, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ in place of the spectra.
+# The reading `code` is compared with the public code of {cite:t}`carloni2021` on a small problem (16 channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute deviation or from the propagated noise, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ instead of the spectra. The differences (left)
+# should not exceed the effect of a change of the start (right).
 
 # %% tags=["hide-input"]
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
 compared = {variant: code.compared(variant) for variant in VARIANTS}
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: the largest difference between the mixing matrix A of himap and that of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: what a relative change of that start by 1e-12 does to our A. The two grow alike, and the first is hardly ever above the second: what differs is rounding. Two variants coincide, which differ in the refinement only."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: largest difference between the mixing matrices of himap and of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: effect on A of a relative change of that start by 1e-12. Two variants coincide; they differ only in the refinement."}}
 code_figure(compared, ITERATIONS)
 
 # %% tags=["hide-input"]
@@ -290,41 +281,38 @@ growth = [(pair[1][first_five] / pair[1][0]) ** (1 / 4) for pair in compared.val
 quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 
 # %% [markdown]
-# Up to five iterations the two agree to better than $10^{-6}$, which a test holds them to. After ten they need not: a change in the twelfth digit of the start grows {glue:text}`readings_growth`-fold in each iteration between the first and the fifth,
-# until it is as large as $\mathbf{A}$ itself. Restarted from the authors' $\mathbf{A}$ after five, ours is theirs again, as far as rounding allows. After 200 iterations the bright sources are the same and the faintest, which is HI and noise, is any. This limits
-# every comparison: two computers, two libraries or two orders of a sum agree no better on the last source than two starts.
+# The codes agree to better than $10^{-6}$ for five iterations, which is tested. A change in the twelfth digit of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth, until it is of the size of $\mathbf{A}$. Restarted from the authors' $\mathbf{A}$ after the fifth, they agree again to rounding. After 200
+# iterations the bright sources agree, and the faintest, HI and noise, is undetermined.
 #
-# ## What to take away
+# ## What follows
 #
-# - Claims about other methods do not depend on any of this. Of those about SDecGMCA, the table of the answer says which word decides.
-# - Under a reading that fails in some runs, a single run says little: what it shows may be the reading, the start or the computer.
-# - Authors who want a method to be written again from its description: the choices that turn verdicts are the ones to name.
+# - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has the choices that decide.
+# - To make a method reproducible from its description, authors should state the choices that change verdicts.
 #
 # ## Exercises
 #
-# **1.** Of twelve choices with two answers each, how many readings are there, and how many with one choice changed at a time? What is missed?
+# **1.** With twelve choices of two options each, how many readings are there, and how many with a single choice changed? What do the latter miss?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $2^{12} = 4096$ against $12 + 1$. Missed is what two choices do together: that neither decides a claim alone does not say that both cannot. The
-# readings with a name, in which several choices are changed at once, are there for this.
+# $2^{12} = 4096$ and $12 + 1$. They miss the joint effect of choices; the named readings, in which several are changed, test it.
 #
 # </details>
 #
-# **2.** A reading fails in one run of six. May it be the default?
+# **2.** A reading fails in a sixth of its runs. Can it be the default?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By the rule above it may: the paper shows one run, and a reading under which most of its statements hold in five of six is most likely its own. But where nobody knows the truth, the run that failed looks like the five that did not.
+# By the rule it can: the paper shows a single run, and the authors most likely ran a reading under which most of their statements hold. For an observation, without the truth, the failed run has to be identified ({ref}`restarts-flags`).
 #
 # </details>
 #
 # More to run:
 #
 # ```sh
-# himap measure readings --preset ci -p n_realisations=1 -p n_restarts=1 -p n_sources_max=3   # all readings on one coarse sky
-# himap measure claims --preset quick -p reading=letter --jobs 2              # the ledger, to the letter of the text
-# himap run 16_readings -p results=FILE                               # this page, of readings that you have judged
+# himap measure readings --preset ci -p n_realisations=1 -p n_restarts=1 -p n_sources_max=3   # all readings on a coarse sky
+# himap measure claims --preset quick -p reading=letter --jobs 2              # the ledger in the reading `letter`
+# himap run 16_readings -p results=FILE                               # this page, with your record
 # ```

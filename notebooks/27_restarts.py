@@ -19,21 +19,19 @@
 # ---
 
 # %% [markdown]
-# # Restarts: one run is one draw
+# # Restarts of SDecGMCA
 #
 # > - **Read first**: {doc}`09_sdecgmca`.
-# > - **Good to know**: what the condition number of a matrix is.
+# > - **Good to know**: the condition number of a matrix.
 # > - **Time and memory**: {cost}`27_restarts`.
 #
-# SDecGMCA has no random numbers. Two runs on the same data should give the same result. They do, bit for bit, on one machine. But a change of the start in the tenth digit gives another mixing matrix, and another residual. This chapter
-# measures how that change grows, where it comes from, how often the result is wrong, and what to do. All of it holds for the public code of {cite:t}`carloni2021` (C21) as for himap.
+# SDecGMCA has no random numbers: two runs on the same data and the same machine agree bit for bit. But a relative change of its start by $10^{-10}$ gives a different mixing matrix and a different residual. This chapter measures how the change grows, where it comes from, how often the result fails, and what can be done, for the public code of
+# {cite:t}`carloni2021` (C21) and for himap.
 #
-# **What the paper says.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). It “already delivers robust reconstructions on full-sky simulations”, without masks (Sect. 6).
-# Neither restarts nor scatter are mentioned.
+# **The paper.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). The method “already delivers robust reconstructions on full-sky simulations” without masks (Sect. 6). Neither restarts nor scatter are mentioned.
 #
-# **What was done.** The public code of C21 was run on the sky of himap's preset `ci` ($N_\mathrm{side} = 32$, 100 channels, $\ell \leq 64$, oscillating beam, five sources, parameters of the paper's Table 1). Nothing in it was changed but a name that
-# newer versions of numpy no longer have. Each run starts from $\mathbf{A}\,(1 + 10^{-10} g)$ with $g$ normal, the first from $\mathbf{A}$ itself. That is *restart* $k$, and $k = 0$ is the plain start. himap makes the same steps in the reading `code`
-# ({doc}`16_readings`), with thresholds on HEALPix pixels as there. Its runs are stored with the book, as are those of the authors' code; a few are made anew here.
+# **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100 channels, $\ell \leq 64$, oscillating beam, five sources, Table 1 of the paper), unchanged except for a name that newer versions of numpy do not have. *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the plain start. himap makes the
+# same steps in the reading `code` ({doc}`16_readings`). Runs of both are stored with the book; a few are repeated here.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -95,13 +93,11 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 
 # %% [markdown]
 # (restarts-growth)=
-# ## A change in the tenth digit
+# ## Growth of a small change
 #
-# Let $\theta$ be the largest angle between the space of the columns of $\mathbf{A}$ of a restart and that of the plain start, after the same number of iterations. It does not depend on the scale, the sign or the order of the columns. At the start $\sin\theta$ is
-# $10^{-10}$. Where it is one, the two have a spectrum that is in one of them alone.
+# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain start after the same number of iterations; it does not depend on scale, sign or order of the columns. $\sin\theta$ begins at $10^{-10}$; at 1 a spectrum of each is absent in the other.
 #
-# Look at the first five iterations. The first one multiplies the change by {glue:text}`restarts_first_ours` (himap) and {glue:text}`restarts_first_theirs` (authors' code), medians over both Galaxies. The median is above a hundredth from iteration
-# {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on. It stays there: it is not a transient of the first iterations.
+# Look at the first five iterations. The first multiplies the change by {glue:text}`restarts_first_ours` (himap) and {glue:text}`restarts_first_theirs` (authors' code; medians over both Galaxies). The median exceeds a hundredth from iteration {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on, and does not decrease later.
 
 # %% tags=["hide-input"]
 angles = {
@@ -117,7 +113,7 @@ quote(
     restarts_order_theirs=order["theirs"],
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "How a change of the start by 1e-10 grows: sine of the largest angle between the columns of the mixing matrix of a restart and those of the plain start, by iteration. Thin lines are restarts, the thick line their median. Left: himap, reading `code`. Right: the public code of C21. Both on the same maps (preset `ci`, oscillating beam, five sources)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "Growth of a change of the start by 1e-10: sine of the largest angle between the columns of the mixing matrix of a restart and of the plain start, against iteration. Thin: restarts; thick: median. Left: himap, reading `code`. Right: the public code of C21. Same maps (preset `ci`, oscillating beam, five sources)."}}
 panels = {}
 for name in ours:
     panels |= {f"himap, {NAMES[name]}": ours[name], f"authors' code, {NAMES[name]}": theirs[name]}
@@ -125,10 +121,9 @@ plotting.stamp(growth_figure(panels), stored[0].made)
 
 # %% [markdown]
 # (restarts-converged)=
-# ## No run converges
+# ## Convergence
 #
-# A chaotic iteration does not settle. The table has the share of the runs that meet the two stopping rules, and the last relative change of $\hat{\mathbf{S}}$, which should be below $10^{-4}$. Both codes end each stage by the number of its iterations, at
-# 150 and 50. So do the eight runs of the authors' code on a finer sky (preset `laptop`, $N_\mathrm{side} = 128$, real Galaxy).
+# No run converges: the table has the share of the runs that meet the two stopping rules, and the last relative change of $\hat{\mathbf{S}}$, which should be below $10^{-4}$. Both codes end each stage by the number of iterations, 150 and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
 
 # %% tags=["hide-input"]
 RUNS = {
@@ -145,24 +140,22 @@ for title, each in RUNS.items():
     ]
     rows.append([title, *counts, f"{change.median():.2g}", f"{change.min():.2g} to {change.max():.2g}"])
 Table(
-    ["runs", "warm-up meets its rule", "refinement meets its rule", "last change", "range"],
+    ["runs", "warm-up converged", "refinement converged", "last change", "range"],
     rows,
     align="lrrrr",
 )
 
 # %% [markdown]
 # (restarts-cause)=
-# ## Where it comes from
+# ## Cause
 #
-# $\mathbf{A}$ is fitted to sources from which thresholds have removed small coefficients. Of those above the noise the share $K$ keeps the largest, and $K$ grows from zero. So in the first iteration a scale of a source has five coefficients that are not
-# zero, the least that the code keeps, or few more. Fitted to that, the columns of $\mathbf{A}$ are nearly parallel: its condition number rises by many orders of magnitude in one iteration. Least squares with such a matrix
-# amplifies a change by up to that factor, and the next thresholds decide by its result which coefficients stay.
+# $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise the share $K$ keeps the largest, and $K$ grows from zero. In the first iteration a scale of a source thus has about five non-zero coefficients, the minimum of the code. The fitted columns of $\mathbf{A}$ are then nearly parallel: the condition number rises by
+# orders of magnitude in one iteration, least squares amplifies a change by up to that factor, and the next thresholds select other coefficients.
 #
-# If this is the cause, the growth must end where the sources are not empty. The figure changes one thing at a time. *No $K$* keeps all coefficients above the noise, from the first iteration on ($K = 1$, one iteration of warm-up). *Instrument's noise* takes the
-# noise of the thresholds from the instrument, carried through the inversion, in place of the median absolute deviation (MAD) of each scale.
+# The figure tests this by changing one element at a time. *No $K$* keeps all coefficients above the noise from the first iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Without $K$ alone nothing is gained. The reason is the MAD: it is that of the source, signal included. A threshold of three times the scatter of a field removes nearly all of that field, whatever its noise. Both must go. With the noise
-# of the instrument and without $K$ the iteration is stable if the signs of $\mathbf{A}$ are free, and it settles after {glue:text}`restarts_settled` iterations; the change of $10^{-10}$ stays below {glue:text}`restarts_stable`. With $\mathbf{A} \geq 0$ it grows slowly.
+# Without $K$ alone the growth remains, because the MAD includes the signal: three times the scatter of a field removes most of it, whatever its noise. With the instrument's noise and without $K$, and with free signs of $\mathbf{A}$, the iteration is stable and converges after {glue:text}`restarts_settled` iterations; the change stays below
+# {glue:text}`restarts_stable`. With $\mathbf{A} \geq 0$ it grows slowly.
 
 # %% tags=["hide-input"]
 growth = {
@@ -170,11 +163,11 @@ growth = {
     for name, options in VARIANTS.items()
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "The same growth (left) and the condition number of the mixing matrix (right) for variants of the iteration, made anew here: the reading `code`, thresholds on an exact grid in place of HEALPix pixels. Thin lines are restarts, thick ones their medians. The iteration is stable where the thresholds leave most of the sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "Growth of the change (left) and condition number of the mixing matrix (right) against iteration, for variants of the reading `code` run here with thresholds on an exact grid instead of HEALPix pixels. Thin: restarts; thick: medians. Variants with nearly complete sources are stable."}}
 study.stamped(variants_figure(growth), beam=beam, n_sources=n_sources)
 
 # %% [markdown]
-# How empty the sources are is counted: the share of their starlet coefficients that the thresholds of the first iteration keep, for the fullest and for the emptiest source.
+# The share of the starlet coefficients that the thresholds of the first iteration keep, for the sources with most and fewest:
 
 # %% tags=["hide-input"]
 rows = {}
@@ -182,8 +175,8 @@ for name, options in VARIANTS.items():
     kept = 100 * ensembles.first_kept(study.case(beam), options | {"pixels": "grid", "n_sources": n_sources})
     angle, condition = (curves(growth[name], quantity).median() for quantity in ("angle", "condition"))
     rows[name] = {
-        "kept, fullest": (kept.max(), 0.02 * kept.max(), "%"),
-        "kept, emptiest": (kept.min(), 0.02 * kept.min(), "%"),
+        "kept, most": (kept.max(), 0.02 * kept.max(), "%"),
+        "kept, fewest": (kept.min(), 0.02 * kept.min(), "%"),
         "condition, iteration 1": one_run((condition[1], 0.1 * condition[1])),
         "sine, iteration 1": one_run((angle[1], 0.1 * angle[1])),
         "sine, the last": one_run((angle.iloc[-1], 0.1 * angle.iloc[-1])),
@@ -192,13 +185,12 @@ show_table(rows, head="variant")
 
 # %% [markdown]
 # (restarts-distributions)=
-# ## himap against the authors' code
+# ## himap and the authors' code
 #
-# Two codes for a chaotic iteration cannot be compared run by run beyond its first iterations ({ref}`there they agree <readings-code>`). They can be compared as distributions. Below are those of the residual at $\ell \leq 64$, from
-# {glue:text}`restarts_n_ours` restarts of himap or more, and {glue:text}`restarts_n_theirs` of the authors' code, on each Galaxy.
+# Beyond the first iterations, {ref}`where they agree <readings-code>`, two codes for a chaotic iteration can only be compared as distributions: here of the residual at $\ell \leq 64$, from at least {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on each Galaxy.
 #
-# The last $\hat{\mathbf{S}}$ comes from normal equations with eigenvalues that span more than nine decades. The public code raises those below $10^{-9}$ of the largest to that. The same $\mathbf{A}$ with a floor at $10^{-14}$, which is rounding, is shown beside it. A run *fails* if its mean
-# $|C/C_0 - 1|$ is above 10 %, twice the 5 % of the paper. The floor of the last step makes most of the failures: it leaves foreground in the residual.
+# The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The public code raises those below $10^{-9}$ of the largest to that floor; the same $\mathbf{A}$ with a floor at rounding ($10^{-14}$) is compared. A run *fails* if its mean $|C/C_0 - 1|$ exceeds 10 %, twice the 5 % of the paper. Most failures are due
+# to the floor, which leaves foreground in the residual.
 
 # %% tags=["hide-input"]
 FLOORS = {1e-9: "floor of the code", 1e-14: "floor at rounding"}
@@ -212,7 +204,7 @@ for title, each in RUNS.items():
     rows.append([title, *(f"{(errors[floor] > FAILING).sum()} of {len(errors)}" for floor in FLOORS)])
 Table(["runs that fail", *FLOORS.values()], rows, align="lrr")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Share of the runs below a value, synthetic Galaxy, for himap (solid) and the authors' code (dashed), with the two floors of the last step: mean ratios to the truth in two bands of multipoles and two of wavenumbers (1/MHz), the highest ratio near the ripple, the share of the sky that the paper's criterion flags, and the condition number of the mixing matrix. P/P0 has the truth at all multipoles; these runs end at 64. Flagged lines are against the truth up to there."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with the two floors of the last step, synthetic Galaxy: mean ratios to the truth in two bands of multipoles and two of wavenumbers (1/MHz), highest ratio near the ripple, share of the sky flagged by the paper's criterion, condition number of the mixing matrix. P/P0 has the truth at all multipoles and runs end at 64; flags use the truth up to there."}}
 name, *others = ours
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[0].made
@@ -225,8 +217,7 @@ plotting.stamp(
 )
 
 # %% [markdown]
-# The two-sample test of Kolmogorov and Smirnov asks whether both can come from one distribution. The table has its $p$ for each quantity, from permutations of the runs. The last row is of all quantities at
-# once: the $p$ of the mean distance of their distribution functions.
+# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a larger difference if both samples have the same distribution, from permutations of the runs. The last row combines all quantities (mean distance of the distribution functions).
 
 # %% tags=["hide-input"]
 columns = {}
@@ -243,14 +234,13 @@ Table(
 )
 
 # %% [markdown]
-# The least $p$ of the last row is {glue:text}`restarts_p_least`. What follows about himap's SDecGMCA is therefore not about a bug of himap.
+# The smallest $p$ of the last row is {glue:text}`restarts_p_least`: the codes are statistically consistent.
 
 # %% [markdown]
 # (restarts-failures)=
-# ## How often it fails
+# ## Probability of failure
 #
-# The above is one sky at one size. Here a run fails by the mean at $10 < \ell < 200$, or up to the end of the maps. The tables have the share of the runs that fail, and the interval of its probability (Wilson, two sigma). Members are
-# skies times restarts. Readings are those of {doc}`16_readings`; `code-rounding` is `code` with the floor of the last step at rounding. The number of sources is that of Table 1 in each column.
+# A run fails by the mean at $10 < \ell < 200$, or up to the end of the maps. The tables have the share of the members (skies times restarts) that fail, with the 2 sigma Wilson interval, for the readings of {doc}`16_readings`. The number of sources is that of Table 1 for each beam.
 
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
@@ -287,7 +277,7 @@ head = ["sky", "reading", "degraded", "evolving", "oscillating", "oscillating, p
 Table(head, lines or [[NONE, *[""] * 5]], align="llrrrr")
 
 # %% [markdown]
-# The same through the oscillating beam with other numbers of sources:
+# With the oscillating beam and other numbers of sources:
 
 # %% tags=["hide-input"]
 counts, lines = (2, 3, 4, 5, 6, 7, 8, 10, 15, 20), []
@@ -301,11 +291,10 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 
 # %% [markdown]
 # (restarts-flags)=
-# ## Without the truth
+# ## Detecting a failure without the truth
 #
-# Nobody has the truth of an observation. Is there a number of a run that tells whether it failed? For each the table has the share of the failed runs that its flag finds, the share of the sound ones that it accuses, the chance that a failed run has
-# the larger number than a sound one (one half is a coin), and what follows if one chooses, of the restarts of a sky, the one with the least of it: how often that one fails. With the distance that is the *medoid*, the restart that
-# differs least from the others. A flag that is set in every run, sound or not, flags nothing.
+# For several numbers of a run, the table has the share of the failed runs that a flag on it detects, the share of the others that it flags, the probability that a failed run has the larger number (one half: chance), and how often the restart with the smallest number fails. With the distance from the other restarts the latter is the
+# {term}`medoid`. A flag that is set in every run is useless.
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -315,19 +304,18 @@ rows = [
     for one in flagged
     for row in flag_table(one.rows).to_numpy().tolist()
 ]
-head = ["sky", "flag", "hit rate", "false alarms", "ranked right", "least of it fails"]
+head = ["sky", "flag", "hit rate", "false alarms", "correct ranking", "smallest fails"]
 Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 
 # %% [markdown]
 # (restarts-way-out)=
-# ## The way out
+# ## What to use instead
 #
-# - **A stable iteration.** `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")`: the noise of the instrument, no $K$, no constraint on signs. It settles, and restarts agree. It has a price, in the table: more HI is lost at low $\ell$,
-#   about as much as by BeamSubspace with as many sources. With few sources less is lost.
-# - **Another method for the same model.** BeamSubspace ({doc}`09_sdecgmca`) has the same mixture and no chaos.
-# - **Restarts.** An ensemble, its median and its range, in place of one run: `SDecGMCA(restart=k)` in Python, for a cube the option `--restarts` of `himap clean`.
+# - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, and restarts agree. It loses more HI at low $\ell$, about as much as BeamSubspace with as many sources.
+# - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
+# - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# The table has the median over {glue:text}`restarts_n_live` restarts made here, and the lowest and highest of them, for the reading of this notebook, the stable iteration, and BeamSubspace. The reading carries the regularised inversion beyond the last multipole ({doc}`09_sdecgmca`), and at this coarse resolution that alone puts $P/P_0$ of SDecGMCA above 1 at low $k_\nu$.
+# The table has median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised inversion beyond the last multipole alone raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}
@@ -371,8 +359,7 @@ show(
 )
 
 # %% [markdown]
-# A live run is not compared with a stored one: another processor gives another draw. What can be compared is whether the runs made here come from the stored ensemble. The cell says for each quantity whether one of them
-# at least is within its range, widened by half on a logarithmic axis: with four that fails by chance less than once in ten thousand times.
+# Runs made here differ from stored ones on another processor. The cell checks for each quantity whether at least one of them is in the range of the stored ensemble, widened by half on a logarithmic axis, which fails by chance less than once in ten thousand times.
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -393,40 +380,30 @@ else:
     print("no ensemble of this sky is stored")
 
 # %% [markdown]
-# ## What to take away
+# ## What follows
 #
-# - The iteration of SDecGMCA is chaotic, in its authors' code as in himap. A result of it is a draw, and is worth reporting with its scatter over restarts.
-# - The cause is not rounding, which only triggers it. It is that $\mathbf{A}$ is fitted to nearly empty sources: by $K$, and by thresholds from the MAD of the sources themselves.
-# - Both codes agree as distributions.
-# - Where many runs fail, a floor of eigenvalues at $10^{-9}$ in the last step is the first thing to look at. It is one line.
-# - The stopping rules are not met. That alone can be seen without the truth, and is worth a warning.
+# - The iteration of SDecGMCA is chaotic in its authors' code as in himap, which agree as distributions. A result should be quoted with its scatter over restarts.
+# - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources, through $K$ and through thresholds from the MAD.
+# - Most failures disappear without the eigenvalue floor of $10^{-9}$ in the last step.
+# - The stopping rules are not met, which is visible without the truth and deserves a warning.
 #
 # ## Exercises
 #
-# **1.** A change of $10^{-10}$ grows tenfold in each iteration. After how many is it of order one, in double precision, if only rounding triggers it?
+# **1.** A Gaussian source is noise. Which share of its coefficients exceeds three times the scatter from its MAD? And with a faint Gaussian signal in it?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Rounding is $10^{-16}$: after sixteen. No precision helps for long: twice as many digits cost twice as many iterations, and there are two hundred.
+# $0.27$ % in both cases: the MAD is that of signal and noise, so the threshold grows with the signal. Only sparse features pass.
 #
 # </details>
 #
-# **2.** A source is Gaussian noise. Which share of its coefficients is above three times the scatter that its MAD gives? And if there is a faint Gaussian signal in it?
+# **2.** None of 8 restarts fails. How large can the probability of failure be?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $0.27$ % of them, in both cases: the MAD is of signal and noise together, so that the threshold grows with the signal. Only what is sparse passes.
-#
-# </details>
-#
-# **3.** None of 8 restarts fails. How large may the probability of failure be?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# With a probability $p$ that happens in $(1 - p)^8$ of the cases. That is 5 % for $p = 0.31$: eight good runs do not exclude that every third one fails.
+# With probability $p$ this occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that every third fails.
 #
 # </details>
 #

@@ -115,8 +115,8 @@ def ledgers_table(ledgers, only=None, others=None):
     ledgers
         A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
     only
-        Function from the entries of one claim, one of each ledger, to whether it is shown, such as
-        `differing`; all claims unless given, and then their count as well.
+        Function from the entries of one claim, one of each ledger, to whether it is shown; all claims unless
+        given, and then their count as well.
     others
         As of `himap.paper.ledger_table.cause`, for a column with what the verdict in the first ledger is due
         to.
@@ -149,11 +149,6 @@ def ledgers_table(ledgers, only=None, others=None):
     return "\n\n".join([table, *notes])
 
 
-def differing(entries):
-    """Function for `ledgers_table`: the claims whose verdict is not the same in all ledgers."""
-    return len({entry.verdict for entry in entries}) > 1
-
-
 def verdicts_table(ledgers):
     """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
     rows = [
@@ -162,18 +157,6 @@ def verdicts_table(ledgers):
     ]
     signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
     return _markdown(["", "members", *signs], rows)
-
-
-def failed_table(entries):
-    """The parts of each claim that hold in too few members, and the numbers of the first, as Markdown.
-
-    Claims of which every part holds, and those that do not apply, have no row.
-    """
-    rows = []
-    for entry in entries:
-        if shares := entry.failed_parts().values():
-            rows.append([f"**{entry.claim.id}**", _signed(entry), shares_text(shares), entry.sentence])
-    return _markdown(["Claim", "", "Holds in what share of the members", "Numbers"], rows)
 
 
 def _ledger_names(ledgers):
@@ -200,14 +183,8 @@ def _cell(entry):
         number = entry.verdict
     failing = [share for share in entry.main_shares if not share.holds]
     more = f"; and {len(failing) - _PARTS} more" if len(failing) > _PARTS else ""
-    return f"{_signed(entry)} {number}" + (
-        f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if failing else ""
-    )
-
-
-def _signed(entry):
-    """The sign of the verdict, and of one in part for how many parts it holds."""
-    return f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
+    sign = f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
+    return f"{sign} {number}" + (f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if failing else "")
 
 
 def pictures(folders, results=None):

@@ -55,13 +55,13 @@ number_claim(
 @claim(
     "G2",
     "oscillating, dimmed",
-    "The peak near k = 0.3 stays for PCA and ICA, and is below 2 % for SD.",
+    "The peak near k = 0.3 persists for PCA and ICA, and is below 2 % for SD.",
     number="highest P/P0 of SD near k = 0.31, less 1",
     paper="< 0.02",
     **_DIMMED,
 )
 def dimmed_peak(realisation):
-    """A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it stays for PCA/ICA, both of
+    """A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it persists for PCA/ICA, both of
     them; that of SD is below 1.02.
     """
     values = each("dimmed", bump, _THREE)(realisation)
@@ -91,7 +91,7 @@ def _growth(realisation):
 @claim(
     "G3",
     "oscillating, dimmed",
-    "The range of l that is recovered grows for PCA, ICA and SD.",
+    "The recovered range of l grows for PCA, ICA and SD.",
     number="smallest growth of the share of l within 10 %",
     paper="> 0",
     **_DIMMED,

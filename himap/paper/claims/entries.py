@@ -116,10 +116,6 @@ class Entry:
         """The most restarts of a sky."""
         return max(Counter(seed for seed, _ in self.findings).values())
 
-    def failed_parts(self):
-        """{part: `Share`} of the parts that do not hold, or not in enough members."""
-        return {name: share for name, share in self.shares.items() if not share.holds and PLACE not in name}
-
 
 def finding_rows(findings, restart):
     """The rows of {claim: `Finding`} of a restart, dicts with `COLUMNS`."""

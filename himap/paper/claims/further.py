@@ -50,8 +50,8 @@ _LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
     notebook="09_sdecgmca",
 )
 def convergence(realisation):
-    """The paper stops each stage when the relative change of S between two iterations is below a tolerance.
-    A stage has converged if the change in its last iteration is below the paper's tolerance, 1e-2 in the
+    """The paper stops each stage when the relative change of S between two iterations is below a tolerance. A
+    stage has converged if the change in its last iteration is below the paper's tolerance, 1e-2 in the
     warm-up and 1e-4 in the refinement. As in the public code of C21 a stage ends after 150 or 50 iterations
     at the latest; if its change is then above the tolerance, it has not converged. Six main parts: each stage
     with each beam. It does not apply to a method without these stages.
@@ -148,12 +148,12 @@ def absorbed_sources(realisation):
     notebook="02_beams_and_noise",
 )
 def subdominant_noise(realisation):
-    """The power spectra of noise and HI, each by itself as it enters the truth: HI through the beam; the
-    noise of the pixels, which only the degraded beam smooths. The noise is subdominant if its power is below
-    that of HI, by more than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k.
-    Six main parts: each spectrum with each beam. The paper gives the noise of a pixel, whatever the size of
-    the pixel, so that its C_l is proportional to the area of the pixels: the result holds for the resolution
-    at which it was measured.
+    """The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the
+    pixels, which only the degraded beam smooths. The noise is subdominant if its power is below that of HI,
+    by more than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main
+    parts: each spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel,
+    so that its C_l is proportional to the area of the pixels: the result holds for the resolution at which it
+    was measured.
     """
     tops, parts, words = {}, [], []
     for beam in BEAMS:
@@ -181,7 +181,7 @@ def bright_lines(realisation):
     """Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess
     is the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
     how many lines are exceptionally bright; the brightest tenth is read here, and it drives the peak if more
-    than half of the excess is gone without it. Main part: SD. Others: PCA/ICA and GMCA; and as a control,
+    than half of the excess vanishes without it. Main part: SD. Others: PCA/ICA and GMCA; and as a control,
     more than half of the excess of SD remains without the faintest tenth. The premise is absent for a method
     without a peak, which is a P/P0 above 1.1.
     """

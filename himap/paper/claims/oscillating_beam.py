@@ -50,8 +50,8 @@ _DIGITS = 1 / np.finfo(np.float32).eps  # condition number from which float32 ma
     **_ANGULAR,
 )
 def oscillating_fits(realisation):
-    """To fail is the same everywhere: a mean |C/C0 - 1| above 10 % for 10 < l < 200 (or 2 nside), and in P/P0
-    the same over all k. Four parts, all main.
+    """A fit fails if its mean |C/C0 - 1| is above 10 % for 10 < l < 200 (or 2 nside), as in all claims, and
+    in P/P0 if the mean over all k is. Four parts, all main.
     """
     values, parts = {}, ()
     for name in ("polynomial", "parametric"):
@@ -85,7 +85,7 @@ number_claim(
 @claim(
     "O3",
     "oscillating",
-    "SD recovers C/C0 to 5 % for 10 < l < 200; PCA, ICA and GMCA are each further off.",
+    "SD recovers C to within 5 % for 10 < l < 200; PCA, ICA and GMCA each deviate more.",
     number="|C/C0 - 1| of SD, at 95 % of the l",
     paper="< 0.05",
     **_ANGULAR,
@@ -136,7 +136,7 @@ def oscillating_peak(realisation):
 @claim(
     "O5",
     "oscillating",
-    "The BSS methods have an excess in P/P0 at low k, SD no less than PCA or ICA.",
+    "The BSS methods have an excess in P/P0 at low k, SD no smaller than PCA or ICA.",
     number="mean P/P0 of SD at k < 0.1",
     paper="> 1.1",
     **_FREQUENCY,
@@ -161,14 +161,14 @@ def oscillating_low_k(realisation):
 @claim(
     "O6",
     "all three",
-    "Run beyond l = 200, SD has a spurious peak in C there: it regularises.",
+    "Beyond l = 200 SD has a spurious peak in C, due to its regularised inversion.",
     number="highest C/C0 of SD at l > 200",
     paper="> 1.1",
     **_ANGULAR,
 )
 def beyond_200(realisation):
-    """SD goes on beyond l = 200 with its regularised inversion. A peak is a C/C0 of more than 1.1 between
-    l = 200 and 2 nside: a main part for each beam. The regularisation is behind it if its top lies where
+    """The regularised inversion of SD is continued beyond l = 200. A peak is a C/C0 of more than 1.1 between
+    l = 200 and 2 nside: a main part for each beam. It is due to the regularisation if its top lies where
     strategy 3 regularises (R1): another part for each beam. It does not apply to maps that end before.
     """
     peaks, parts, words = {}, [], []
@@ -190,8 +190,8 @@ def beyond_200(realisation):
 @claim(
     "O7",
     "all three",
-    "The offset of BSS at l < 10 is there in all beams, much larger in the oscillating.",
-    number="offset of the oscillating beam over that of the others, least of BSS",
+    "The offset of BSS at l < 10 exists with all beams, much larger with the oscillating one.",
+    number="offset with the oscillating beam over that with the others, smallest of BSS",
     paper="> 2",
     **_ANGULAR,
 )
@@ -213,8 +213,8 @@ def offset_in_other_beams(realisation):
 @claim(
     "R1",
     "all three",
-    "The beam is inverted without regularisation up to l = 200 or so, not beyond.",
-    number="first l where strategy 3 regularises, least of the beams",
+    "The beam can be inverted without regularisation up to l of about 200, not beyond.",
+    number="first l where strategy 3 regularises, smallest of the beams",
     paper="about 200",
     section="4.2",
     figure="",
@@ -223,9 +223,9 @@ def offset_in_other_beams(realisation):
 def inversion_limit(realisation):
     """With SD's mixing matrix A and the beam H itself, strategy 3 of C21 gives epsilon_l = max(0, c -
     lambda_min(A^T H_l^2 A) / lambda_min(A^T A)), c of Table 1. The first l with epsilon_l > 0 lies from 150
-    to 300, with the widths of the beams as the reason for the range; and the matrix cannot be inverted there:
-    its condition number is above 8e6, where float32 maps leave no digit. Two main parts for each beam. It
-    does not apply to maps that end before it sets in, and before l = 300.
+    to 300, a range that allows for the widths of the beams; and the matrix cannot be inverted there: its
+    condition number is above 8e6, at which float32 maps have no significant digit. Two main parts for each
+    beam. It does not apply to maps that end before it sets in, and before l = 300.
     """
     found = {beam: _onset(realisation, beam) for beam in BEAMS}
     onsets = [onset for onset, _ in found.values() if onset is not None]
@@ -264,7 +264,7 @@ def _onset(realisation, beam):
     "all three",
     "SD is the most consistent over the three beams.",
     number="largest mean |C/C0 - 1| of SD over the beams",
-    paper="least of all",
+    paper="smallest of all",
     **_ANGULAR,
 )
 def most_consistent(realisation):

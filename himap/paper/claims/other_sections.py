@@ -42,8 +42,8 @@ _APPENDIX = {"section": "A", "notebook": "14_diagnostics"}
 )
 def foregrounds_above_hi(realisation):
     """Of brightness temperatures, before the beam: the root mean square over channels and pixels of all
-    foregrounds together over that of HI, mean brightness included. Its log10 is above 4 over all the sky,
-    and from 3 to 5 at |b| > 30 deg, as "up to" is an upper bound. Two parts, both main.
+    foregrounds together over that of HI, mean brightness included. Its log10 is above 4 over all the sky, and
+    from 3 to 5 at |b| > 30 deg, as "up to" is an upper bound. Two parts, both main.
     """
     orders, words = {}, []
     for region, (foregrounds, hi) in realisation.brightness().items():
@@ -71,15 +71,15 @@ def _best(scan, error):
 @claim(
     "N1",
     "oscillating",
-    "The total MSE of SD is least at 5 sources of 2 to 20.",
-    number="n_s of the least MSE",
+    "The total MSE of SD has its minimum at 5 sources, for 2 to 20.",
+    number="n_s of the smallest MSE",
     paper="5",
     figure="3",
     **_SCAN,
 )
 def scan_minimum(realisation):
     """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One
-    main part; the others are the places of the minimum. The scan must hold 4 and 6 too, or it has no minimum.
+    main part; the others are the places of the minimum. The scan must have 4 and 6 too.
     """
     scan, best = realisation.scan, _best(realisation.scan, total)
     at_five = f", at n_s = 5 {total(scan[5]):.3g}" if 5 in scan else ""
@@ -120,7 +120,7 @@ def scan_ends(realisation):
     **_SCAN,
 )
 def scan_scales(realisation):
-    """Best is the least mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
+    """Best is the smallest mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
     parts, all main; the others are the places.
     """
     best = {
@@ -138,15 +138,14 @@ def scan_scales(realisation):
     "N4",
     "oscillating",
     "An n_s of 5 to 7 is the best compromise over all scales.",
-    number="n_s of the least total, relative errors",
+    number="n_s of the smallest total, relative errors",
     paper="5 to 7",
     figure="3",
     **_SCAN,
 )
 def scan_compromise(realisation):
-    """The paper does not define its total MSE: the minimum of every definition that we have lies at 5, 6 or
-    7. A main part for each, relative, logarithmic and absolute; the others are the places. The scan must hold
-    4 and 8 too.
+    """The paper does not define its total MSE: its minimum is at 5, 6 or 7 for three definitions. A main part
+    for each, relative, logarithmic and absolute; the others are the places. The scan must have 4 and 8 too.
     """
     scan = realisation.scan
     best = {name: _best(scan, lambda one, by=name: one.total_error(by)) for name in MSE_DEFINITIONS}

@@ -61,7 +61,7 @@ def _worst(values, extreme):
 @claim(
     "O8",
     "oscillating",
-    "The excess at l < 10 is due to the peak masking, which takes ripples for peaks.",
+    "The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.",
     number="share of masked voxels that are ripple",
     paper="notable",
     section="4.2",
@@ -69,13 +69,13 @@ def _worst(values, extreme):
     notebook="10_results",
 )
 def excess_of_masking(realisation):
-    """Without peak masking more than half of the mean C/C0 - 1 at l < 10 is gone, for each method that has
-    the excess of O2; the premise is absent for one that has none. What stands out of the first baseline in a
-    masked voxel is HI, noise and foreground, each less its own baseline; it is ripple if the foreground has
-    the largest part in it. A notable share of the masked voxels is, more than a fifth: most of them cannot
-    be, for B3 says that they are HI. Main parts: PCA/ICA, GMCA and SD; the voxels, without premise where no
+    """Without peak masking the mean C/C0 - 1 at l < 10 falls by more than half, for each method that has the
+    excess of O2; for a method without it the premise is absent. The deviation of a masked voxel from the
+    first baseline is that of HI, noise and foreground, each less its baseline; the voxel is ripple if the
+    foreground contributes most. More than a fifth of the masked voxels are ripple; most of them cannot be,
+    since B3 states that they are HI. Main parts: PCA/ICA, GMCA and SD; the voxels, without premise where no
     method has the excess. The sigma of the clipping is that of each line of sight, with which a sine can
-    never pass 5 sigma; others are not judged here.
+    never exceed 5 sigma; others are not judged here.
     """
     masked, unmasked = _with_and_without(realisation, "oscillating", angular_band("mean", 1, 10), BSS)
     gone = {
@@ -100,15 +100,15 @@ def excess_of_masking(realisation):
 @claim(
     "B1",
     "all three",
-    "Without the masking of peaks every method is worse.",
+    "Without the masking of peaks every method is less accurate.",
     number="smallest ratio of total MSE, without over with",
     paper="> 1",
     figure="B.3",
     **_PEAKS,
 )
 def unmasked_peaks(realisation):
-    """Worse is a larger total MSE of both spectra, by more than 1 %: a main part for each beam and method,
-    PCA/ICA by the worse of the two. The premise is absent for a beam with which no voxel is masked.
+    """Less accurate is a larger total MSE of both spectra, by more than 1 %: a main part for each beam and
+    method, PCA/ICA by the worse of the two. The premise is absent for a beam with which no voxel is masked.
     """
     parts, ratios = (), {}
     for beam in BEAMS:
@@ -132,9 +132,10 @@ def unmasked_peaks(realisation):
     **_PEAKS,
 )
 def broadband_bias(realisation):
-    """The bias is the distance of the median P/P0 at k > 0.1 from 1, which no peak of a few k moves. It is
-    removed if more than half of it goes with the masking: a main part for each beam and BSS method, PCA/ICA
-    by the worse of the two. The premise is absent where the bias is below 10 % without the masking.
+    """The bias is the deviation of the median P/P0 at k > 0.1 from 1, which a peak of a few k does not
+    change. It is removed if the masking reduces it by more than half: a main part for each beam and BSS
+    method, PCA/ICA by the worse of the two. The premise is absent where the bias is below 10 % without the
+    masking.
     """
     median, parts, masked, unmasked = frequency_band("median", LOW_K), (), {}, {}
     for beam in BEAMS:
@@ -163,9 +164,9 @@ def broadband_bias(realisation):
     **_PEAKS,
 )
 def masked_peaks(realisation):
-    """What stands out of the first baseline in a masked voxel is HI, noise and foreground (point sources
-    included), each less its own baseline. The voxel lies on an HI peak if HI has the largest part in it; more
-    than half of the voxels do. A main part for each beam, without premise where no voxel is masked.
+    """The deviation of a masked voxel from the first baseline is that of HI, noise and foreground (point
+    sources included), each less its baseline. The voxel lies on an HI peak if HI contributes most; more than
+    half of the voxels do. A main part for each beam, without premise where no voxel is masked.
     """
     counts = {beam: realisation.masked_voxels(beam) for beam in BEAMS}
     shares = {
@@ -181,7 +182,7 @@ def masked_peaks(realisation):
 @claim(
     "M1",
     "oscillating",
-    "The lines of sight whose error stands out lie along the Galactic plane.",
+    "Lines of sight flagged by their error lie along the Galactic plane.",
     number="share of SD's flagged lines within 15 deg of the plane",
     paper="most",
     figure="5",
@@ -207,7 +208,7 @@ def flagged_in_plane(realisation):
 @claim(
     "M2",
     "oscillating",
-    "Without them the peak of SD is lower.",
+    "Excluding the flagged lines of sight lowers the peak of SD.",
     number="highest P/P0 of SD near k = 0.31, masked",
     paper="lower than unmasked",
     figure="6",
@@ -241,7 +242,7 @@ def _masked_over_unmasked(measure, unmasked, methods):
 number_claim(
     "M3",
     "oscillating",
-    "P/P0 of the other methods does not improve notably.",
+    "P/P0 of the other methods does not improve notably without the flagged lines.",
     values=_masked_over_unmasked(frequency_band("error"), lambda sky, one: sky.of("oscillating")[one], BLIND),
     test=lambda value: value >= 1 - NOTABLE,
     words="not notably better",
@@ -277,15 +278,15 @@ number_claim(
 @claim(
     "M5",
     "oscillating",
-    "With the mask SD is recovered down to smaller multipoles and lower k.",
-    number="lowest l from which SD is recovered, masked",
+    "Without the flagged lines SD recovers smaller multipoles and lower k.",
+    number="lowest l from which SD recovers C, masked",
     paper="lower than unmasked",
     figure="6",
     **_POST,
 )
 def masked_range(realisation):
-    """A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to
-    k = 0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
+    """A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to k
+    = 0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
     lower, in the same bins. Two parts, both main, without premise where a range is complete without the mask.
     """
     both = realisation.unmasked("sdecgmca"), realisation.masked("sdecgmca")

@@ -33,7 +33,7 @@ _FREQUENCY = {"section": "4.2", "figure": "2", "notebook": "10_results"}
 number_claim(
     "D1",
     "degraded",
-    "All six methods recover C/C0 to 10 % for 3 < l < 200.",
+    "All six methods recover C to within 10 % for 3 < l < 200.",
     values=each("degraded", angular_band("within", 3, 200)),
     test=recovered,
     words="within 10 %",
@@ -48,7 +48,7 @@ number_claim(
 number_claim(
     "D2",
     "degraded",
-    "All six methods recover P/P0 to 10 % for k > 0.03.",
+    "All six methods recover P to within 10 % for k > 0.03.",
     values=each("degraded", frequency_band("within", 0.03)),
     test=recovered,
     words="within 10 %",
@@ -68,7 +68,7 @@ number_claim(
     test=smaller,
     words="loses power",
     sentence="P/P0 at 95 % of the k below 0.03 is at most",
-    number="P/P0 of the method that loses least, at 95 % of the k",
+    number="P/P0 of the method with the smallest loss, at 95 % of the k",
     paper="< 1",
     **_FREQUENCY,
     reading="P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03. A main part for each method, "
@@ -79,14 +79,14 @@ number_claim(
 @claim(
     "E1",
     "evolving",
-    "The parametric fit is too high in C/C0 by orders of magnitude at every l.",
+    "The parametric fit overestimates C by orders of magnitude at every l.",
     number="median C/C0 of PAR",
     paper="> 100",
     **_ANGULAR,
 )
 def evolving_parametric(realisation):
     """Orders of magnitude are two or more: the median of C/C0 over 2 <= l <= 200 is above 100. Across all
-    scales: the least is above 10. Two main parts.
+    scales: the smallest is above 10. Two main parts.
     """
     comparison = realisation.of("evolving")["parametric"]
     ratios = comparison.angular_ratio[comparison.degrees <= 200]
@@ -102,7 +102,7 @@ def evolving_parametric(realisation):
 number_claim(
     "E2",
     "evolving",
-    "PCA, ICA and SD recover C/C0 to about 10 % for 4 <= l <= 200.",
+    "PCA, ICA and SD recover C to within about 10 % for 4 <= l <= 200.",
     values=each("evolving", angular_band("within", 3, 201), ("pca", "fastica", "sdecgmca")),
     test=recovered,
     words="within about 10 %",
@@ -126,7 +126,7 @@ number_claim(
 def evolving_gmca(realisation):
     """A clear excess is a mean of more than 1.1. Four parts, all main: C/C0 for 2 <= l < 10 (small) and for
     10 < l < 40 (intermediate); P/P0 for k < 0.2, and for 0.1 < k < 0.2 by itself, so that the lowest k alone
-    do not make it.
+    do not suffice.
     """
     measures = {
         "l < 10": angular_band("mean", 1, 10),
@@ -148,15 +148,15 @@ def evolving_gmca(realisation):
 @claim(
     "E4",
     "evolving",
-    "All but PAR recover P/P0 down to k of about 0.1, and deviate more below.",
+    "All methods but PAR recover P down to k of about 0.1, and deviate more below.",
     number="|P/P0 - 1| of the worst method, at 95 % of the k above 0.1",
     paper="< 0.1",
     **_FREQUENCY,
 )
 def evolving_frequency(realisation):
     """Recovered is to 10 % at 95 % of the k above 0.1; the deviation grows if 95 % of the k below are within
-    a larger one, by more than 1 %. Two main parts for each method, PCA/ICA by the worse of the two. Of GMCA
-    this hardly holds together with its excess at 0.1 < k < 0.2 (E3).
+    a larger one, by more than 1 %. Two main parts for each method, PCA/ICA by the worse of the two. For GMCA
+    this is hardly compatible with its excess at 0.1 < k < 0.2 (E3).
     """
     methods = tuple(name for name in METHODS if name != "parametric")
     over = each("evolving", frequency_band("within", 0.1), methods)(realisation)
@@ -171,14 +171,14 @@ def evolving_frequency(realisation):
 @claim(
     "E5",
     "evolving",
-    "POL does not feel this beam.",
+    "POL is insensitive to this beam.",
     number="change of C/C0 from the degraded to the evolving beam, at 95 % of the l",
     paper="small",
     **_FREQUENCY,
 )
 def evolving_polynomial(realisation):
     """Both ratios are within 10 % of those of the degraded beam, at 95 % of the l with 3 < l < 200 and of the
-    k above 0.03, below which it loses power in any case (D3). Two parts, both main.
+    k above 0.03, below which it loses power with any beam (D3). Two parts, both main.
     """
     evolving, degraded = (realisation.of(beam)["polynomial"] for beam in ("evolving", "degraded"))
     ratio_l = evolving.angular_ratio / degraded.angular_ratio
