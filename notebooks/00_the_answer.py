@@ -26,8 +26,7 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. What holds all the same,
-# on the real Galaxy, at half the paper's resolution (`laptop`), in the reading that is most charitable to the paper: of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
+# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. The following holds nevertheless: on the real Galaxy, at half the paper's resolution (`laptop`) and in the reading that is most charitable to the paper, of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` other claims
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. **For your data** use a method that does not depend on its start, such as BeamSubspace
 # ([a table by what you have](what-to-use)); if you use SDecGMCA, run restarts and compare them (`himap clean --restarts`).
@@ -110,9 +109,7 @@ Table(
 )
 
 # %% [markdown]
-# Records and figures are of the commits printed below them; {doc}`../book/status` says which are stale.
-#
-# The angular power spectra at the paper's size: nearly all methods agree with the truth through the degraded beam, fewer through the other two.
+# {doc}`../book/status` says which of the records and figures are stale. The angular power spectra at the paper's size: nearly all methods agree with the truth through the degraded beam, fewer through the other two.
 
 # %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)

@@ -139,13 +139,11 @@ stamped(
 # with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free emission. The paper uses the maps of PySM
 # {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. The parameter `galaxy` chooses
 #
-# - `pysm3`, the paper's maps, downloaded at first use;
-# - `templates`, FITS maps of any resolution, such as `himap templates FOLDER --nside 64` writes. Coarser maps are refined in the logarithm of the temperature, and a Gaussian field that
-#   continues their spectrum, modulated by the large-scale brightness, adds small scales {cite:p}`miville2007,thorne2017`;
-# - `synthetic` (default): discs seen from inside, radio loops and lognormal structure with the statistics of the real maps.
+# - `pysm3`, the paper's maps;
+# - `templates`, FITS maps, if need be with a Gaussian field that continues their spectrum to smaller scales {cite:p}`miville2007,thorne2017`;
+# - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
 #
-# Synchrotron and free-free emission are brightest in the plane, point
-# sources are isotropic. As the synchrotron index varies over the sky, the foregrounds are more than one spectrum times one map.
+# As the synchrotron index varies over the sky, the foregrounds are more than one spectrum times one map.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
@@ -165,8 +163,8 @@ stamped(
 )
 
 # %% [markdown]
-# {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps at nside 64 (a run with `galaxy=templates` or `pysm3` makes it anew), {numref}`fig-galaxy-statistics` the statistics it is calibrated on. It lacks the
-# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula), and one seed scatters around the mean of many.
+# {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps at nside 64, {numref}`fig-galaxy-statistics` the statistics it is calibrated on. It lacks the
+# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula).
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
@@ -297,8 +295,7 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## All components
 #
-# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times on that in the plane. They are smooth in frequency; HI is not. In the plane free-free emission is as bright as synchrotron emission and falls more slowly;
-# away from it point sources come second.
+# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times on that in the plane. They are smooth in frequency; HI is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane (left) and away from it (right), for each component. The axis of temperature is logarithmic."}}
 component_styles = {
@@ -336,7 +333,7 @@ for title, pixel in lines_of_sight.items():
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# The contrast between the Galaxy and HI is largest at low $\ell$. The paper states “over four” orders of magnitude and “up to five”, even at high latitudes; the ledger has the measured ratio.
+# The contrast between the Galaxy and HI is largest at low $\ell$. The paper states “over four” orders of magnitude and “up to five”, even at high latitudes; {doc}`15_claims` has the measured ratio.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -394,12 +391,11 @@ quote(
 #
 # - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is {glue:text}`simulations_foreground` in the median pixel and at most
 #   {glue:text}`simulations_brightest`. Removing it to one part in $10^5$ is not enough where it is brightest.
-# - Blind methods separate the two by smoothness in frequency alone.
 # - The density is lognormal, velocities are linear, and HI has no structure below the cell of the box. This suffices for tests of foreground removal.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Which numbers of this page change with another seed?
+# Which numbers of this page change with another seed?
 #
 # ```sh
 # himap run 01_simulations -p seed=7
@@ -410,18 +406,5 @@ quote(
 #
 # The means stay within their scatter, since formulas give them. The contrast along the two lines of sight changes, as the synthetic Galaxy is drawn from
 # the seed.
-#
-# </details>
-#
-# **2.** With a real Galaxy, what happens to the numbers of HI and of the radio galaxies?
-#
-# ```sh
-# himap run 01_simulations -p galaxy=templates -p template_dir=my_templates    # from `himap templates my_templates`
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# They stay the same to the last digit, as each component has its random stream. Only what includes the Galaxy changes.
 #
 # </details>

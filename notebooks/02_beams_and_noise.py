@@ -82,7 +82,7 @@ def stamped(figure, **parameters):
 #
 # The paper gives $A = 0.1$ arcmin inside a dimensionless bracket. Of three readings of it ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width; `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
-# The degraded width is constant, the evolving one falls as $1/\nu$, the oscillating one is wider; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
+# The oscillating beam is the widest; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
@@ -163,7 +163,7 @@ stamped(plotting.lines(panels), ripple=ripple)
 #
 # with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. As in the paper it is applied per *pixel*, whatever its size, so coarser maps have a higher noise power $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance: `noise_reading=variance` ([conventions](../book/conventions.md)).
 #
-# System temperature falls with frequency, noise rises, since the beam area falls faster. Channels of 1 MHz have more noise than the wider ones of this run.
+# System temperature falls with frequency; noise rises, since the beam area falls faster.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise per pixel and channel (right). Dashed: noise in the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
@@ -240,7 +240,7 @@ for name, observation in observations.items():
 stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 
 # %% [markdown]
-# The beams hardly change HI: the three maps look alike.
+# The beams hardly change HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, on the same colours. The degraded beam smooths the noise too."}}
 channel = sky.n_channels // 2
@@ -298,9 +298,9 @@ quote(
 # - Smoothing every channel to the worst resolution prevents that, if the beam is known, at the cost of small scales.
 # - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** In the strongest reading of the ripple, does the difference between channels grow in proportion, and what becomes of the slower wave?
+# In the strongest reading of the ripple, does the difference between channels grow in proportion, and what becomes of the slower wave?
 #
 # ```sh
 # himap run 02_beams_and_noise -p ripple=additive_strong
@@ -310,19 +310,5 @@ quote(
 # <summary>Answer</summary>
 #
 # It grows by less: without the polynomial of {eq}`eq-oscillating` the beam is narrower and includes less of the plane. The slower wave, which is due to that polynomial, nearly vanishes.
-#
-# </details>
-#
-# **2.** How does a larger dish change beam and noise?
-#
-# ```sh
-# himap run 02_beams_and_noise -p dish_diameter=40
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# The beam is narrower by the ratio of the diameters, and trend and ripple are smaller.
-# The noise rises by the same ratio, as {eq}`eq-noise` gives $\sigma_N \propto \Omega_\mathrm{beam}^{-1/2} \propto D$.
 #
 # </details>

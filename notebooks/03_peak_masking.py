@@ -159,7 +159,7 @@ show(
 # %% [markdown]
 # ## What is masked
 #
-# `mask_peaks` fits all lines of sight with one matrix product, in polynomials orthonormal over the channels, and repeats only the fits with flags.
+# `mask_peaks` does this for all lines of sight.
 #
 # As the threshold is relative to the line of sight, fewer channels are flagged where the polynomial leaves a foreground residual: in the Galactic plane and, for the oscillating beam, over most of the sky.
 
@@ -303,22 +303,9 @@ quote(
 #   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step reduces a small signal loss; it is not essential, as it is in the paper at a resolution four times finer.
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** With the oscillating beam $\sigma$ of the flattened line is larger. Is the brightest peak still flagged?
-#
-# ```sh
-# himap run 03_peak_masking -p beam=oscillating
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# Yes, it exceeds $5\,\sigma$. Fainter peaks are missed.
-#
-# </details>
-#
-# **2.** Are more peaks flagged at $4\,\sigma$, and more of the foreground?
+# Are more peaks flagged at $4\,\sigma$, and more of the foreground?
 #
 # ```sh
 # himap run 03_peak_masking -p n_sigma=4

@@ -67,7 +67,7 @@ study.check(removers)
 remover = removers[selected][0]
 
 # %% [markdown]
-# As for every method, components are estimated from the maps with masked peaks and removed from the maps as observed ({doc}`03_peak_masking`).
+# Components are estimated from maps with masked peaks and removed from the maps as observed ({doc}`03_peak_masking`).
 
 # %% [markdown]
 # ## The method
@@ -167,8 +167,7 @@ angular_figure(study, removers)
 frequency_figure(study, removers)
 
 # %% [markdown]
-# Means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple. The notebook stores each number with the tolerance within which another computer must
-# reproduce it.
+# Means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple. The notebook stores the tolerance of each.
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
@@ -213,9 +212,9 @@ quote(
 #   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth component reduces the latter to {glue:text}`pca_ripple_of_six` and removes
 #   signal: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** With one component more than in the paper for the oscillating beam, what happens to the peak of the ripple, and at what cost?
+# With one component more than in the paper for the oscillating beam, what happens to the peak of the ripple, and at what cost?
 #
 # ```sh
 # himap run 04_pca -p beam=oscillating -p n_sources=6
@@ -226,16 +225,5 @@ quote(
 #
 # The peak and the excess at low $\ell$ vanish: both were the same component of the foreground. The cost is signal: the ratios are below 1
 # on large scales and at small $k_\nu$.
-#
-# </details>
-#
-# **2.** {eq}`eq-pca-residual` is a projection. Show that applying it again with the same $\mathbf{A}$ changes nothing.
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $\mathbf{A}^{\top}\mathbf{A} = \mathbf{1}$, so with $\mathbf{P} = \mathbf{1} - \mathbf{A}\mathbf{A}^{\top}$ one has $\mathbf{P}^2 = \mathbf{1} -
-# 2\,\mathbf{A}\mathbf{A}^{\top} + \mathbf{A}\mathbf{A}^{\top}\mathbf{A}\mathbf{A}^{\top} = \mathbf{P}$. A second PCA of the cleaned maps would remove other
-# components, and signal.
 #
 # </details>

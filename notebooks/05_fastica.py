@@ -269,9 +269,9 @@ show(study.band_numbers(removers))
 # - Its sources look more like emission, but are not physical components, as these are not independent.
 # - With four and five components the sources depend on the random start; what is removed does not.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Does another contrast change the sources, and does it change the cleaned maps?
+# Does another contrast change the sources, and does it change the cleaned maps?
 #
 # ```sh
 # himap run 05_fastica -p contrast=cube
@@ -281,18 +281,5 @@ show(study.band_numbers(removers))
 # <summary>Answer</summary>
 #
 # The sources change, as their spectral indices show. The cleaned maps are the same in every pixel, by {eq}`eq-ica-is-pca`.
-#
-# </details>
-#
-# **2.** With the oscillating beam and five components, is the first source closer to free-free emission?
-#
-# ```sh
-# himap run 05_fastica -p beam=oscillating -p n_sources=5
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# No: its index is flatter than that of free-free emission. It is still a mixture.
 #
 # </details>

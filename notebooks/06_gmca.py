@@ -21,8 +21,8 @@
 # > - **Good to know**: the pseudo-inverse of a matrix; wavelets are introduced here.
 # > - **Time and memory**: {cost}`06_gmca`.
 #
-# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*: in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources lie in different places. It was developed for the cosmic microwave background and applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
-# {cite:t}`gkogkou2025` report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and suspect its reliance on sparsity. Unlike FastICA, GMCA removes another space than PCA; this chapter shows how, and at what cost.
+# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*: in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources lie in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
+# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and attribute it to sparsity. This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -202,8 +202,7 @@ study.stamped(
 # %% [markdown]
 # ## The removed components
 #
-# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA. The
-# brightest sources are brighter than the sky and cancel; they are not components of emission.
+# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA. The brightest sources exceed the sky and cancel: they are not components of emission.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
@@ -295,7 +294,7 @@ quote(gmca_choices_spread=(100 * np.ptp(choices), 2, "%"))
 # %% [markdown]
 # ## Cost
 #
-# Each iteration reads the cube twice, as PCA does in total, and transforms $n_s$ maps to starlets and back.
+# Each iteration reads the cube twice, as PCA does in total.
 
 # %% tags=["hide-input"]
 show(
@@ -315,22 +314,9 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Do hard thresholds ($\ell_0$) change the residual with the oscillating beam?
-#
-# ```sh
-# himap run 06_gmca -p penalty=l0
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# They reduce the excess at low $\ell$ and the peak of the ripple, both still above those of PCA. For the degraded beam nothing changes notably.
-#
-# </details>
-#
-# **2.** With a sixth source and the oscillating beam, is the residual of GMCA still larger than that of PCA?
+# With a sixth source and the oscillating beam, is the residual of GMCA still larger than that of PCA?
 #
 # ```sh
 # himap run 06_gmca -p beam=oscillating -p n_sources=6

@@ -83,7 +83,7 @@ freqs = observed.freqs
 # This is {eq}`eq-pca-residual` with a mixing matrix that does not depend on the data. Channels that deviate by more than $5\,\sigma$ are excluded from a second fit
 # ({doc}`03_peak_masking`).
 #
-# A polynomial of order $n$ has at most $n$ zeros in the band, far fewer than the ripple.
+# A polynomial of order $n$ has at most $n$ zeros, far fewer than the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
 colours = [*styles.COLOURS, "black"]
@@ -270,9 +270,9 @@ quote(
 # - The fit is insensitive to the evolving beam, whose effect along a line of sight is smooth.
 # - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. A fit by line of sight cannot use that the ripple is coherent over the sky, as PCA does.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Does order 8 reduce the foreground residual in the Galactic plane, and at what cost?
+# Does order 8 reduce the foreground residual in the Galactic plane, and at what cost?
 #
 # ```sh
 # himap run 07_polynomial -p order=8
@@ -282,14 +282,5 @@ quote(
 # <summary>Answer</summary>
 #
 # Yes: the excess at $\ell < 10$ with the degraded and the evolving beam vanishes. But $C/C_0$ is below 1 in both bands of the table, and most of $P$ at the smallest $k_\nu$ is lost. With the oscillating beam the fit fails as before.
-#
-# </details>
-#
-# **2.** The ripple has 25 periods in the band. Which order can follow it, and what does that do to HI?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# Its 50 zeros need an order of at least 50. As many spectra are then removed from HI, and the figure of the orders shows that even this is not enough.
 #
 # </details>
