@@ -99,7 +99,7 @@ stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 # %% [markdown]
 # Structures subtend larger angles in the nearer channel, and the pattern changes within a few channels: HI is not smooth in frequency.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger in the near one. Each map has its colour scale."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger in the near one. The colour scales differ."}}
 near = int(0.9 * sky.n_channels)
 maps = {
     f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]

@@ -197,7 +197,7 @@ stamped(plotting.lines(panels))
 # period of 20 MHz, a rms difference of adjacent channels of {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a
 # slower wave of {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is {glue:text}`beams_foreground`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. A method that removes smooth spectra must separate the two curves. Each panel has its axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. A method that removes smooth spectra must separate the two curves. The scales differ."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
