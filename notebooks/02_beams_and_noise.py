@@ -194,7 +194,7 @@ stamped(plotting.lines(panels))
 #
 # From the foreground along a line of sight close to the Galactic plane a smooth spectrum (third order in log-log) is subtracted. Through the
 # degraded beam the residual is negligible. Through the evolving beam it is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The oscillating beam adds a ripple with the
-# period of 20 MHz, a rms difference of adjacent channels of {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a
+# period of 20 MHz, an rms difference of adjacent channels of {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a
 # slower wave of {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is {glue:text}`beams_foreground`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. A method that removes smooth spectra must separate the two curves. The scales differ."}}

@@ -159,7 +159,7 @@ show(
 # %% [markdown]
 # ## What is masked
 #
-# `mask_peaks` does this for all lines of sight.
+# `mask_peaks` treats all lines of sight alike.
 #
 # As the threshold is relative to the line of sight, fewer channels are flagged where the polynomial leaves a foreground residual: in the Galactic plane and, for the oscillating beam, over most of the sky.
 
@@ -238,14 +238,14 @@ quote(
 # $\sigma = a/\sqrt{2}$ and its crests are at $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those
 # flagged in HI plus noise alone, {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating` with the
 # oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane, {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper does not define: with a single value for the cube (`spread` of `mask_peaks`)
-# ripples can be flagged. Claim O8 is judged with that of the line ({doc}`15_claims`).
+# ripples can be flagged. Claim O8 judges it ({doc}`15_claims`).
 
 # %% [markdown]
 # ## The effect on a cleaning
 #
 # PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6, $5\,\sigma$).
 #
-# Without masking power is lost, in $P$ at the smallest $k_\nu$. The paper reports a bias of $P$ on all scales and worse results for all methods.
+# Without masking power is lost, mostly in $P$ at the smallest $k_\nu$. The paper reports a bias of $P$ on all scales and worse results for all methods.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the spectra of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams). Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
 angular, frequency, numbers, changes = [], [], {}, {}
@@ -300,7 +300,7 @@ quote(
 # - A clip at $5\,\sigma$ of each line flags HI peaks and practically nothing else.
 # - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest $k_\nu$ falls by
 #   {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and
-#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step reduces a small signal loss; it is not essential, as it is in the paper at a resolution four times finer.
+#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step prevents a small signal loss and is not essential; the paper, at a resolution four times finer, reports that it is.
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
 # ## Exercise

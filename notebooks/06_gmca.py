@@ -22,7 +22,7 @@
 # > - **Time and memory**: {cost}`06_gmca`.
 #
 # Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*: in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources lie in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
-# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and attribute it to sparsity. This chapter compares GMCA with PCA.
+# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its reliance on sparsity. This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -223,7 +223,7 @@ channel_figure(study, selected, remover)
 #
 # For the degraded beam, where three components describe the foreground, GMCA and PCA
 # differ by {glue:text}`gmca_degraded_off` at most in the bands of the table. With the evolving and the
-# oscillating beam a component of the foreground is missing, and the excess of GMCA is the larger: at $\ell < 10$ its power is {glue:text}`gmca_evolving_low` above that of PCA (evolving)
+# oscillating beam a component of the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is {glue:text}`gmca_evolving_low` above that of PCA (evolving)
 # and {glue:text}`gmca_oscillating_low` times it (oscillating), at $k_\nu < 0.03$ {glue:text}`gmca_evolving_slow` above it and
 # {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak` times as high. At higher $\ell$, with the
 # oscillating beam, its power is {glue:text}`gmca_oscillating_fine` of that of PCA.
@@ -310,7 +310,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # %% [markdown]
 # ## Conclusions
 #
-# - For beams that change with frequency GMCA has a larger excess at low $\ell$ and low $k_\nu$ than PCA, as the paper reports for the evolving beam.
+# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA, as the paper reports for the evolving beam.
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
