@@ -24,8 +24,7 @@
 # > - **Good to know**: HEALPix maps and FITS files.
 # > - **Time and memory**: {cost}`17_your_own_cube`.
 #
-# This chapter cleans a cube as a user would: a FITS file written by healpy, in kelvin, NESTED, with unsorted channels and a part of the sky missing. The number of sources is estimated without the truth, which is used only at the end. On the command
-# line:
+# This chapter cleans a cube in an awkward form: a FITS file written by healpy, in kelvin, NESTED, with unsorted channels and a part of the sky missing. The truth is used only at the end. On the command line:
 #
 # ```sh
 # himap suggest cube.fits --freqs freqs.txt -o how_many.html
@@ -216,9 +215,8 @@ show_table(rows)
 # %% [markdown]
 # ## Images, weights and flags
 #
-# FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and written with the same header; several ranges of channels in a folder are one band. PCA, FastICA, the two fits, the Gaussian process and GMCA clean
-# them; the other methods need the sphere. The page shows maps in their projection and $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground residual is at the smallest $k_\parallel$. For HEALPix, `--patches` shows the same as a mean over flat
-# patches.
+# FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and written with the same header. PCA, FastICA, the two fits, the Gaussian process and GMCA clean them; the other methods need the sphere. The page
+# has $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground residual is at the smallest $k_\parallel$; for HEALPix, `--patches` shows it as a mean over flat patches.
 #
 # ```sh
 # himap clean image.fits --method pca -p n_sources=3 -o cleaned.fits
@@ -231,24 +229,15 @@ show_table(rows)
 #
 # - **The number of sources** can be estimated without the truth where HI and noise are well below the foregrounds: at the defaults of this chapter the criteria agree, and the table of errors confirms them. With one source fewer the ripple of the
 #   beam remains; each further one removes signal at large scales.
-# - **A method that knows the beam** needs no sources for what the beam adds. On a part of the sky it is worse within two beam widths of the edge.
+# - **A beam-aware method** needs no sources for what the beam adds.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** How many sources does a cube of one resolution need, and do the criteria agree? Run `himap run 17_your_own_cube -p beam=degraded`.
+# How many sources does a cube of one resolution need, and do the criteria agree? Run `himap run 17_your_own_cube -p beam=degraded`.
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
 # Fewer than through the oscillating beam, and all criteria give the same number. With fewer the foreground residual is larger by orders of magnitude; with more, signal is lost.
-#
-# </details>
-#
-# **2.** As many eigenvalues of the cleaned maps are zero as sources were removed. Why?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# The cleaned maps are $(\mathbf{1} - \mathbf{A}\mathbf{A}^{\top})\,\mathbf{X}$, and the columns of $\mathbf{A}$ are eigenvectors of their covariance with eigenvalue 0.
 #
 # </details>

@@ -58,8 +58,8 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 # (steps-paper)=
 # ## Every step at the paper's size
 #
-# Each step runs in its process and starts from the cached results of the steps before it. *Memory* is the peak of the process and its children, mapped files included. The *floor* is the time that the unavoidable transforms, memory traffic and
-# operations would take on this machine without overlap. *Alternative* is the usual tool on the same data: above 1 it is slower; where it is too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
+# Each step starts from the cached results of those before it. *Memory* is the peak of the process and its children, mapped files included. The *floor* is the time of the unavoidable transforms,
+# memory traffic and operations on this machine. *Alternative* is the usual tool on the same data: above 1 it is slower; where it is too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
 
 # %% tags=["hide-input"]
 Markdown(steps_table(paper))
@@ -67,16 +67,14 @@ Markdown(steps_table(paper))
 # %% [markdown]
 # What the floors count, and why some steps are far above theirs:
 #
-# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per step of each ray. The floor counts the interpolations as arithmetic, but each gathers sixteen numbers from all over the box, which takes most of
-#   the time.
-# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 for HI and noise and one in float64 for the foregrounds, which are a dozen spectral modes. The three beams share all analyses.
-# - **Peak masking, polynomial**: the cube is read twice and written once, and each line of sight projected once on the polynomials; lines with peaks are fitted again without them.
-# - **PCA, FastICA**: one covariance of the channels and two products with the cube; FastICA iterates on the whitened maps only.
+# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per step of each ray, whose sixteen numbers are scattered over the box; gathering them takes most of the time and is not in the floor.
+# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
+# - **Peak masking, polynomial**: two reads and one write of the cube, one projection of each line of sight; lines with peaks are fitted again.
+# - **PCA, FastICA**: one covariance of the channels and two products with the cube.
 # - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared and interpolated.
-# - **GMCA**: in each iteration two products with the cube and starlets of the sources there and back. It has no usual alternative, nor have BeamSubspace and SDecGMCA.
-# - **Harmonic analysis**: every channel once, shared by BeamSubspace and SDecGMCA for any number of sources.
-# - **BeamSubspace, SDecGMCA**: in each iteration two products with those coefficients, and every scale of every source there and back.
-# - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight of one separation. The residual differs from the truth by a few spectra times maps, and only these are transformed.
+# - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back.
+# - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two products with the coefficients, and every scale of every source there and back. These two and GMCA have no usual alternative.
+# - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight, from transforms of the few spectra times maps by which the residual differs from the truth.
 
 # %% [markdown]
 # (whole)=
@@ -141,16 +139,16 @@ Markdown(growth_table(scaling))
 # himap cache info
 # ```
 #
-# - **Interrupted?** Run the same command again. Every product is written completely or not at all, with a checksum; damaged ones are reported and made again. The result equals that of an undisturbed run bit for bit.
-# - **Memory** is estimated before anything is computed, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`) sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the memory.
+# - **Interrupted?** Run the same command again. Products are written completely or not at all, with a checksum; the result equals that of an undisturbed run bit for bit.
+# - **Memory** is estimated first, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`) sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the memory.
 # - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case of one realisation while it works and deletes them afterwards, except those of an interrupted run; `himap cache clear pipeline.observation`
 #   deletes cubes at any time.
 #
 # (kills)=
 # ### Tests of interruption
 #
-# Processes were killed at random times, alone or with all that they had started, and restarted until they finished; everything that they wrote was compared bit by bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends
-# without a clear message; *left behind* counts files, shared memory and processes that remained. On a full disk a command ends with a message that names the file, or continues without what it could not store.
+# Processes were killed at random times and restarted until they finished; their results were compared bit by bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends without a clear message; *left behind* counts files, shared memory and
+# processes that remained. On a full disk a command ends with a message that names the file, or continues without storing.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -158,8 +156,8 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # %% [markdown]
 # ## On a cluster
 #
-# With `--dask`, `himap measure` and `himap run` distribute independent products over the workers of a running [Dask](https://distributed.dask.org) scheduler. Cubes are not sent: workers read and write the cache folder, which all machines must share, as
-# they must the templates and the version of himap. Products of a worker that dies go to another; the result is the same as without Dask. With SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers:
+# With `--dask`, `himap measure` and `himap run` distribute products over the workers of a running [Dask](https://distributed.dask.org) scheduler. All machines must share the cache folder, the templates and the version of himap. Products of a worker that dies go to
+# another. With SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -208,9 +206,9 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These are extrapolations by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels,
-# uncertain by a factor of two: the exponents with channels are of small maps, the two tables were measured within an hour on a machine whose pace varies by tens of percent, the methods were timed on the oscillating beam only, and more than two cores for
-# one product were not measured. The cubes of one realisation take {glue:text}`scale_disk` times the disk space of the paper's size.
+# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels, are uncertain by
+# a factor of two: the exponents with channels are of small maps, the pace of the machine varies by tens of percent, the methods were timed on the oscillating beam only, and with two cores. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
+# of the paper's size.
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]

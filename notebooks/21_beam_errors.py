@@ -25,8 +25,7 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
-# Methods that use the beam assume one. In the paper it is the true one; the beam of a telescope is measured, with an error. Here the assumed beam is wrong by a known amount. At which error does a method without a beam do better, and what do additional
-# sources gain?
+# In the paper, methods that use the beam assume the true one; the beam of a telescope is measured, with an error. Here the assumed beam is wrong by a known amount. At which error does a method without a beam do better, and do additional sources help?
 #
 # The assumed FWHM is the true one times $1 + e$:
 #
@@ -103,7 +102,7 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # (beam-errors-record)=
 # ## Over several skies
 #
-# More errors, methods and skies, measured before and stored with the book, for the synthetic and the real Galaxy (templates, nside 64):
+# More errors, methods and skies, stored with the book, for both Galaxies:
 #
 # ```sh
 # himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
@@ -242,7 +241,7 @@ quote(
 #
 # - **With the number of sources that suffices for an exact beam, the beam must be exact.** For BeamSubspace with three sources the foreground residual grows by 1 % for an error of the width of {glue:text}`beams_width` or a ripple of
 #   {glue:text}`beams_ripple` of the FWHM (for the Galaxy where that is less).
-# - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which mocks can correct. An exception are the smallest ripples with the real Galaxy, where five and six sources tolerate no more than three.
+# - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which mocks can correct. Not so for the smallest ripples with the real Galaxy.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right
 #   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
 # - **Where the beam is less well known than that**, PCA with enough components is no worse, and simpler.
@@ -256,12 +255,12 @@ quote(
 #
 # ## Exercises
 #
-# **1.** The foreground is 10 K, the HI 0.1 mK. To which relative accuracy must a method predict the foreground of a channel, if the residual may have 1 % of the power of HI?
+# **1.** The foreground is 10 K, the HI 0.1 mK. How accurately must a method predict the foreground if the residual may have 1 % of the power of HI?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well. But an error that is smooth in frequency acts like one more spectrum, which can be fitted.
+# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well; but an error that is smooth in frequency acts like one more spectrum, which can be fitted.
 #
 # </details>
 #
@@ -270,7 +269,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# It changes the blurring of all channels together, which for smooth foregrounds is a smooth change with frequency, and the fitted spectra absorb most of it. A ripple makes of every bright pixel a spectrum that none of these spectra has.
+# It changes smooth foregrounds smoothly with frequency, which the fitted spectra mostly absorb. A ripple gives every bright pixel a spectrum that none of them has.
 #
 # </details>
 #

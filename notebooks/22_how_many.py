@@ -31,7 +31,7 @@
 # |---|---|
 # | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
-# | eigenvalues | how many of the channel covariance exceed the line of HI and noise by a factor of 3; for a method that knows the beam, of maps at one resolution |
+# | eigenvalues | how many of the channel covariance exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
 # | stability | the first number after which one more source changes no spectrum by 10 % or more |
 # | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
 # | evidence | the maximum Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
@@ -134,7 +134,7 @@ for panel in panels:
 # The first three panels show what the criteria use, the last the error, which needs the truth. For each method they should agree on one number: where the eigenvalues reach their line, BIC is least, the spectra become stable, and the error is least. A
 # method that knows the beam needs fewer sources.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources. Eigenvalues of the channel covariance (at one resolution for a method that knows the beam) and the line of HI and noise; BIC; the change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources. Eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; the change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
@@ -211,12 +211,12 @@ quote(
 # ## What follows
 #
 # - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest`
-#   gives that number; otherwise, for a method that knows the beam, that of BIC if the spectra are stable after it, and else a range.
+#   gives that number; otherwise, for a beam-aware method, that of BIC if the spectra are stable after it, and else a range.
 # - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the spectra never stop changing, and which change is tolerable depends on the survey.
 # - **Mocks** are right in {glue:text}`many_mocks`, and often recommend one source more: the correction recovers what it removes.
 # - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that are whitened by the covariance of HI, which
 #   must be known.
-# - The right number depends on the method and the beam: that of PCA costs a method that knows the beam a share of the HI, and the reverse leaves foreground.
+# - The right number depends on the method and the beam: that of PCA costs a beam-aware method a share of the HI, and the reverse leaves foreground.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html

@@ -23,7 +23,7 @@
 # Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as future work. Surveys of a part of the sky need
 # them as well.
 #
-# For methods that clean each line of sight a mask changes nothing. Methods that know the beam transform maps, and on the kept pixels $p$ should solve
+# For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and on the kept pixels $p$ should solve
 #
 # ```{math}
 # \min_{S} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\ell m} \Big)^2
@@ -119,7 +119,7 @@ def ratios(results, title):
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
 # %% [markdown]
-# One row for each method. Where the four curves agree, the mask does not matter. Where *inside* is above the others, there is foreground residual from the edge: this is so for the method that knows the beam with the fewest sources.
+# One row for each method. Where the four curves agree, the mask does not matter. Where *inside* is above the others, there is foreground residual from the edge: this is so for the beam-aware method with the fewest sources.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power of the residual over that of the truth away from the Galactic plane, for each method (rows) and way: angular (left) and frequency (right) power spectrum. Deviations of more than 40 % are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
@@ -229,7 +229,7 @@ quote(
 # | {glue:text}`masks_first` | {glue:text}`masks_none` | {glue:text}`masks_post` | {glue:text}`masks_dimmed` | {glue:text}`masks_inside` | {glue:text}`masks_survey` |
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | | | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
-# - **A method that knows the beam needs no mask**: its model describes the plane too. Without a mask, masked afterwards and with a dimmed plane it does equally well. Masking the plane within the separation adds foreground residual from the edge, at small
+# - **A beam-aware method needs no mask**: its model describes the plane too. Without a mask, masked afterwards and with a dimmed plane it does equally well. Masking the plane within the separation adds foreground residual from the edge, at small
 #   $k_\nu$ and at the ripple of the beam.
 # - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
 # - **The edge costs a margin** of about two beam widths, where spectra should not be measured.

@@ -26,7 +26,7 @@
 # The paper's method, PCA, and the methods that this book adds, side by side through the three beams over many skies; the last section recommends one for each kind of data.
 #
 # SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs ({doc}`23_thresholds`), and
-# GNILC determines its number at each scale ({cite:t}`olivari2016`). Each sky has one restart of SDecGMCA.
+# GNILC determines its number at each scale ({cite:t}`olivari2016`). SDecGMCA is run once on each sky.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -191,8 +191,8 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$ and at the ripple of the beam ($k_\nu \approx 0.3$): with more pixels and channels more of the foreground is detectable, and the number of components that suffices at `quick` may not suffice here. A mean outside its band is due to a
-# few skies on which the method failed.
+# Look at the highest $\ell$ and at the ripple of the beam ($k_\nu \approx 0.3$): with more pixels and channels more of the foreground is detectable, and components that
+# suffice at `quick` may not suffice here.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
@@ -294,7 +294,7 @@ quote(
 # - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by {glue:text}`side_larger_unknown` after correction.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of {glue:text}`side_wrong_few` with three sources and {glue:text}`side_wrong_many` with {glue:text}`side_many` ({doc}`21_beam_errors`). `himap sensitivity` measures this for a
 #   cube, without the truth.
-# - **Choose the number of sources before correcting the loss**: the correction does not remove foreground residual.
+# - **The number of sources first**: correcting the loss does not remove foreground residual.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating
@@ -313,12 +313,12 @@ quote(
 #
 # </details>
 #
-# **2.** A corrected spectrum is above theory at small $k_\nu$ and at one narrow $k_\nu$. What is the likely cause, and what do you try first?
+# **2.** A corrected spectrum is too high at small $k_\nu$ and at one narrow $k_\nu$. What is the likely cause?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Foreground residual from a ripple of the beam with the period $2\pi/k_\nu$. Add one source and see whether both excesses disappear, as in {doc}`04_pca`; then ask how well the beam is known ({doc}`21_beam_errors`).
+# Foreground residual from a ripple of the beam with the period $2\pi/k_\nu$. Both excesses should disappear with one more source, as in {doc}`04_pca`.
 #
 # </details>
 #

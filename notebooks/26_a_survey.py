@@ -84,8 +84,8 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # %% [markdown]
 # ## The survey
 #
-# Dishes scan at one elevation while the sky drifts, rising or setting. Each block covers a sheared parallelogram, and hits are most where many overlap; the noise falls with their square root. A few channels are lost completely, others in bursts, and some voxels
-# singly. All of it is a formula with a seed (`himap.paper.patch.Patch`).
+# Dishes scan at one elevation while the sky drifts. Each block covers a sheared parallelogram; hits are most where many overlap, and the noise falls with their square root. A few channels are lost completely, others in bursts, and some voxels singly
+# (`himap.paper.patch.Patch`).
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -390,30 +390,21 @@ quote(
 #
 # - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across a gap has an error far above HI, different for each gap, which a few components cannot describe.
 # - **Weights trade noise for signal.** They keep the noise of the edge out of the components, but fewer pixels contribute, to which components adapt more closely: compare the signal loss, and correct for it.
-# - **A small patch loses more signal** than the full sky with the same number of components; mocks through the same gaps measure it.
+# - **A small patch loses more signal** than the full sky; mocks through the same gaps measure it.
 # - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at small $k_\nu$ through this beam.
 #
 # ```sh
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 -o transfer.html
 # ```
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Hits fall by a factor of four from the middle of a patch to its edge. By which factors do the noise and the weight change?
+# Hits fall by a factor of four from the middle of a patch to its edge. By which factors do the noise and the weight change?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
 # The noise falls with the root of the hits, and is twice as large at the edge; its inverse variance, the weight, is a quarter of that in the middle.
-#
-# </details>
-#
-# **2.** A channel is flagged completely. Why is it left out, and not filled by the model?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# No line of sight constrains the components in that channel, so that any value fits. In a channel that some pixels see, they constrain the components, which fill the others.
 #
 # </details>
 #
