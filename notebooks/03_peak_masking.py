@@ -237,8 +237,8 @@ quote(
 # With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no ripple can be flagged: a sine of amplitude $a$ has
 # $\sigma = a/\sqrt{2}$ and its crests are at $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those
 # flagged in HI plus noise alone, {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating` with the
-# oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane, {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper does not define: with a single value for the cube (`spread` of `mask_peaks`)
-# ripples can be flagged. Claim O8 judges it ({doc}`15_claims`).
+# oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane, {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper does not define: with that of the channel or the cube (`spread` of `mask_peaks`)
+# ripples can be flagged. Claim O8 is judged with each of them ({doc}`15_claims`).
 
 # %% [markdown]
 # ## The effect on a cleaning

@@ -187,7 +187,7 @@ LedgerTable(recorded, links, others)
 # | all on SDecGMCA | compared with the truth at every multipole | with the truth cut at $\ell = 200$ |
 #
 # Before that date: B1 required a ratio of errors above 1, then above 1.001 (after a ledger had been recorded), then 1, and now 1.01; it is *not reproduced* where no voxel is masked (it had not applied); G4 requires a gain above 0 (it had been reproduced with none), both after a trial at nside 32; O8 requires that more than a fifth of
-# the masked voxels are ripple, decided before its number was known. The default reading of SDecGMCA has been changed twice ({ref}`readings-default`).
+# the masked voxels are ripple, decided before its number was known; it was judged with the $\sigma$ of the line of sight alone, and is judged with that of the line, the channel and the cube, each main part with the one with which it holds best, decided after the numbers of the first. The default reading of SDecGMCA has been changed twice ({ref}`readings-default`).
 
 # %% [markdown]
 # ## Judged here

@@ -4,7 +4,7 @@ import numpy as np
 
 from himap.maps import sphere
 from himap.measures.diagnostics import Comparison
-from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
+from himap.paper.claims.base import BEAMS, CLIPPED, LEFT_IN, METHODS
 
 DEGREES = np.arange(2.0, 257)
 K = 2 * np.pi * np.arange(1, 126) / 500  # 1/MHz
@@ -80,6 +80,7 @@ class World:
         self.lines = IN_PLANE
         self.bright = {"all sky": (5000.0, 0.1), "|b| > 30": (2000.0, 0.1)}
         self.voxels = {beam: {"HI": 60, "noise": 5, "foreground": 35} for beam in BEAMS}
+        self.clipped = {}
         self.limits = dict.fromkeys(BEAMS, 240)
         self.difference = 1e-3
         self._further()
@@ -121,6 +122,7 @@ class World:
     def of(self, case):
         cases = {beam: getattr(self, beam) for beam in (*BEAMS, "dimmed")}
         cases |= {LEFT_IN.format(beam): one for beam, one in self.left_in.items()}
+        cases |= dict.fromkeys(CLIPPED.values(), self.oscillating) | self.clipped
         return {method: comparison(**ratios) for method, ratios in cases[case].items()}
 
     @property
@@ -148,8 +150,8 @@ class World:
     def brightness(self):
         return self.bright
 
-    def masked_voxels(self, beam):
-        return self.voxels[beam]
+    def masked_voxels(self, case):
+        return self.voxels[case if case in self.voxels else "oscillating"]
 
     def diagnostics(self, beam):
         return self.stages[beam]

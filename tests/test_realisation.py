@@ -11,7 +11,7 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper import evidence
-from himap.paper.claims.base import BEAMS
+from himap.paper.claims.base import BEAMS, CLIPPED
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA
@@ -47,6 +47,8 @@ def test_cases():
         "degraded, peaks left in": (Degraded(), None, False, False),
         "evolving, peaks left in": (Evolving(), None, False, False),
         "oscillating, peaks left in": (Oscillating(), None, False, False),
+        "oscillating, sigma of the channel": (Oscillating(), None, "channel", False),
+        "oscillating, sigma of the cube": (Oscillating(), None, "cube", False),
         "dimmed": (Oscillating(), DIMMING, True, False),
     }
     assert {case.survey for case, *_ in SKY.cases.values()} == {SURVEY}
@@ -55,13 +57,13 @@ def test_cases():
 def test_another_beam_in_the_place_of_the_oscillating_one():
     cases = Realisation(survey=SURVEY, oscillating=MeerKAT()).cases
     three = ["degraded", "evolving", "meerkat"]
-    assert [str(case.beam) for case, *_ in cases.values()] == [*three, *three, "meerkat"]
+    assert [str(case.beam) for case, *_ in cases.values()] == [*three, *three, *["meerkat"] * 3]
 
 
 def test_every_assessment_that_the_claims_need():
-    """Six methods on seven cases, SDecGMCA with other settings and restarts, and the scan."""
+    """Six methods on seven cases, four on two, SDecGMCA with other settings and restarts, and the scan."""
     *calls, two, three = SKY.assessments
-    assert len(calls) == 6 * 7 + 3 + 4 + 4
+    assert len(calls) == 6 * 7 + 4 * 2 + 3 + 4 + 4
     for case, method, *_ in calls:
         assert getattr(method, "n_sources", None) in (None, TABLE_1[case.beam.name]["n_sources"])
     assert [peaks for _, _, peaks, _ in calls].count(False) == 3 * 6
@@ -112,6 +114,7 @@ def test_every_fact_is_listed(monkeypatch):
     listed = {(fact.name, args) for fact, args in SKY.facts}
     work = [SKY.brightness, SKY.without_sources, SKY.flagged_error]
     work += [partial(ask, beam) for beam in BEAMS for ask in (SKY.masked_voxels, SKY.noise_over_hi)]
+    work += [partial(SKY.masked_voxels, case) for case in CLIPPED.values()]
     work += [partial(SKY.without_brightest, method) for method in BSS]
     for ask in work:
         with pytest.raises(InputError, match="as far as that"):

@@ -11,7 +11,7 @@ from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, evidence, pipeline
-from himap.paper.claims.base import BEAMS, LEFT_IN, METHODS
+from himap.paper.claims.base import BEAMS, CLIPPED, LEFT_IN, METHODS
 from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.galaxy import Dimming, Galaxy
 
@@ -69,11 +69,16 @@ class Realisation:
 
     @cached_property
     def cases(self):
-        """{case: (`pipeline.Case`, whether peaks are masked, whether spectra are post-masked too)}."""
+        """{case: (`pipeline.Case`, `mask_peaks`, whether spectra are post-masked too)}.
+
+        `mask_peaks` is as of `pipeline.basis`.
+        """
         observed = dict(zip(BEAMS, map(self._case, (Degraded(), Evolving(), self.oscillating)), strict=True))
         masked = {beam: (case, True, beam == "oscillating") for beam, case in observed.items()}
         left_in = {LEFT_IN.format(beam): (case, False, False) for beam, case in observed.items()}
-        return masked | left_in | {"dimmed": (self._case(self.oscillating, self.dimming), True, False)}
+        clipped = {name: (observed["oscillating"], spread, False) for spread, name in CLIPPED.items()}
+        dimmed = self._case(self.oscillating, self.dimming), True, False
+        return masked | left_in | clipped | {"dimmed": dimmed}
 
     @property
     def assessments(self):
@@ -91,19 +96,29 @@ class Realisation:
         return [
             (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
             *((fact, (self.cases[beam][0],)) for beam in BEAMS for fact in of_cases),
+            *((evidence.masked_voxels, self._clip(case)) for case in CLIPPED.values()),
             (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
             (evidence.error_of_flagged_lines, calls["sdecgmca"]),
             *((evidence.peak_without_lines, calls[name][:3]) for name in BSS),
         ]
 
     def calls(self, case):
-        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place."""
+        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place.
+
+        The two fits are not among them where peaks are measured in another deviation.
+        """
         observed, peaks, post = self.cases[case]
         methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
             name: (observed, method, peaks, post and name in BSS)
             for name, method in zip(METHODS, methods, strict=True)
+            if name in BSS or case not in CLIPPED.values()
         }
+
+    def _clip(self, case):
+        """Arguments of `evidence.masked_voxels`."""
+        observed, peaks, _ = self.cases[case]
+        return (observed,) if peaks is True else (observed, peaks)
 
     def _beyond(self, beam):
         """Arguments of `cleaned.assessment` for SD beyond l = 200; itself where it has no such option."""
@@ -209,9 +224,9 @@ class Realisation:
         everywhere, high = evidence.sky_brightness(self.survey.sky, self.galaxy)
         return {"all sky": tuple(everywhere), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
 
-    def masked_voxels(self, beam):
+    def masked_voxels(self, case):
         """{"HI", "noise" or "foreground": how many voxels where it stands out the peak masking replaces}."""
-        counts = evidence.masked_voxels(self.cases[beam][0])
+        counts = evidence.masked_voxels(*self._clip(case))
         return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
 
     def noise_over_hi(self, beam):

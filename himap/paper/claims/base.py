@@ -27,6 +27,8 @@ BLIND = ("pca", "fastica", "gmca")
 BEAMS = ("degraded", "evolving", "oscillating")
 LEFT_IN = "{}, peaks left in"
 """Name of the case of a beam where no peaks are masked."""
+CLIPPED = {spread: f"oscillating, sigma of the {spread}" for spread in ("channel", "cube")}
+"""{spread of the peak masking other than the line's (`himap.removal.peaks.SPREADS`): name of the case}."""
 
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
 

@@ -9,6 +9,7 @@ from himap.measures.diagnostics import BUMP
 from himap.paper.claims.base import (
     BEAMS,
     BLIND,
+    CLIPPED,
     LEFT_IN,
     LOW_K,
     METHODS,
@@ -55,7 +56,7 @@ def _with_and_without(realisation, beam, measure, methods):
 
 def _worst(values, extreme):
     """The `extreme`, min or max, of the numbers in {name: number or None}, NaN if there is none."""
-    return extreme((value for value in values.values() if value is not None), default=math.nan)
+    return extreme(_known(values), default=math.nan)
 
 
 @claim(
@@ -74,27 +75,52 @@ def excess_of_masking(realisation):
     first baseline is that of HI, noise and foreground, each less its baseline; the voxel is ripple if the
     foreground contributes most. More than a fifth of the masked voxels are ripple; most of them cannot be,
     since B3 states that they are HI. Main parts: PCA/ICA, GMCA and SD; the voxels, without premise where no
-    method has the excess. The sigma of the clipping is that of each line of sight, with which a sine can
-    never exceed 5 sigma; others are not judged here.
+    method has the excess; each with the sigma of the clipping with which it holds best: that of each line of
+    sight, with which a sine can never exceed 5 sigma, of each channel, or of the cube, since the paper does
+    not say which. Other parts: those with each sigma.
     """
-    masked, unmasked = _with_and_without(realisation, "oscillating", angular_band("mean", 1, 10), BSS)
+    measure = angular_band("mean", 1, 10)
+    clips = {"line": "oscillating"} | CLIPPED
+    unmasked = each(LEFT_IN.format("oscillating"), measure, BSS)(realisation)
+    masked = {spread: each(case, measure, BSS)(realisation) for spread, case in clips.items()}
     gone = {
-        name: 1 - (unmasked[name] - 1) / (value - 1) if value > STRONG else None
-        for name, value in masked.items()
+        spread: {name: _share_gone(value, unmasked[name]) for name, value in row.items()}
+        for spread, row in masked.items()
     }
-    counts = realisation.masked_voxels("oscillating")
-    n_masked = sum(counts.values())
-    share = counts["foreground"] / max(n_masked, 1)
-    there = any(value is not None for value in gone.values())
-    parts = (
-        *parts_of(gone, above(MOST), "excess gone without masking"),
-        Part("ripple among the masked voxels", share > NOTABLE if there else None),
-    )
+    counts = {spread: realisation.masked_voxels(case) for spread, case in clips.items()}
+    ripple = {
+        spread: row["foreground"] / max(sum(row.values()), 1) if any(_known(gone[spread])) else None
+        for spread, row in counts.items()
+    }
+    best = {
+        name: max(_known({clip: row[name] for clip, row in gone.items()}), default=None) for name in unmasked
+    }
+    most = max(_known(ripple), default=None)
+    words, voxels = "excess gone without masking", "ripple among the masked voxels"
+    parts = *parts_of(best, above(MOST), words), *_ripple(voxels, most)
+    for spread, row in gone.items():
+        parts += parts_of(row, above(MOST), f"{words}, sigma of the {spread}", main=False)
+        parts += _ripple(f"{voxels}, sigma of the {spread}", ripple[spread], main=False)
     sentence = (
-        f"Mean C/C0 at l < 10: {listing(masked)}; without masking: {listing(unmasked)}. Of {n_masked} masked "
-        f"voxels {share:.0%} are ripple."
+        f"Mean C/C0 at l < 10 by the sigma of the clipping: {listing_by_beam(masked)}; without masking: "
+        f"{listing(unmasked)}. Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}."
     )
-    return Finding(share if there else math.nan, parts, sentence)
+    return Finding(math.nan if most is None else most, parts, sentence)
+
+
+def _share_gone(masked, unmasked):
+    """Share of the excess of a mean C/C0 that is gone without masking; None where there is no excess."""
+    return 1 - (unmasked - 1) / (masked - 1) if masked > STRONG else None
+
+
+def _known(values):
+    """Those numbers of {name: number or None} that are not None, a list."""
+    return [value for value in values.values() if value is not None]
+
+
+def _ripple(name, share, **about):
+    """The part that a notable share of the masked voxels is ripple."""
+    return (Part(name, None if share is None else share > NOTABLE, **about),)
 
 
 @claim(
