@@ -260,7 +260,7 @@ head = [
 Table(head, readings_table.option_rows(outcomes))
 
 # %% [markdown]
-# Choices that do not concern SDecGMCA are in {doc}`../book/conventions`.
+# Choices that do not concern SDecGMCA, such as the smoothing of HI, on which the claims B1 to B3 and D3 depend, are in {doc}`../book/conventions`.
 #
 # (readings-code)=
 # ## Comparison with the authors' code

@@ -22,12 +22,15 @@ DEFINED = {
     "README.md": "ten thousand times, 100 MHz",
     "book/conventions.md": (
         "1400 MHz, 5 MHz, 4 MHz, 2 MHz, 1 MHz, 0.1, 0.1 arcmin, 0.5 arcmin, 0.14 %, 0.7 %, 10 MHz, 84 %, "
-        "15°, 1.4 GHz, 0.01"
+        "15°, 1.4 GHz, 0.01, 2 Mpc"
     ),
     "book/glossary.md": "84 %",
     "book/intro.md": "2511.13328",
     "notebooks/00_the_answer.py": "10 %, 5 %, 84 %, 95 %",
-    "notebooks/01_simulations.py": "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2",
+    "notebooks/01_simulations.py": (
+        "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2, 4 MHz, 1300 MHz, 1.66°, "
+        "6 %, 2 Mpc"
+    ),
     "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 20 MHz",
     "notebooks/03_peak_masking.py": "10°, 60°, four times",
     "notebooks/04_pca.py": "96 %, 99 %, 10 %",
