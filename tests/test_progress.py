@@ -1,4 +1,4 @@
-"""Bars on a terminal, silence elsewhere."""
+"""Bars on a terminal, lines in the log of a command, silence elsewhere."""
 
 import fcntl
 import os
@@ -11,7 +11,7 @@ import termios
 
 import pytest
 
-from himap.core.progress import TERMINAL_VARIABLE, progress
+from himap.core.progress import TERMINAL_VARIABLE, progress, progress_lines
 
 
 @pytest.fixture
@@ -44,6 +44,19 @@ def test_silent_without_a_terminal(capfd, monkeypatch, tmp_path):
         assert list(progress(range(3), "work")) == [0, 1, 2]
     assert capfd.readouterr() == ("", "")
     assert (tmp_path / "file").read_text() == ""
+
+
+def test_lines_of_a_command_without_a_terminal(capfd, monkeypatch):
+    """As in a log: no bar, and no character that goes back."""
+    monkeypatch.setattr("himap.core.progress._EVERY", 0)
+    with progress_lines():
+        for _ in progress(range(3), "work"):
+            list(progress(range(2), "part"))
+    said = capfd.readouterr()
+    assert said.out == "" and "work: 1 of 3, 00:00 passed" in said.err and "part: 1 of 2" in said.err
+    assert "\r" not in said.err and "\x1b" not in said.err and "\n\n" not in said.err
+    assert list(progress(range(3), "work")) == [0, 1, 2]
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_bar_on_the_terminal_that_is_named(terminal, capfd, monkeypatch):

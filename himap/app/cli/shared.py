@@ -10,6 +10,7 @@ from himap.app.notebook_files import check_output
 from himap.app.reproduce import NotebookError, changed_environment
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
+from himap.core.progress import progress_lines
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
 _NOTEBOOK_PACKAGES = {
@@ -25,7 +26,7 @@ class Commands(click.Group):
 
     def invoke(self, context):
         try:
-            with changed_environment(_FOR_CHILDREN):
+            with changed_environment(_FOR_CHILDREN), progress_lines():
                 return super().invoke(context)
         except (InputError, NotebookError, ModuleNotFoundError) as error:
             message, code = shortened(str(error)), 2
