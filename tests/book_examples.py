@@ -24,12 +24,14 @@ def example_of(page):
 def added(page, package, name, registry):
     """The example of a page as a file `name` of a package of himap, found as those that are there."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / f"{name}.py").write_text(example_of(page))
-        package.__path__.append(folder)
+        place = Path(folder).joinpath(*package.__name__.split("."))  # its root is searched for code
+        place.mkdir(parents=True)
+        (place / f"{name}.py").write_text(example_of(page))
+        package.__path__.append(str(place))
         try:
             package.create(name)
             yield
         finally:
-            package.__path__.remove(folder)
+            package.__path__.remove(str(place))
             registry.pop(name, None)
             sys.modules.pop(f"{package.__name__}.{name}", None)

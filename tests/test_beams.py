@@ -226,9 +226,56 @@ class TestMeerKAT:
         assert (np.diff(widths) < 0).all()
         assert widths == pytest.approx(1.16 * diffraction_fwhm([900.0, 1000.0, 1100.0], 13.5), rel=0.05)
 
-    def test_beyond_its_bands(self):
-        with pytest.raises(InputError, match="katbeam knows 544 to 1088 or 856 to 1712 MHz"):
-            MeerKAT().windows([500.0, 600.0], lmax=10)
+    @pytest.mark.parametrize(
+        ("beam", "freqs", "band"),
+        [
+            ("meerkat", [971, 1075], "L"),
+            ("meerkat", [858, 958], "UHF"),
+            ("meerkat:band=L", [971, 1023], "L"),
+            ("meerkat_lobes:band=UHF", [971, 1023], "UHF"),
+            ("meerkat", [900, 1650], "L"),
+        ],
+    )
+    def test_band(self, beam, freqs, band):
+        """The one that holds the frequencies, or that is named: widths as in katbeam's table at each end."""
+        chosen = named(beam).chosen_for(freqs)
+        assert str(chosen) == f"{named(beam).name}:band={band}" and named(str(chosen)) == chosen
+        table = katbeam.JimBeam(f"MKAT-AA-{band}-JIM-2020")
+        expected = np.interp(freqs, table.freqMHzlist, table.fwhmlist.mean(axis=0))
+        assert np.rad2deg(MeerKAT(band=band).fwhm(freqs)) == pytest.approx(expected, rel=0.004)
+        assert np.array_equal(named(beam).windows(freqs, lmax=60).total, chosen.windows(freqs, lmax=60).total)
+        error = PerturbedBeam(beam=beam, width=0.01)
+        assert error.chosen_for(freqs) == replace(error, beam=str(chosen))
+
+    @pytest.mark.parametrize(
+        ("beam", "freqs", "message"),
+        [
+            ("meerkat", [971, 1023], "both bands hold.*give meerkat:band=UHF or meerkat:band=L"),
+            ("meerkat", [500, 600], "UHF from 550 to 1050 MHz and L from 900 to 1650 MHz.*go from 500 to"),
+            ("meerkat", [880, 1060], "beyond the nodes of UHF or L nothing is known"),
+            ("meerkat:band=UHF", [1000, 1084], "beyond the nodes of UHF nothing is known"),
+            ("meerkat_lobes:band=L", [899, 1000], "beyond the nodes of L nothing is known"),
+            ("meerkat:band=S", [900, 1000], "band must be any, UHF or L, got 'S'"),
+        ],
+    )
+    def test_refused(self, beam, freqs, message):
+        with pytest.raises(InputError, match=message):
+            named(beam).windows(freqs, lmax=10)
+
+    def test_width_of_a_gaussian_is_its_own(self, monkeypatch):
+        """Against a closed form, with nodes that a model itself says."""
+
+        class Model:
+            freqMHzlist = np.array([700.0, 800.0])
+
+            def I(self, x, y, freq):  # noqa: E743
+                return np.exp(-4 * np.log(2) * (x**2 + y**2) / (1200 / freq) ** 2)
+
+        monkeypatch.setattr("himap.instrument.beams.meerkat._model", lambda band: Model())
+        freqs = np.array([700.0, 760.0, 800.0])
+        assert np.rad2deg(MeerKAT(band="L").fwhm(freqs)) == pytest.approx(1200 / freqs, rel=1e-5)
+        with pytest.raises(InputError, match="L from 700 to 800 MHz"):
+            MeerKAT(band="L").fwhm([700.0, 801.0])
 
 
 class TestMeerKATLobes:

@@ -227,10 +227,20 @@ class TestCommands:
         """Of mocks from files, and of such that are made, the channel that is left out is left out."""
         np.save("flags.npy", flags)
         write_hdf5("mock.h5", rng.standard_normal(SHAPE).astype(np.float32), **SAID)
-        words = ("--method", "polynomial", "-p", "order=3", "--flags", "flags.npy", "--beam", "meerkat")
+        words = (
+            "--method",
+            "polynomial",
+            "-p",
+            "order=3",
+            "--flags",
+            "flags.npy",
+            "--beam",
+            "meerkat:band=L",
+        )
         for n, mocks in enumerate(("mock.h5", "1")):
             outcome = himap("transfer", "cube.h5", *words, "--mocks", mocks, "-o", f"out{n}.html")
             assert outcome.exit_code == 0, outcome.output
+            assert "The beams, meerkat:band=L, have a FWHM of 1.4" in outcome.output
 
 
 def test_a_mask_in_the_cube_that_nobody_named(flags):

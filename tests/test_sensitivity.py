@@ -96,7 +96,7 @@ def test_a_part_of_the_sky(path, method, options):
 )
 def test_refused(path, method, options, message):
     cube = read_cube(path)
-    beam = "meerkat" if "dish" in options else "evolving"
+    beam = "meerkat:band=L" if "dish" in options else "evolving"
     cleaned = cleaned_with(cube, beam, method=method)
     with pytest.raises(InputError, match=message):
         beam_sensitivity(cleaned, beam, **options)

@@ -121,6 +121,7 @@ def _cube_and_beams(asked, remover):
 
     from himap.cubes.cleaning import beams_of, check_pixels, with_enough_channels
     from himap.cubes.files import read_cube
+    from himap.instrument.beams import named
     from himap.instrument.beams.base import gaussian_widths
 
     if asked.dish is not None and asked.beam is None:
@@ -140,8 +141,8 @@ def _cube_and_beams(asked, remover):
     if asked.beam is None:
         return cube, None
     beams = beams_of(cube, asked.beam, dish=asked.dish)
-    widths = np.rad2deg(gaussian_widths(beams))
-    _tell(f"The beams have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
+    widths, beam = np.rad2deg(gaussian_widths(beams)), named(asked.beam).chosen_for(cube.freqs)
+    _tell(f"The beams, {beam}, have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
     return cube, beams
 
 

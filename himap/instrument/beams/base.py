@@ -78,6 +78,10 @@ class Beam(ABC):
         changed = [f"{item.name}={value}" for item, value in values.items() if value != item.default]
         return f"{self.name}:{','.join(changed)}" if changed else self.name
 
+    def chosen_for(self, freqs):
+        """The same beam with what `freqs`, MHz, decide of its parameters, such as the band of a receiver."""
+        return self
+
     def windows(self, freqs, *, lmax, dish_diameter=DISH):
         """The `Windows` of channels, to `lmax`, or as far as the beam is known.
 

@@ -1,34 +1,69 @@
 """The beams of MeerKAT as holography measured them (package katbeam): their width, and with side lobes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import ClassVar
 
 import numpy as np
 from scipy import special
 
+from himap.core.checks import parameter
 from himap.core.errors import InputError
 from himap.instrument.beams.base import Beam, GaussianBeam, Windows
 
-_BANDS = {"MKAT-AA-UHF-JIM-2020": (544, 1088), "MKAT-AA-L-JIM-2020": (856, 1712)}  # MHz
+_ANY, _BANDS = "any", ("UHF", "L")
 _RADIUS = np.linspace(0, 20, 4001)  # deg; the first side lobe is at 1e-2, and 1e-6 is reached before the end
 _LEAST = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeerKAT(GaussianBeam):
+class _OfBand(Beam):
+    """What katbeam knows of one receiver; each band goes from its first node in frequency to its last."""
+
+    band: str = parameter(
+        _ANY, "UHF or L; to be named where both hold the frequencies", choices=(_ANY, *_BANDS), off=_ANY
+    )
+
+    def chosen_for(self, freqs):
+        """The same beam with the band that holds `freqs`, MHz.
+
+        Raises
+        ------
+        InputError
+            None does, or both do and none is named; or katbeam is not installed.
+        """
+        limits = {band: _model(band).freqMHzlist[[0, -1]] for band in _BANDS}
+        wanted = _BANDS if self.band == _ANY else [self.band]
+        fit = [band for band in wanted if limits[band][0] <= min(freqs) and max(freqs) <= limits[band][1]]
+        if len(fit) == 1:
+            return replace(self, band=fit[0])
+        known = " and ".join(f"{band} from {low:g} to {high:g} MHz" for band, (low, high) in limits.items())
+        came = f"katbeam has nodes for {known}, and the channels go from {min(freqs):g} to {max(freqs):g} MHz"
+        if fit:
+            names = " or ".join(f"{self.name}:band={band}" for band in fit)
+            raise InputError(f"{came}, which both bands hold, with different widths: give {names}.")
+        way_out = "leave out the channels beyond, or give a file of widths"
+        raise InputError(f"{came}: beyond the nodes of {' or '.join(wanted)} nothing is known; {way_out}.")
+
+    def _model_of(self, freqs):
+        """katbeam's model for `freqs`, MHz; the same object for the same band."""
+        return _model(self.chosen_for(freqs).band)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeerKAT(_OfBand, GaussianBeam):
     """Gaussian, with the FWHM of the models of MeerKAT's primary beam: Stokes I averaged over angles.
 
     Raises
     ------
     InputError
-        In use: katbeam is not installed, or has no band that holds the frequencies.
+        An unknown band. In use: katbeam is not installed, or the band does not follow from the frequencies.
     """
 
     name: ClassVar[str] = "meerkat"
 
     def _fwhm(self, freqs, dish_diameter):
-        model, radius, widths = _model_of(freqs), np.linspace(0, 3, 601), []  # deg
+        model, radius, widths = self._model_of(freqs), np.linspace(0, 3, 601), []  # deg
         for freq in freqs:
             power = _stokes_i(model, freq, radius, 36)
             below = int(np.argmax(power < power[0] / 2))
@@ -38,7 +73,7 @@ class MeerKAT(GaussianBeam):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeerKATLobes(Beam):
+class MeerKATLobes(_OfBand):
     """The models of MeerKAT's primary beam with their side lobes: Stokes I averaged over angles.
 
     A dish of diameter D sees nothing beyond l = 2 pi D / lambda. There b_l is 1e-4: no map shows it, and
@@ -53,26 +88,17 @@ class MeerKATLobes(Beam):
     name: ClassVar[str] = "meerkat_lobes"
 
     def _windows(self, freqs, lmax, dish_diameter):
-        model = _model_of(freqs)
+        model = self._model_of(freqs)
         return Windows(telescope=np.array([_window(model, float(freq), lmax) for freq in freqs]))
 
 
-def _model_of(freqs):
-    """katbeam's model of the band that holds `freqs`, MHz; the same object for the same band."""
-    for name, (low, high) in _BANDS.items():
-        if low <= min(freqs) and max(freqs) <= high:
-            return _model(name)
-    bands = " or ".join(f"{low} to {high}" for low, high in _BANDS.values())
-    raise InputError(f"katbeam knows {bands} MHz, the channels go from {min(freqs):g} to {max(freqs):g}.")
-
-
 @cache
-def _model(name):
+def _model(band):
     try:
         from katbeam import JimBeam
     except ImportError:
         raise InputError("the beams of MeerKAT are in the package katbeam: pip install katbeam.") from None
-    return JimBeam(name)
+    return JimBeam(f"MKAT-AA-{band}-JIM-2020")
 
 
 def _stokes_i(model, freq, radius, n_angles):

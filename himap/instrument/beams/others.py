@@ -1,6 +1,6 @@
 """Beams from elsewhere: widths or b_l in a file, and another beam with an error of its width."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import ClassVar
@@ -119,6 +119,10 @@ class PerturbedBeam(Beam):
     def by_line(self):
         """Whether the true beam goes by the lines of a file."""
         return self._true.by_line
+
+    def chosen_for(self, freqs):
+        """The same error of the beam that the true one is at `freqs`, MHz."""
+        return replace(self, beam=str(self._true.chosen_for(freqs)))
 
     def digest(self):
         """A hash of the file that holds the beam, if one does, for results that are kept."""
