@@ -3,14 +3,17 @@
 The imports take a while too, in which somebody may change their mind.
 """
 
+import faulthandler
 import sys
 
 __all__ = ["start"]
 
 
 def start():
-    """Run the command; an interruption ends it in one word, whenever it comes."""
+    """Run the command; an interruption ends it in one word, at any time, and a crash names its signal."""
     try:
+        if sys.__stderr__ is not None:
+            faulthandler.enable(sys.__stderr__)
         from himap.app.cli.main import main
 
         main(prog_name="himap")

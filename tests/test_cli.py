@@ -382,6 +382,14 @@ for there in ([], {everything[:-2]!r}):
     assert _python("-c", code) == (0, "", "")
 
 
+def test_a_crash_names_its_signal():
+    """Without a kernel to tell of it, such as in `himap clean`."""
+    code = "import os, himap.__main__ as start, himap.app.cli.main as cli\n"
+    code += "cli.main = lambda prog_name: os.kill(os.getpid(), 11)\nstart.start()"
+    ended, _, errors = _python("-c", code)
+    assert ended == -11 and "Segmentation fault" in errors
+
+
 def _python(*arguments):
     """Exit code, stdout up to a file's extension, and stderr."""
     environment = {**os.environ, "PYTHONPATH": str(Path(himap.__file__).parents[1])}

@@ -97,3 +97,22 @@ def test_steps_grow_with_what_they_hold():
     assert large["observing"] - memory.PROCESS == 4 * (small["observing"] - memory.PROCESS)
     assert large["cleaning"] > 7 * small["cleaning"]
     assert large["HI light cone"] < 2 * small["HI light cone"]
+
+
+@pytest.mark.parametrize(
+    ("codes", "kills", "expected"),
+    [
+        ([-9, -9], 3, "signal 9 (SIGKILL), because memory ran out"),
+        ([-9], 4, "signal 9 (SIGKILL)"),
+        ([-11], 3, "signal 11 (SIGSEGV)"),
+        ([-11, 3], 3, "signal 11 (SIGSEGV) or exit code 3"),
+        ([-9], None, "signal 9 (SIGKILL)"),
+        ([], 0, "an unknown cause"),
+    ],
+)
+def test_memory_is_a_cause_of_death_only_where_it_ran_out(codes, kills, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "_KILLS", tmp_path / "vmstat")
+    if kills is not None:
+        (tmp_path / "vmstat").write_text("pgfault 12\noom_kill 4\nother 7\n")
+        assert memory.memory_kills() == 4
+    assert memory.cause_of_death(codes, kills or 0) == expected

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import jupytext
@@ -187,12 +188,29 @@ def test_notebooks_run_this_himap_where_it_lies_in_the_current_folder(folder, tm
     assert outputs(path) == "True\n"
 
 
+def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path, monkeypatch):
+    """Not one called python3 elsewhere on Jupyter's path; and the stamp is what the kernel says."""
+    spec = tmp_path / "elsewhere" / "kernels" / "python3" / "kernel.json"
+    spec.parent.mkdir(parents=True)
+    spec.write_text(json.dumps({"argv": ["false"], "display_name": "Python 3", "language": "python"}))
+    monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "elsewhere"))
+    code = "import sys\nfrom himap.store import provenance\n\nprovenance.__version__ = sys.executable\n"
+    (folder / "02_who.py").write_text(f"# %%\n{code}")
+    path, _ = reproduce.run("02", folder=folder, output=tmp_path / "who.ipynb")
+    node = nbformat.read(path, as_version=4)
+    execution = node.metadata["himap_run"]["execution"]
+    assert execution["himap"] == sys.executable and execution["python"] == ".".join(
+        map(str, sys.version_info[:3])
+    )
+    assert [cell.source for cell in node.cells] == [code.strip()]
+
+
 @pytest.mark.parametrize(
     "mode, error, message",
     [
         ("bad", InputError, "^templates need a folder.$"),
         ("bug", reproduce.NotebookError, r"01_toy stopped in cell \[3\] with ZeroDivisionError: division"),
-        ("killed", reproduce.NotebookError, "the kernel of 01_toy died"),
+        ("killed", reproduce.NotebookError, r"kernel of 01_toy died of signal 9 \(SIGKILL\)\.$"),
     ],
 )
 def test_a_run_that_fails_leaves_nothing(folder, mode, error, message):

@@ -1,13 +1,16 @@
-"""Kernels that are spoken to through files, not ports, all of which lie in one folder of this process.
+"""Kernels in the Python of this process, spoken to through files that all lie in one folder of it.
 
-Two kernels that start at the same time may choose the same free port, and one of them dies. That happens
-when several notebooks run at once, by hand or in tests.
+Not in the first Python that a kernel called python3 on Jupyter's path has. And not through ports: two kernels
+that start at the same time may choose the same free one, and one of them dies, where several notebooks run at
+once, by hand or in tests.
 """
 
 import os
 from uuid import uuid4
 
+from ipykernel.kernelspec import get_kernel_dict
 from jupyter_client import AsyncKernelManager, KernelManager
+from jupyter_client.kernelspec import KernelSpec
 
 from himap.core.files import run_folder
 
@@ -22,10 +25,25 @@ class _ThroughFiles:
         if os.name == "posix" and len(os.fsencode(name)) < _LONGEST:
             self.transport, self.ip = "ipc", name
 
+    @property
+    def kernel_spec(self):
+        """That of `sys.executable`, whatever the name of the kernel."""
+        return KernelSpec(**get_kernel_dict())
+
 
 class LocalKernelManager(_ThroughFiles, KernelManager):
     """For nbval."""
 
 
 class AsyncLocalKernelManager(_ThroughFiles, AsyncKernelManager):
-    """For papermill."""
+    """For papermill; one that ends by itself leaves its exit code in the class."""
+
+    exit_code = None
+
+    async def _async_is_alive(self):
+        alive = await super()._async_is_alive()
+        if not alive and self.has_kernel:
+            type(self).exit_code = await self.provisioner.poll()
+        return alive
+
+    is_alive = _async_is_alive

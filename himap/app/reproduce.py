@@ -31,11 +31,14 @@ from himap.app.notebooks import find, notebooks
 from himap.app.parameters import check_parameters
 from himap.core.errors import InputError
 from himap.core.files import run_folder
+from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import TERMINAL_VARIABLE
 from himap.store.fingerprint import moved
-from himap.store.provenance import environment
 
 _KERNEL_OPTIONS = ["--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True"]
+_ABOUT_ITSELF = """import json
+from himap.store.provenance import environment
+print(json.dumps(environment()))"""
 _EDITED = "edited in Jupyter, unlike its .py"
 _TEXT_CHANGED = "its text changed"
 _LOOKS_CHANGED = "only its looks changed"
@@ -185,16 +188,19 @@ def _state(notebook):
 
 def _execute(notebook, parameters, folder):
     """The executed notebook, cleaned and stamped. Nothing is written on the way."""
-    import ipykernel  # noqa: F401 - of the kernel, and to be missed here and not there
-    import papermill  # slow, and most commands do without
-    from nbclient.exceptions import DeadKernelError
+    import nbformat  # slow, as below, and most commands do without
+    import papermill
 
     from himap.app.kernels import AsyncLocalKernelManager
+
+    class Manager(AsyncLocalKernelManager):
+        """Of this kernel, with its exit code."""
 
     fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
-    started, watched = time.monotonic(), _terminal()
+    node.cells.append(nbformat.v4.new_code_cell(_ABOUT_ITSELF))
+    started, watched, kills = time.monotonic(), _terminal(), memory_kills()
     try:
         with changed_environment(_kernel_variables(watched)):
             done = papermill.execute_notebook(
@@ -204,7 +210,7 @@ def _execute(notebook, parameters, folder):
                 cwd=folder,
                 progress_bar={"desc": notebook.name, "leave": False} if watched else False,
                 extra_arguments=_KERNEL_OPTIONS,
-                kernel_manager_class=AsyncLocalKernelManager,
+                kernel_manager_class=Manager,
             )
     except papermill.PapermillExecutionError as error:
         if error.ename == InputError.__name__:
@@ -213,11 +219,14 @@ def _execute(notebook, parameters, folder):
         raise NotebookError(
             f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
         ) from error
-    except DeadKernelError as error:
-        raise NotebookError(
-            f"the kernel of {notebook.name} died, most often because memory ran out; try a smaller preset."
-        ) from error
-    execution = environment() | {"seconds": round(time.monotonic() - started, 1)}
+    except RuntimeError as error:
+        if Manager.exit_code is None:
+            raise
+        cause = cause_of_death([Manager.exit_code], kills)
+        way_out = " Try a smaller preset." if "memory" in cause else ""
+        raise NotebookError(f"the kernel of {notebook.name} died of {cause}.{way_out}") from error
+    said = json.loads("".join(output.text for output in done.cells.pop().outputs))
+    execution = said | {"seconds": round(time.monotonic() - started, 1)}
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)
 
 

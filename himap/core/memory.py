@@ -7,6 +7,9 @@ cleaning are what processes took at the paper's size.
 
 import os
 import re
+import signal
+from contextlib import suppress
+from pathlib import Path
 
 import psutil
 
@@ -21,6 +24,7 @@ PROCESS = 0.5e9
 _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
 _BOXES = 3  # of cells, at most, while HI is made
+_KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
 
@@ -71,6 +75,32 @@ def check_room(what, n_bytes):
             f"variable {LIMIT_VARIABLE} sets what may be used. If it should not be that large, the file is "
             "damaged."
         )
+
+
+def memory_kills():
+    """How many processes Linux has ended for want of memory since it started; 0 where it does not say."""
+    with suppress(OSError, TypeError):
+        return int(re.search(r"^oom_kill (\d+)$", _KILLS.read_text(), re.M)[1])
+    return 0
+
+
+def cause_of_death(codes, kills):
+    """How processes ended: their signals or exit codes, and memory only if it ran out.
+
+    Parameters
+    ----------
+    codes
+        Exit codes, negative for signals.
+    kills
+        `memory_kills` before they started.
+    """
+    names = []
+    for code in sorted(set(codes)):
+        names.append(f"exit code {code}")
+        with suppress(ValueError):
+            names[-1] = f"signal {-code} ({signal.Signals(-code).name})"
+    out_of_memory = -signal.SIGKILL in codes and memory_kills() > kills
+    return (" or ".join(names) or "an unknown cause") + ", because memory ran out" * out_of_memory
 
 
 def estimate(survey, *, jobs=1):

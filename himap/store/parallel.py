@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import re
 import threading
 import time
 import warnings
@@ -13,6 +14,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.core.errors import InputError
 from himap.core.files import note_worker, run_folder
+from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import progress
 from himap.store import cache
 from himap.store.store import note_made, recorded
@@ -111,7 +113,7 @@ def _made(product, call):
 
 def _in_processes(product, missing):
     """What `_make` returns of each piece of work as it is done; the processes share the cores."""
-    jobs = min(n_jobs(), len(missing))
+    jobs, kills = min(n_jobs(), len(missing)), memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
     own_choice = os.environ.get(_TRANSFORM_THREADS)
     os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
@@ -121,10 +123,12 @@ def _in_processes(product, missing):
         work = (joblib.delayed(_make)(product, call, _settings(), folder, os.getpid()) for call in missing)
         options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
         yield from joblib.Parallel(n_jobs=jobs, **options)(work)
-    except TerminatedWorkerError:
+    except TerminatedWorkerError as error:
+        cause = cause_of_death(map(int, re.findall(r"\((-?\d+)\)", str(error))), kills)
+        more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
         raise InputError(
-            f"one of {jobs} processes was killed as it made {product.name}, most likely for want of memory. "
-            "What was done is kept: run the same again with fewer --jobs, or on a machine with more memory."
+            f"one of {jobs} processes died of {cause} as it made {product.name}. What was done is kept: run "
+            f"the same again{more}."
         ) from None
     finally:
         if own_choice is None:
@@ -181,8 +185,7 @@ def _on_cluster(product, missing):
             except KilledWorker as error:
                 raise InputError(
                     f"{error.allowed_failures + 1} workers of {address} died one after the other making "
-                    f"{product.name}, most likely for want of memory. What was done is kept: run the same "
-                    "again with more memory for each worker."
+                    f"{product.name}; their logs say why. What was done is kept: run the same again."
                 ) from None
     if not all(product.is_cached(*call) for call in missing):
         raise InputError(
