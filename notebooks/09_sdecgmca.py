@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`06_gmca`.
 # > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
 # > - **Time and memory**: {cost}`09_sdecgmca`.
 #
 # PCA, FastICA and GMCA assume that a source has the same sky map in every channel. A beam that changes with frequency violates this assumption: each channel smooths the source differently, so that every
@@ -31,8 +31,8 @@
 # \hat{\mathbf{X}}^{\ell m} = \mathrm{diag}(\hat H^\ell)\,\mathbf{A}\,\hat{\mathbf{S}}^{\ell m} + \hat{\mathbf{N}}^{\ell m} .
 # ```
 #
-# This chapter describes the steps of the method, applies it to the three beams, shows the effect of its last step beyond $\ell = 200$, and measures its sensitivity to the start of the iteration. Starts that differ by $10^{-10}$ give
-# different results ({doc}`27_restarts`), so results here are those of an ensemble of restarts: figures show their median, their 16 to 84 % band and each restart as a thin line, and maps show the {term}`medoid`. The last section compares it with BeamSubspace, a method of this library.
+# This chapter has the steps of the method, its results for the three beams, the effect of its last step beyond $\ell = 200$, and its sensitivity to the start of the iteration. Starts that differ by $10^{-10}$ give different
+# results ({doc}`27_restarts`), so figures show an ensemble of restarts (median, 16 to 84 % band, each restart as a thin line), and maps the {term}`medoid`.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -163,7 +163,7 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## The foreground model
 #
-# The columns of $\mathbf{A}$ fall with frequency and are nearly parallel; the sources have both signs and partly cancel, as those of GMCA do. The faintest source decides how much HI is lost: look for a column with structure from channel to channel.
+# The columns of $\mathbf{A}$ are nearly parallel, and the sources partly cancel, as with GMCA. The faintest source decides how much HI is lost: look for a column with structure from channel to channel.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts) against frequency. A smooth column can be foreground; a column with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
@@ -176,7 +176,7 @@ sources_figure(study, selected, medoid)
 #
 # In the maps, foreground residual would show as a ridge in the difference along the Galactic plane.
 #
-# In the spectra, compare the median with 1, and then the width of the band: what restarts disagree on is no result. With the oscillating beam the paper has an excess at low $\ell$ and low $k_\nu$, and a small peak at the ripple.
+# In the spectra, compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess at low $\ell$ and low $k_\nu$, and a small peak at the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, the same for recovered and truth; the difference is white at zero."}}
 channel_figure(study, selected, medoid)
@@ -201,7 +201,7 @@ show(numbers)
 # %% [markdown]
 # ## Beyond the last multipole
 #
-# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there. It does not say what the maps and $P(k_\nu)$ contain beyond. Three options share the same $\mathbf{A}$ and $\hat{\mathbf{S}}$ up to the end: with `beyond="cut"` nothing is estimated there and the residual lacks that power; with
+# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there; what maps and $P(k_\nu)$ contain beyond is not given. Three options agree up to there: with `beyond="cut"` nothing is estimated there and the residual lacks that power; with
 # `"regularised"` {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it is continued without.
 #
 # The curves coincide up to the dotted line. Beyond it compare “regularised” with 1: an excess there is the paper's spurious peak.
@@ -247,7 +247,7 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# The paper explains the peak by $\epsilon$: it biases the foreground low and the residual high (exercise 2). The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in this reading. Strategy 3, which the paper uses in the warm-up, gives the following first multipole with $\epsilon > 0$, with $c$ of Table 1 and the $\mathbf{A}$ of each restart (–: none):
+# The paper explains the peak by $\epsilon$: it biases the foreground low and the residual high (see the exercise). The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in this reading. Strategy 3, which the paper uses in the warm-up, gives the following first multipole with $\epsilon > 0$, with $c$ of Table 1 and the $\mathbf{A}$ of each restart (–: none):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -266,7 +266,8 @@ show(numbers)
 # %% [markdown]
 # ## Sensitivity to the start
 #
-# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter. The left panel has the restarts in the reading of this chapter, the middle one those in another reading. BeamSubspace converges from any start; the right panel has it with a noise level 0.1 % lower and higher.
+# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter, in the reading of this chapter (left) and in another (middle). BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Where the curves of a panel coincide the result does not depend on the change; where they differ, each is one
+# of many possible results.
 
 # %% tags=["hide-input"]
 other = "letter" if reading != "letter" else "default"
@@ -283,9 +284,6 @@ runs["BeamSubspace"] = [
     for level in (1, 0.999, 1.001)
 ]
 
-# %% [markdown]
-# Where the curves of a panel coincide the result does not depend on the start or on the noise level; where they differ, each is one of many possible results.
-
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter, each run a thin line, with their median and 16 to 84 % band. Left: restarts of SDecGMCA in the reading of this chapter. Middle: in another reading. Right: BeamSubspace with three noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
 panels = []
 for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE, styles.INDIGO), strict=True):
@@ -299,7 +297,7 @@ for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE,
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
-# Means of both ratios over bands (median, 16 to 84 %, and range of the runs). Rounding acts like a restart, so another processor gives other values ([conventions](../book/conventions.md)).
+# Means of both ratios over bands, with their range; another processor gives other values ([conventions](../book/conventions.md)).
 
 # %% tags=["hide-input"]
 rows, worst = {}, {}
@@ -333,19 +331,19 @@ quote(
 
 # %% [markdown]
 # At the most sensitive multipole the highest $C/C_0$ of the left panel is {glue:text}`sdecgmca_moves` times the lowest; in the reading “{glue:text}`sdecgmca_other`” it is {glue:text}`sdecgmca_other_moves` times, for BeamSubspace {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
-# {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in the other; so few do not measure the probability of failure, which is in {ref}`restarts-failures`. Stability is not accuracy: compare the medians with 1 too.
+# {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in the other; {ref}`restarts-failures` has the probability of failure. Stability is not accuracy: compare the medians with 1 too.
 #
 # ## BeamSubspace
 #
-# SDecGMCA fits $\mathbf{A}$ to thresholded sources. The brightest sources exceed HI by orders of magnitude and cancel to that precision in every channel; what a threshold removes from them remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace, which is not in the paper, has the same mixture and
-# start, no constraint on signs and no $\epsilon$. It estimates the mixing matrix from the residual of the sources before thresholds:
+# SDecGMCA fits $\mathbf{A}$ to thresholded sources. These exceed HI by orders of magnitude and cancel to that precision in every channel; what a threshold removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace, which is not in the paper, has the same mixture, no constraint on signs and no
+# $\epsilon$, and estimates the mixing matrix from the residual of the sources before thresholds:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction
 # \sum_{\ell m} \hat H_\nu^\ell \left( \hat X_\nu^{\ell m} - \hat H_\nu^\ell\, \mathbf{A}_\nu \hat{\mathbf{S}}^{\ell m} \right) \hat{\mathbf{T}}^{\ell m\,\top} = 0 ,
 # ```
 #
-# where the thresholded sources $\hat{\mathbf{T}}$ are only weights. Without noise the true $\mathbf{A}$ is a solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$. It complements SDecGMCA here and does not replace it.
+# where the thresholded sources $\hat{\mathbf{T}}$ are only weights: without noise the true $\mathbf{A}$ is a solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$.
 #
 # The two methods lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$ and at the ripple.
 
@@ -358,28 +356,15 @@ curves = [
 both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
 # - The text leaves choices; captions state the reading. The treatment beyond the last multipole alone changes $P(k_\nu)$.
 # - The iteration is chaotic: quote results with their scatter over restarts, and the number that failed.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Run the method with three sources through the oscillating beam. Is it more accurate?
-#
-# ```sh
-# himap run 09_sdecgmca -p n_sources=3
-# ```
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# At low $\ell$ and the smallest $k_\nu$ the ratio is nearer to 1 where restarts do not fail, since fewer sources remove less HI. Compare how many fail, and the width of the band, with those for five.
-#
-# </details>
-#
-# **2.** With one source and a beam of $0.05$ in all channels, what is $\epsilon_\ell$ of strategy 3 for $c = 0.01$, and which share of the foreground is recovered?
+# With one source and a beam of $0.05$ in all channels, what is $\epsilon_\ell$ of strategy 3 for $c = 0.01$, and which share of the foreground is recovered?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
@@ -392,6 +377,7 @@ both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 # More to run:
 #
 # ```sh
+# himap run 09_sdecgmca -p n_sources=3                             # fewer sources: look how many restarts fail
 # himap run 09_sdecgmca -p reading=code                            # the steps of the public code
 # himap run 09_sdecgmca -p galaxy=templates -p template_dir=maps   # the real Galaxy
 # ```

@@ -18,7 +18,7 @@
 # # The number of sources
 #
 # > - **Read first**: {doc}`10_results`.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
 # A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps. Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats the scan,
@@ -446,7 +446,7 @@ for name in methods:
 show(unconverged)
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria that do without.
 # - A method without knowledge of the beam needs more sources to describe its effect: with {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times the minimum of the first.

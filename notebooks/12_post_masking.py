@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: mean and standard deviation.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`, {claim}`V2`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`, {claim}`V2`.
 # > - **Time and memory**: {cost}`12_post_masking`.
 #
 # {cite:t}`gkogkou2025` flag lines of sight of the recovered maps by their mean squared error,
@@ -31,8 +31,8 @@
 #
 # with mean and standard deviation over the sky, and compute both power spectra without them. They find the flagged lines along the Galactic plane, and that SDecGMCA improves most. The rule needs the truth: it is a diagnostic and not part of a method.
 #
-# This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground residual from lost HI on the flagged lines, and tests the spectra of masked maps. SDecGMCA is chaotic ({doc}`27_restarts`): each restart has different flags, tables have the median and the 16 to 84 % band, and maps and profiles
-# show the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
+# This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground residual from lost HI on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA, which is chaotic ({doc}`27_restarts`), has different flags: tables have the median and the 16 to 84 % band, maps and profiles
+# the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -140,7 +140,7 @@ quote(
 )
 
 # %% [markdown]
-# A quarter of the sky is within 15° of the plane. Of the flagged lines of sight, {glue:text}`post_in_plane` are there for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method. A share near a quarter means that the error does not follow the foreground's brightness.
+# A quarter of the sky is within 15° of the plane. Of the flagged lines of sight, {glue:text}`post_in_plane` are there for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method. Near a quarter the error does not follow the foreground's brightness.
 #
 # In the profiles, look for errors confined to a part of the band, and for oscillations with the period of the ripple (20 MHz), which are foreground; in the map, for the Galactic plane.
 
@@ -209,7 +209,7 @@ study.stamped(
 #   \underbrace{\mathcal{P}(\mathbf{T} - \mathbf{D})}_{\text{signal loss}} .
 # ```
 #
-# The table has the rms of both on flagged and other lines of sight; the share of the squared error of the flagged lines in the last tenth of the channels; and the percentile of their median in foreground brightness and in variance of the truth (50 for random lines). For a reading of SDecGMCA that ends at some $\ell$, both parts are up to there.
+# The table has the rms of both on flagged and other lines; the share of the squared error of the flagged lines in the last tenth of the channels; and the percentile of their median in foreground brightness and in variance of the truth (50 for random lines).
 
 
 # %% tags=["hide-input"]
@@ -421,7 +421,7 @@ quote(
 # | PCA | {glue:text}`post_flagged_pca` | {glue:text}`post_peak_pca` | {glue:text}`post_low_pca` | {glue:text}`post_angular_pca` | {glue:text}`post_angular_pca_after` |
 # | GMCA | {glue:text}`post_flagged_gmca` | {glue:text}`post_peak_gmca` | {glue:text}`post_low_gmca` | {glue:text}`post_angular_gmca` | {glue:text}`post_angular_gmca_after` |
 #
-# In the paper SDecGMCA improves along the line of sight and the other methods do not notably, and all component methods improve across the sky, most SDecGMCA. The errors of the two fits decrease by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (below 1: they grow).
+# In the paper only SDecGMCA improves notably along the line of sight, and all component methods improve across the sky, most SDecGMCA. The errors of the two fits decrease by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (below 1: they grow).
 #
 # ## Accuracy of the masked spectrum
 #
@@ -453,11 +453,10 @@ quote(
 )
 
 # %% [markdown]
-# Under the two masks that are independent of HI the decoupled spectrum is accurate to {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of SDecGMCA the truth at $\ell < 10$ differs from that of the full sky by {glue:text}`post_truth_own`. An excess over the former number is not an error of the
-# decoupling: a mask made from errors can select HI. Masked spectra are therefore compared with a truth under the same mask.
+# Under the two masks that are independent of HI the decoupled spectrum is accurate to {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. More than the former number is not an error of the decoupling: a mask made from errors can select HI. Masked spectra are therefore compared with a truth under the same mask.
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - The rule flags what a method gets wrong: the Galactic plane where foreground remains, bright HI where that was removed.
 # - The improvement has to be weighed against the excluded sky. A real survey cannot apply the rule; it can cut in latitude ({doc}`24_masks`).
@@ -474,7 +473,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Nearly all are along the Galactic plane. The error oscillates with the period of the ripple, most at the low end of the band, where the Galaxy is brightest and the beam widest: it is foreground.
+# Nearly all are along the Galactic plane. The error oscillates with the period of the ripple, most at the low end of the band: it is foreground.
 #
 # </details>
 #

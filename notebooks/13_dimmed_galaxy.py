@@ -18,7 +18,7 @@
 # # A dimmed Galaxy
 #
 # > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
 # > - **Time and memory**: {cost}`13_dimmed_galaxy`.
 #
 # SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation. {cite:t}`gkogkou2025` emulate such a mask: they multiply the foregrounds of every channel, before beam and noise, by a weight that depends on latitude,
@@ -355,7 +355,7 @@ quote(
 # With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground outside the plane.
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit (below 1: it grows).
 # - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA.

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: correlation and linear regression.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
+# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
 # In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics: the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and the *variance* of
@@ -396,7 +396,7 @@ quote(
 # {glue:text}`diagnostics_top_channel` contributes {glue:text}`diagnostics_top_share` of the squares.
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - **Correlation** (A1): the mean $r$ is {glue:text}`diagnostics_r_sd` for SDecGMCA, {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA. SDecGMCA is highest in {glue:text}`diagnostics_highest` of the channels.
 # - **Variance** (A2): SDecGMCA is lowest at the share of multipoles given above.

@@ -27,15 +27,15 @@
 # {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a measurement can test. The ledger has a row for each: the measured number, the paper's, and a verdict. A claim has parts, for instance a part for each method that it names; *main* parts are those that the paper's sentence is about. PCA and FastICA have the same residual and
 # count as a single part, that of the less accurate of the two.
 #
-# SDecGMCA is chaotic ({doc}`27_restarts`), so that a single run is a draw. Claims are judged on *members*: several skies (HI, noise, point sources and the small scales of the Galaxy are random) with several restarts of SDecGMCA each. A part holds in a share of the members, skies weighing the same; its range is that over skies. Numbers are medians
-# with the 16 to 84 % of the members.
+# SDecGMCA is chaotic ({doc}`27_restarts`). Claims are therefore judged on *members*: several random skies (HI, noise, point sources, small scales of the Galaxy) with several restarts of SDecGMCA each. A part holds in a share of the members, skies weighing the same, with its range over skies; numbers are medians with the 16 to 84 % of the
+# members.
 #
 # | verdict | condition |
 # |---|---|
 # | ✓ reproduced | every main part holds in 84 % of the members or more |
 # | ≈ in part | the paper names several methods, and the claim holds for some of them and not for others |
-# | ✗ not reproduced | a main part holds in 16 % of the members or less, and of several methods the claim holds for none; *premise absent* if the claim is about something that does not occur, such as a peak to lower |
-# | ? undecided | anything between: it holds in some members and fails in others |
+# | ✗ not reproduced | a main part holds in 16 % of the members or less, and of several methods the claim holds for none; *premise absent* if, for instance, there is no peak to lower |
+# | ? undecided | any other share |
 # | – does not apply | the maps do not have the scales, or the scan does not have the number of sources |
 #
 # Each row explains how the paper's words are read as numbers (open "reading and numbers"). In all claims, *within x %* over a range, *consistently* and the like mean 95 % of its multipoles, $k$ or channels, and numbers within 1 % of each other are equal. These readings were fixed before any ensemble was measured, but after
@@ -101,7 +101,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
 # ```
 #
-# with the templates that `himap templates FOLDER` writes. The first row below counts its verdicts; the other rows are for a stored ledger with another reading of SDecGMCA, or with BeamSubspace, which is not in the paper ({doc}`09_sdecgmca`), in place of SDecGMCA.
+# with the templates that `himap templates FOLDER` writes. The first row below counts its verdicts; other rows are for another reading of SDecGMCA, or for BeamSubspace, which is not in the paper ({doc}`09_sdecgmca`), in its place.
 
 # %% tags=["hide-input"]
 recorded, about = read_ledger()
@@ -141,7 +141,7 @@ quote(
 )
 
 # %% [markdown]
-# In the table, the last column is the cause of each verdict that is not *reproduced*, as far as it is measured: the stored records in which the claim holds (another reading of SDecGMCA, another size, another Galaxy, or another method), or, where no part about SDecGMCA fails, the methods that fail. SD is SDecGMCA, POL and PAR are the polynomial and the
+# The last column has the measured cause of each verdict that is not *reproduced*: the stored records in which the claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA fails, the methods that fail. SD is SDecGMCA, POL and PAR are the polynomial and the
 # parametric fit. $C/C_0$ or $P/P_0$ below 1 is lost HI and noise, above 1 foreground residual.
 
 # %% tags=["hide-input"]
@@ -150,7 +150,7 @@ others = other_records(about)
 LedgerTable(recorded, links, others)
 
 # %% [markdown]
-# A part that fails for another method than SDecGMCA points to the simulation, the size, or choices such as the average over channels, the sigma of the clipping, or the variable of the polynomial. For a part about SDecGMCA, {doc}`16_readings` has the dependence on the reading of the text, and {doc}`27_restarts` that on the start.
+# A part that fails for another method points to the simulation, the size, or choices such as the average over channels, the sigma of the clipping, or the variable of the polynomial. For SDecGMCA, {doc}`16_readings` has the dependence on the reading, and {doc}`27_restarts` that on the start.
 #
 # ## What is not tested
 #
@@ -172,7 +172,7 @@ LedgerTable(recorded, links, others)
 # (changed-readings)=
 # ## Changed readings
 #
-# A reading that is changed after its number is known can favour a verdict, so changes made after unblinding are listed. On 25 November 2026 the rules above and these readings were rewritten, after ledgers of single runs of SDecGMCA and before any ensemble:
+# Changes made after unblinding can favour a verdict, and are listed. On 25 November 2026 the rules above and these readings were rewritten, after ledgers of single runs of SDecGMCA and before any ensemble:
 #
 # | claims | reading | before |
 # |---|---|---|
@@ -192,7 +192,7 @@ LedgerTable(recorded, links, others)
 # %% [markdown]
 # ## Judged here
 #
-# The cell below judges all claims for the parameters of this chapter, by default one synthetic sky with one run at `ci` (nside 32): too coarse for the ledger, and fast enough to run whenever the code changes. Verdicts with SDecGMCA (†) differ between runs.
+# All claims for the parameters of this chapter, by default one run on a synthetic sky at `ci` (nside 32), which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
 
 # %%
 about_sd = {entry.claim.id for entry in recorded if entry.about_sd}
@@ -206,9 +206,8 @@ rows = {
 show_table(rows, head="claims")
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
-# - Verdicts follow from rules that apply to all claims; parts that fail are shown with their numbers.
 # - A verdict can depend on what differs from the paper here: half its resolution, templates of nside 64, a lognormal HI sky, and the reading of its text. {doc}`18_paper_size` has the paper's resolution, {doc}`16_readings` the other readings.
 #
 # ## Exercises

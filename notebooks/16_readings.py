@@ -23,8 +23,8 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`15_claims`.
 # > - **Time and memory**: {cost}`16_readings`.
 #
-# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways. {glue:text}`readings_options` choices are varied here, where the text is silent, where a program of the authors deviates from it, or where the effect of a word is of interest. Every claim of {doc}`15_claims` is judged under
-# {glue:text}`readings_count` readings: those with a name, and the default with a single choice changed.
+# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and programs of the authors deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default with a single choice
+# changed.
 #
 # - **letter**: contradicts no statement of the text; usual choices where it is silent.
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
@@ -32,7 +32,7 @@
 # - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
 # - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# SDecGMCA is chaotic ({doc}`27_restarts`), so that a difference between single runs can be that between restarts. Runs of each reading in the record of this page: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$
+# A difference between single runs can be that between restarts ({doc}`27_restarts`). Runs of each reading in the record of this page: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$
 # (or up to the end of the maps).
 
 # %% tags=["parameters"]
@@ -78,7 +78,7 @@ Markdown(f"*{made.footer()}*")
 # (readings-answer)=
 # ## Which claims depend on the reading
 #
-# A claim *holds* if it is reproduced, at least in part. These verdicts are for the small maps named above and differ from those of the ledger at `laptop`; only their differences between readings matter here. Of {glue:text}`readings_claims` claims
+# A claim *holds* if it is reproduced, at least in part. Verdicts on these small maps differ from those of the ledger at `laptop`; only the differences between readings matter here. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
@@ -180,7 +180,7 @@ plotting.stamp(curves_figure(outcomes), made)
 # The default is chosen by charity and not by performance: of the candidates (each named reading, with each treatment of the multipoles beyond $\ell = 200$), the reading under which most of the paper's statements on SDecGMCA hold is most likely what its authors ran. A main part that holds in a share $p$ of the members counts $p$, compared with the
 # truth at all multipoles; a tie goes to the candidate with fewer departures from the text.
 #
-# The tables have, for each stored ensemble, this count, the departures from the text, and how many members fail. Candidates share starts and skies. The most charitable is {glue:text}`readings_charitable`.
+# The tables have this count, the departures from the text, and the failures for each stored ensemble; candidates share starts and skies. The most charitable is {glue:text}`readings_charitable`.
 #
 # **The default is provisional.** The rule is for `laptop`: selection on the skies of two seeds, confirmation on three others. Maps at `ci` end at $\ell = 64$ and cannot test what the paper states up to 200, and a single sky is no sample, so a table of that size decides nothing. Until the candidates are stored at `laptop` for all of these skies, the
 # default rests on eight starts on each of two skies at that size and on one at the paper's, in which `code-rounding` had the spectra, the peak, the flagged lines of sight and the dependence on the number of sources of the paper, and did not fail.
@@ -198,7 +198,7 @@ charitable = {size: known[default_reading(several)].title for size, several in b
 quote(readings_charitable=listed([f"{label} at {size}" for size, label in charitable.items()]))
 
 # %% [markdown]
-# For the readings above, the next table has the number of choices that contradict the text, the statements that hold, the failures, and how many claims are reproduced (✓), in part (≈), undecided (?), not reproduced (✗) or do not apply (–). The last table has, in each band, the value furthest from 1 of any run; no column: {glue:text}`readings_empty`.
+# For the readings above, the next table has the choices that contradict the text, the statements that hold, the failures, and the verdicts (signs as in the ledger); the last table, in each band, the value of any run furthest from 1 (no column: {glue:text}`readings_empty`).
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -214,8 +214,7 @@ quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empt
 Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
-# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`; so few runs do not measure a probability of failure, for which see {ref}`restarts-failures`. No failure here:
-# {glue:text}`readings_sound`. Between starts on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, and of the default by {glue:text}`readings_moved_default`.
+# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up` ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`. Between starts on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, of the default by {glue:text}`readings_moved_default`.
 #
 # Two earlier defaults were chosen by performance: the letter with the sign of $\mathbf{A}$ free, rejected when it failed in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
 
@@ -244,7 +243,7 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# The table lists each choice, the paper's words on it, and the readings that have it; for a choice that the default does not have, how many runs fail once the default is changed to it, and which claims then change between held and not held. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# For each choice the table has the paper's words and the readings that include it; for a choice that the default does not have, the failures of the default so changed, and the claims that then hold or cease to. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`.
 
 # %% tags=["hide-input"]
@@ -284,28 +283,19 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # The codes agree to better than $10^{-6}$ for five iterations, which is tested. A change in the twelfth digit of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth, until it is of the size of $\mathbf{A}$. Restarted from the authors' $\mathbf{A}$ after the fifth, they agree again to rounding. After 200
 # iterations the bright sources agree, and the faintest, HI and noise, is undetermined.
 #
-# ## What follows
+# ## Conclusions
 #
 # - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has the choices that decide.
 # - To make a method reproducible from its description, authors should state the choices that change verdicts.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** With twelve choices of two options each, how many readings are there, and how many with a single choice changed? What do the latter miss?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $2^{12} = 4096$ and $12 + 1$. They miss the joint effect of choices; the named readings, in which several are changed, test it.
-#
-# </details>
-#
-# **2.** A reading fails in a sixth of its runs. Can it be the default?
+# A reading fails in a sixth of its runs. Can it be the default?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By the rule it can: the paper shows a single run, and the authors most likely ran a reading under which most of their statements hold. For an observation, without the truth, the failed run has to be identified ({ref}`restarts-flags`).
+# By the rule it can: the paper shows a single run. For an observation the failed run has to be identified without the truth ({ref}`restarts-flags`).
 #
 # </details>
 #

@@ -25,13 +25,12 @@
 # > - **Good to know**: the condition number of a matrix.
 # > - **Time and memory**: {cost}`27_restarts`.
 #
-# SDecGMCA has no random numbers: two runs on the same data and the same machine agree bit for bit. But a relative change of its start by $10^{-10}$ gives a different mixing matrix and a different residual. This chapter measures how the change grows, where it comes from, how often the result fails, and what can be done, for the public code of
-# {cite:t}`carloni2021` (C21) and for himap.
+# SDecGMCA has no random numbers, but a relative change of its start by $10^{-10}$ gives a different mixing matrix and residual. This chapter measures how the change grows, its cause, and how often the result fails, for the public code of {cite:t}`carloni2021` (C21) and for himap, and compares alternatives.
 #
 # **The paper.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). The method “already delivers robust reconstructions on full-sky simulations” without masks (Sect. 6). Neither restarts nor scatter are mentioned.
 #
-# **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100 channels, $\ell \leq 64$, oscillating beam, five sources, Table 1 of the paper), unchanged except for a name that newer versions of numpy do not have. *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the plain start. himap makes the
-# same steps in the reading `code` ({doc}`16_readings`). Runs of both are stored with the book; a few are repeated here.
+# **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100 channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer versions of numpy do not have, and himap in the reading `code`, which has the same steps ({doc}`16_readings`). *Restart* $k$ begins with
+# $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the plain start. Runs of both are stored with the book; a few are repeated here.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -149,13 +148,12 @@ Table(
 # (restarts-cause)=
 # ## Cause
 #
-# $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise the share $K$ keeps the largest, and $K$ grows from zero. In the first iteration a scale of a source thus has about five non-zero coefficients, the minimum of the code. The fitted columns of $\mathbf{A}$ are then nearly parallel: the condition number rises by
-# orders of magnitude in one iteration, least squares amplifies a change by up to that factor, and the next thresholds select other coefficients.
+# $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise a share $K$ is kept, which grows from zero: in the first iteration a scale of a source has about five, the minimum of the code. The fitted columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the condition number, and the next thresholds
+# select other coefficients.
 #
 # The figure tests this by changing one element at a time. *No $K$* keeps all coefficients above the noise from the first iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Without $K$ alone the growth remains, because the MAD includes the signal: three times the scatter of a field removes most of it, whatever its noise. With the instrument's noise and without $K$, and with free signs of $\mathbf{A}$, the iteration is stable and converges after {glue:text}`restarts_settled` iterations; the change stays below
-# {glue:text}`restarts_stable`. With $\mathbf{A} \geq 0$ it grows slowly.
+# Without $K$ alone the growth remains, because the MAD includes the signal: three times the scatter of a field removes most of it, whatever its noise. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the iteration converges after {glue:text}`restarts_settled` iterations and the change stays below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
 
 # %% tags=["hide-input"]
 growth = {
@@ -293,8 +291,7 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# For several numbers of a run, the table has the share of the failed runs that a flag on it detects, the share of the others that it flags, the probability that a failed run has the larger number (one half: chance), and how often the restart with the smallest number fails. With the distance from the other restarts the latter is the
-# {term}`medoid`. A flag that is set in every run is useless.
+# For several diagnostics the table has the share of the failed runs that a flag detects, the share of the others that it flags, the probability that a failed run has the larger value (one half: chance), and how often the restart with the smallest value fails (for the distance from the others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -359,7 +356,7 @@ show(
 )
 
 # %% [markdown]
-# Runs made here differ from stored ones on another processor. The cell checks for each quantity whether at least one of them is in the range of the stored ensemble, widened by half on a logarithmic axis, which fails by chance less than once in ten thousand times.
+# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the range of the stored ensemble, widened by half on a logarithmic axis (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -380,25 +377,16 @@ else:
     print("no ensemble of this sky is stored")
 
 # %% [markdown]
-# ## What follows
+# ## Conclusions
 #
 # - The iteration of SDecGMCA is chaotic in its authors' code as in himap, which agree as distributions. A result should be quoted with its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources, through $K$ and through thresholds from the MAD.
 # - Most failures disappear without the eigenvalue floor of $10^{-9}$ in the last step.
 # - The stopping rules are not met, which is visible without the truth and deserves a warning.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** A Gaussian source is noise. Which share of its coefficients exceeds three times the scatter from its MAD? And with a faint Gaussian signal in it?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $0.27$ % in both cases: the MAD is that of signal and noise, so the threshold grows with the signal. Only sparse features pass.
-#
-# </details>
-#
-# **2.** None of 8 restarts fails. How large can the probability of failure be?
+# None of 8 restarts fails. How large can the probability of failure be?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
