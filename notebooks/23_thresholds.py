@@ -15,7 +15,7 @@
 # ---
 
 # %% [markdown]
-# # Thresholds that do no harm
+# # Signal loss and foreground residual
 #
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Good to know**: the Wiener filter.

@@ -69,8 +69,13 @@ class Cost(SphinxRole):
         results = Path(self.env.srcdir, "book", "results")
         patterns = read_notebook(path).metadata.get("himap", {}).get("reads", [])
         files = [pattern.removeprefix("book/results/") for pattern in patterns]
-        old = _stale(results, [name.removesuffix("/figures.json").removesuffix(".json") for name in files])
-        said = f"; it shows stale results: {', '.join(old)}" if old else ""
+        states = _commits(
+            results, [name.removesuffix("/figures.json").removesuffix(".json") for name in files]
+        )
+        n_stale = sum(map(bool, states.values()))
+        said = (
+            f"; {n_stale} of its {len(states)} stored results are stale (page on status)" if n_stale else ""
+        )
         return [nodes.Text(cost(path, results) + said)], []
 
 
@@ -78,18 +83,19 @@ class Stale(SphinxRole):
     """The role of stored results, by patterns of their names: which of them are stale, in a sentence."""
 
     def run(self):
-        old = _stale(Path(self.env.srcdir, "book", "results"), self.text.split())
+        states = _commits(Path(self.env.srcdir, "book", "results"), self.text.split())
+        old = [f"{name} (commit {commits})" for name, commits in states.items() if commits]
         said = f"Stale, measured with code that has changed since: {', '.join(old)}."
         return [nodes.Text(said if old else "No stored result behind these numbers is stale.")], []
 
 
-def _stale(results, patterns):
-    """The stored results whose names fit one of some patterns and that are stale, each with its commit."""
+def _commits(results, patterns):
+    """{name: the commits that made it if it is stale, else ""} of the stored results that fit a pattern."""
     known = {one.name: one for one in stored_results(results)} if patterns else {}
-    names = [name for name in known if any(fnmatch(name, pattern) for pattern in patterns)]
-    old = _all_stale(results) if names else {}
-    commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in names}
-    return [f"{name} (commit {commits[name]})" for name in names if name in old]
+    fitting = [name for name in known if any(fnmatch(name, pattern) for pattern in patterns)]
+    old = _all_stale(results) if fitting else {}
+    commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in fitting}
+    return {name: commits[name] if name in old else "" for name in fitting}
 
 
 @cache
