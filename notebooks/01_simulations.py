@@ -19,7 +19,7 @@
 #
 # > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
 # > - **Good to know**: redshift, and what an angular power spectrum is.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`F1`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`F1`.
 # > - **Time and memory**: {cost}`01_simulations`.
 #
 # The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one

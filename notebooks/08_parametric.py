@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`V3`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
 # {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every

@@ -18,7 +18,7 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
+# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
 # The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5 components for the three beams, as in the paper.
