@@ -448,7 +448,7 @@ show(unconverged)
 # %% [markdown]
 # ## Conclusions
 #
-# - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria that do without.
+# - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria without it.
 # - A method without knowledge of the beam needs more sources to describe its effect: with {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times the minimum of the first.
 # - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$ and low $\ell$.
 # - These are results for one sky. {doc}`15_claims` judges N1 to N5 on the real Galaxy, {doc}`18_paper_size` at the paper's size, {doc}`16_readings` in other readings.

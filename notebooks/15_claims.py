@@ -154,7 +154,7 @@ LedgerTable(recorded, links, others)
 #
 # ## What is not tested
 #
-# The paper's sentences without a row are explanations, results of others, or about what the simulations do not have:
+# The paper's sentences without a row are explanations, judgements, results of others, or about what the simulations do not have:
 #
 # | the paper | not tested because |
 # |---|---|

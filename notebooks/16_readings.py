@@ -243,7 +243,7 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# For each choice the table has the paper's words and the readings that include it; for a choice that the default does not have, the failures of the default so changed, and the claims that then hold or cease to. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# For each choice the table has the paper's words and the readings that include it; for a choice that the default does not have, how often the default fails with that choice, and which claims then change. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`.
 
 # %% tags=["hide-input"]

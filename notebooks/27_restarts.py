@@ -94,7 +94,7 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # (restarts-growth)=
 # ## Growth of a small change
 #
-# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain start after the same number of iterations; it does not depend on scale, sign or order of the columns. $\sin\theta$ begins at $10^{-10}$; at 1 a spectrum of each is absent in the other.
+# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain start after the same number of iterations; it does not depend on scale, sign or order of the columns. $\sin\theta$ begins at $10^{-10}$; at 1 each space has a spectrum that the other does not.
 #
 # Look at the first five iterations. The first multiplies the change by {glue:text}`restarts_first_ours` (himap) and {glue:text}`restarts_first_theirs` (authors' code; medians over both Galaxies). The median exceeds a hundredth from iteration {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on, and does not decrease later.
 
@@ -122,7 +122,7 @@ plotting.stamp(growth_figure(panels), stored[0].made)
 # (restarts-converged)=
 # ## Convergence
 #
-# No run converges: the table has the share of the runs that meet the two stopping rules, and the last relative change of $\hat{\mathbf{S}}$, which should be below $10^{-4}$. Both codes end each stage by the number of iterations, 150 and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
+# No run converges with this beam: the table has the share of the runs that meet the two stopping rules, and the last relative change of $\hat{\mathbf{S}}$, which should be below $10^{-4}$. Both codes end each stage by the number of iterations, 150 and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
 
 # %% tags=["hide-input"]
 RUNS = {

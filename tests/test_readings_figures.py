@@ -31,7 +31,7 @@ def test_claims_are_grouped_by_where_they_stand():
     rows = [label.get_text().split()[-1] for label in axes.get_yticklabels()]
     assert rows == ["D1", "O3", "M2"]
     headings = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
-    assert headings == ["under every reading", "depends on the reading", "applies under none"]
+    assert headings == ["under every reading", "depends on the reading", "does not apply"]
     marks = {(row.split()[-1], column, x): mark for row, column, x, mark in numbers(figure)}
     assert marks["O3", "default", 0] == 2
     assert marks["O3", "code", 0] == 0

@@ -59,7 +59,9 @@ class TestTables:
     def test_a_row_for_each_reading(self):
         table = summary_table(OUTCOMES)
         assert table["reading"].tolist() == [KNOWN[label].title for label in OUTCOMES]
-        assert table["choices off the text"].tolist() == [f"{KNOWN[label].distance}" for label in OUTCOMES]
+        assert table["departures from the text"].tolist() == [
+            f"{KNOWN[label].distance}" for label in OUTCOMES
+        ]
         assert table["fails"].tolist() == ["0 of 1", "0 of 1", "1 of 2", "0 of 1"]
         found = table.iloc[2]
         assert [found[sign] for sign, *_ in MARKS.values()] == ["0", "1", "0", "2", "1"]

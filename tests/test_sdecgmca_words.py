@@ -5,7 +5,7 @@ import pytest
 from himap.paper.captions import in_short, of_sdecgmca
 from himap.removal import SDecGMCA
 
-ENDS = "; it ends at ℓ = 128, and is divided by the whole truth"
+ENDS = "; it ends at ℓ = 128 and is compared with the truth at all multipoles"
 SILENT = (
     "and, where it is silent, noise of the thresholds (that of the instrument, carried through the inversion)"
 )
@@ -16,16 +16,16 @@ SILENT = (
     [
         (
             {"reading": "instrument-noise"},
-            f"SDecGMCA is read as “instrument-noise”: the paper's text {SILENT}{ENDS}",
+            f"SDecGMCA has the reading “instrument-noise”: the paper's text {SILENT}{ENDS}",
         ),
-        ({"reading": "letter"}, f"SDecGMCA is read as “letter”: the paper's text{ENDS}"),
+        ({"reading": "letter"}, f"SDecGMCA has the reading “letter”: the paper's text{ENDS}"),
         (
             {"reading": "letter", "sign": "free"},
-            f"“letter”: the paper's text but for sign of A (as it comes){ENDS}",
+            f"“letter”: the paper's text except for sign of A (as it comes){ENDS}",
         ),
         (
             {"reading": "instrument-noise", "sign": "free"},
-            f"the paper's text but for sign of A (as it comes) {SILENT}{ENDS}",
+            f"the paper's text except for sign of A (as it comes) {SILENT}{ENDS}",
         ),
         (
             {"reading": "letter", "last": "repeated"},
@@ -33,11 +33,14 @@ SILENT = (
         ),
         (
             {"reading": "code"},
-            "“code”: the paper's text but for 6 choices and, where it is silent, smallest eigenvalue",
+            "“code”: the paper's text except for 6 choices and, where it is silent, smallest eigenvalue",
         ),
-        ({"reading": "follow-up"}, "it goes on beyond ℓ = 128 with its regularised inversion"),
-        ({"reading": "letter", "beyond": "projection"}, "it goes on beyond ℓ = 128 without regularisation"),
-        ({"reading": "letter", "lmax": 30}, "it ends at ℓ = 30,"),
+        ({"reading": "follow-up"}, "its regularised inversion is continued beyond ℓ = 128"),
+        (
+            {"reading": "letter", "beyond": "projection"},
+            "it is continued beyond ℓ = 128 without regularisation",
+        ),
+        ({"reading": "letter", "lmax": 30}, "it ends at ℓ = 30 and"),
     ],
 )
 def test_words(options, words):
@@ -49,14 +52,17 @@ def test_words(options, words):
     [
         (
             {},
-            "“default”: the text but for 7 choices, with floor = 1e-09, last = repeated; goes on",
+            "“default” (the text except for 7 choices, with floor = 1e-09, last = repeated), continued",
         ),
-        ({"reading": "letter"}, "SDecGMCA “letter”: the text; ends at ℓ = 128"),
-        ({"reading": "letter", "sign": "free", "lmax": 30}, "the text but for sign = free; ends at ℓ = 30"),
-        ({"reading": "code"}, "the text but for 6 choices, with floor = 1e-09, last_floor = 1e-09"),
+        ({"reading": "letter"}, "SDecGMCA: reading “letter” (the text), up to ℓ = 128"),
+        (
+            {"reading": "letter", "sign": "free", "lmax": 30},
+            "(the text except for sign = free), up to ℓ = 30",
+        ),
+        ({"reading": "code"}, "the text except for 6 choices, with floor = 1e-09, last_floor = 1e-09"),
         (
             {"reading": "instrument-noise", "beyond": "projection"},
-            "but for beyond = projection, with thresholds = analytic; goes on beyond",
+            "except for beyond = projection, with thresholds = analytic), continued beyond",
         ),
     ],
 )

@@ -28,36 +28,36 @@ def of_sdecgmca(method, nside):
         return f"{OPTIONS[name].question} ({OPTIONS[name].choices[value]})"
 
     against, silent = _departures(method, say)
-    text = "the paper's text" + (f" but for {_few(against)}" if against else "")
+    text = "the paper's text" + (f" except for {_few(against)}" if against else "")
     if silent:
         text += f" and, where it is silent, {', '.join(silent)}"
     end = min(method.lmax, 2 * nside)
     beyond = {
-        "cut": f"it ends at ℓ = {end}, and is divided by the whole truth",
-        "regularised": f"it goes on beyond ℓ = {end} with its regularised inversion",
-        "projection": f"it goes on beyond ℓ = {end} without regularisation",
+        "cut": f"it ends at ℓ = {end} and is compared with the truth at all multipoles",
+        "regularised": f"its regularised inversion is continued beyond ℓ = {end}",
+        "projection": f"it is continued beyond ℓ = {end} without regularisation",
     }
-    return f"SDecGMCA is read as “{method.reading}”: {text}; {beyond[method.beyond]}"
+    return f"SDecGMCA has the reading “{method.reading}”: {text}; {beyond[method.beyond]}"
 
 
 def in_short(method, nside, n_restarts=1):
-    """`of_sdecgmca` for under a figure: choices by name, as `OPTIONS` has them, and where it ends.
+    """`of_sdecgmca` for a caption: choices by name, as in `OPTIONS`, and where it ends.
 
-    Of several restarts, how they are drawn too.
+    For several restarts, how they are drawn too.
     """
     against, silent = _departures(method, lambda name, value: f"{name} = {value}")
-    text = "the text" + (f" but for {_few(against)}" if against else "")
+    text = f"the text except for {_few(against)}" if against else "the text"
     text += f", with {_few(silent)}" if silent else ""
-    goes = "ends at" if method.beyond == "cut" else "goes on beyond"
-    said = f"SDecGMCA “{method.reading}”: {text}; {goes} ℓ = {min(method.lmax, 2 * nside)}"
+    end = "up to" if method.beyond == "cut" else "continued beyond"
+    said = f"SDecGMCA: reading “{method.reading}” ({text}), {end} ℓ = {min(method.lmax, 2 * nside)}"
     return said if n_restarts == 1 else f"{said}; {of_restarts(n_restarts)}"
 
 
 def of_restarts(n):
-    """How `n` restarts are drawn, and when one of them failed: a clause."""
+    """How `n` restarts are drawn, and when a restart fails: a clause."""
     return (
-        f"of {n} restarts the median, the 16–84 % band and, thin, each; a restart failed if its mean "
-        f"|C/C0 - 1| at 10 < ℓ < 200 is above {100 * FAILING:g} %"
+        f"median, 16–84 % band and, thin, each of {n} restarts; a restart fails if its mean "
+        f"|C/C0 - 1| at 10 < ℓ < 200 exceeds {100 * FAILING:g} %"
     )
 
 

@@ -8,7 +8,7 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import BANDS, candidates, charity, ranked_candidates, readings
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
-EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "applies under none"
+EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "does not apply"
 """How robust a claim is: under which readings it holds, at least in part."""
 
 MARKS = {
@@ -35,7 +35,7 @@ def summary_table(outcomes):
         rows.append(
             {
                 "reading": known[label].title,
-                "choices off the text": f"{known[label].distance}",
+                "departures from the text": f"{known[label].distance}",
                 "statements on SD": f"{charity(one.entries.values()):.1f}",
                 "fails": f"{one.n_failing} of {len(one.runs)}",
                 **{sign: f"{verdicts.count(verdict)}" for verdict, (sign, *_) in MARKS.items()},
