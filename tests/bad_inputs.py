@@ -450,7 +450,11 @@ for word in ("weights", "flags"):
                 "must have the axes of the sky of the cube",
                 partial(write_image, "w.fits", images, axes=(*SKY["CAR"], FREQ)),
             ),
-            ("w.fits", "cannot be read as an image in FITS", partial(npy_with_header, "w.fits", "")),
+            (
+                "w.fits",
+                "cannot be read as an image in FITS",
+                partial(Path("w.fits").write_bytes, b"SIMPLE  ="),
+            ),
             ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
             ("none.fits", f"there is no file of {word} 'none.fits'", None),
             ("w.npy", "the shape of an image of the cube, (12, 16)", partial(save, "w.npy", images[0].T)),

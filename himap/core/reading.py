@@ -1,8 +1,10 @@
 """Files to read, and plain numbers from them. Nothing that is read can run code, or wait for ever."""
 
+import gzip
 import os
 import stat
 import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,13 @@ from himap.core.memory import check_room
 
 _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
 _ROOM = 10  # bytes in memory for each of such a text
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_USER_BLOCKS = (0, *(512 * 2**n for n in range(12)))  # bytes that may lie before what is HDF5
+_FORMATS = {  # (first bytes, endings of names)
+    "HDF5": (_HDF5, (".h5", ".hdf5", ".hdf", ".hd5")),
+    "FITS": (b"SIMPLE  =", (".fits", ".fit", ".fits.gz", ".fits.fz")),
+    "npy": (b"\x93NUMPY", (".npy",)),
+}
 
 
 def there_is(path):
@@ -54,6 +63,29 @@ def regular_file(path, kind="file"):
     raise InputError(f"the {kind} {path} must be a file that is on disk, got {came}.")
 
 
+def format_of(path):
+    """ "HDF5", "FITS" or "npy": by the first bytes of a file, or else by the ending of its name; or None."""
+    try:
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise ValueError("opening it may wait for ever")
+        with open(path, "rb") as file:
+            first = file.read(9)
+            if first[:2] == b"\x1f\x8b":
+                with gzip.open(path) as unpacked:
+                    first = unpacked.read(9)
+            for name, (magic, _) in _FORMATS.items():
+                if first.startswith(magic):
+                    return name
+            for place in _USER_BLOCKS:
+                file.seek(place)
+                if file.read(len(_HDF5)) == _HDF5:
+                    return "HDF5"
+    except (OSError, EOFError, ValueError, zlib.error):
+        pass  # what cannot be read is an error of its reader
+    ending = str(path).lower().endswith
+    return next((name for name, (_, endings) in _FORMATS.items() if ending(endings)), None)
+
+
 def mapped_array(path):
     """The array of a .npy file, read where it is looked at; object arrays, which could run code, are refused.
 
@@ -91,7 +123,7 @@ def read_numbers(path):
         No such file, or one that does not hold real numbers, at least one.
     """
     path = regular_file(path)
-    values = read_array(path) if path.suffix == ".npy" else _table(path)
+    values = read_array(path) if format_of(path) == "npy" else _table(path)
     if values.dtype.kind not in "fiu" or not values.size:
         came = f"{values.dtype}" if values.size else "none"
         raise InputError(f"{path} must hold real numbers, got {came}.")

@@ -7,18 +7,26 @@ import numpy as np
 
 from himap.core.checks import real_array
 from himap.core.errors import InputError
-from himap.core.reading import mapped_array, read_array, read_numbers, regular_file
+from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.cube import make_cube
-from himap.cubes.layout import Layout, check_cube_room, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, naming, pixels_by_axes, same_freqs
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
-from himap.maps.healpix_io import ENDINGS, is_nested, temperature_unit
-from himap.maps.sphere import pixels_last, sphere_sizes
+from himap.maps.healpix_io import is_nested, temperature_unit
+from himap.maps.sphere import sphere_sizes
 from himap.removal.gnilc import LINE
 
 _HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
 _HELD_TRUTH = 2  # more of them for a truth
 _HELD_WEIGHTS = 3  # more of them for weights
+_UNIT_IN = {
+    "image": "as BUNIT in the header",
+    "HDF5": "as the attribute unit of the dataset",
+    "npy": "which is given with unit= (--unit)",
+    **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
+}
+_IN_NAMES = (1.0, 1e3, 1e-3, 1e-6)  # MHz in what names may be in: MHz, GHz, kHz, Hz
+_SHARE = 0.6  # of a channel, that a number in a name may be from its centre: names may have its edge
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 
@@ -30,6 +38,7 @@ def read_cube(
     order=None,
     maps_name=None,
     freqs_name=None,
+    axes=None,
     weights=None,
     flags=None,
 ):
@@ -49,6 +58,9 @@ def read_cube(
         "RING" or "NESTED", if the file does not say; RING unless given.
     maps_name, freqs_name
         Datasets of an HDF5 file.
+    axes
+        Those of the array, in the order of numpy, where they are not as the file says, or it does not say:
+        "ra,dec,freq" of images whose array was not turned round for its header; "pixel,freq" of maps.
     weights
         Hits or inverse variances, of which only ratios matter, 0 where not seen: of pixels, (n_pix,), or of
         voxels, (n_channels, n_pix), pixels and channels in the order of the file; or the path of such an
@@ -68,35 +80,40 @@ def read_cube(
     """
     weighed = weights is not None or flags is not None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
-    maps, layout = read_file(path, **names, held=_HELD + _HELD_WEIGHTS * weighed)
-    layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
-    if weighed:
-        weights = voxel_weights(maps, layout, weights=weights, flags=flags)
-    return make_cube(maps, layout, weights=weights)
+    with naming(path):
+        maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
+        layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
+        if weighed:
+            weights = voxel_weights(maps, layout, weights=weights, flags=flags)
+        return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, cube=None):
+def read_truth(
+    path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, axes=None, cube=None
+):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out.
     """
-    try:
-        maps, layout = read_file(path, held=_HELD_TRUTH)
-    except InputError:
-        if maps_name is None and freqs_name is None:
-            raise
-        maps, layout = read_file(path, maps_name=maps_name, freqs_name=freqs_name, held=_HELD_TRUTH)
-    given = {
-        "freqs": freqs if layout.freqs is None else None,
-        "unit": unit if layout.unit is None else None,
-        "order": order if layout.pixels.nested is None else None,
-    }
-    truth = make_cube(maps, completed(path, len(maps), layout, **given))
+    with naming(path):
+        try:
+            maps, layout = read_file(path, held=_HELD_TRUTH)
+        except InputError:
+            if maps_name is freqs_name is axes is None:
+                raise
+            names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
+            maps, layout = read_file(path, **names, held=_HELD_TRUTH)
+        given = {
+            "freqs": freqs if layout.freqs is None else None,
+            "unit": unit if layout.unit is None else None,
+            "order": order if layout.pixels.nested is None else None,
+        }
+        truth = make_cube(maps, completed(path, len(maps), layout, **given))
     return truth if cube is None else truth.channels_of(cube)
 
 
-def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
-    """What an HDF5 or FITS file states, a folder of FITS files (one for each channel), or .npy.
+def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
+    """What an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS files states.
 
     FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
     folder may have a range of channels.
@@ -107,6 +124,8 @@ def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
         File or folder.
     maps_name, freqs_name
         Datasets of an HDF5 file; found by their shapes and names unless given.
+    axes
+        As of `read_cube`.
     aside
         Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
     held
@@ -128,21 +147,22 @@ def read_file(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
     except (OSError, ValueError, RuntimeError):  # no name that a file can have
         is_folder = False
     path = Path(path) if is_folder else regular_file(path)
-    name, names = path.name.lower(), {"maps_name": maps_name, "freqs_name": freqs_name}
-    if not is_folder and name.endswith(hdf5.ENDINGS):
+    form = "folder" if is_folder else format_of(path)
+    if form == "HDF5":
+        names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
         return hdf5.read_hdf5(path, **names, aside=aside, held=held)
-    if not (is_folder or name.endswith((*ENDINGS, ".npy"))):
+    if form is None:
         raise InputError(
-            f"{path}: a cube is a .h5, .fits or .npy file, or a folder of .fits files, one for each channel."
+            f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one for each channel; by its "
+            "first bytes and its name this is none of them (unpack archives, and write netCDF as netCDF-4)."
         )
     if maps_name is not None or freqs_name is not None:
         raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
-    if is_folder:
-        return fits.read_folder(path, held=held)
-    return (read_npy if name.endswith(".npy") else fits.read_fits)(path, held=held)
+    read = {"folder": fits.read_folder, "FITS": fits.read_fits, "npy": read_npy}[form]
+    return read(path, axes=axes, held=held)
 
 
-def read_npy(path, *, held=1):
+def read_npy(path, *, axes=None, held=1):
     """Maps and `Layout` of an array of HEALPix maps, which states nothing else."""
     maps = mapped_array(path)
     if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
@@ -151,8 +171,8 @@ def read_npy(path, *, held=1):
             f"got {maps.dtype} {maps.shape}."
         )
     check_cube_room(path, maps.size, maps.dtype.itemsize, held)
-    maps = pixels_last(read_array(path))
-    return maps, Layout.of_sphere(maps)
+    maps, remarks = pixels_by_axes(read_array(path), axes)
+    return maps, Layout.of_sphere(maps, remarks=remarks)
 
 
 def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
@@ -179,9 +199,19 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
         )
     if freqs.shape != (n_channels,):
         raise InputError(
-            f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}."
+            _unlike(layout.names)
+            + f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
+            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, or "
+            "pixel,freq)."
         )
-    stated = [temperature_unit(one) for one in (layout.unit, unit) if one is not None]
+    if layout.names:
+        if layout.freqs is None:
+            check_names(layout.names, freqs)
+        ends = (f"{layout.names[n]} is {freqs[n]:.10g} MHz" for n in (0, -1))
+        sentence = f"The first of its files, {', the last, '.join(ends)}. {_unlike(layout.names)}"
+        remarks = (sentence.strip(), *remarks)
+    where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
+    stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]
     if not stated:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
     _check_same(stated[0] == stated[-1], path, "unit", layout.unit, unit)
@@ -198,6 +228,55 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
                 remarks = (*remarks, remark)
         _check_same(nested in (None, pixels.nested), path, "order", pixels.order, order)
     return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=stated[0], remarks=remarks)
+
+
+def _unlike(names):
+    """A sentence on names of files that are unlike most but for their numbers, or nothing."""
+    kinds = [tuple(fits.numbers_in(name, fits.DIGITS)[::2]) for name in names]
+    if not names or len(set(kinds)) == len(kinds):
+        return ""
+    most = max(kinds, key=kinds.count)
+    others = [name for name, kind in zip(names, kinds, strict=True) if kind != most]
+    return f"Not named as most of the files: {', '.join(others[:3])}{', ...' * (len(others) > 3)}. " * (
+        0 < len(others) < len(names) / 2
+    )
+
+
+def check_names(names, freqs):
+    """Refuse frequencies (n,), MHz, that are given to files in another order than their names have.
+
+    Names that have a number each near the frequencies, in any unit of these, must have that of their own;
+    names whose order depends on how decimals are written must have such numbers.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    split = [fits.numbers_in(name) for name in names]
+    alike = len({tuple(parts[::2]) for parts in split}) == 1
+    step = np.median(np.abs(np.diff(np.sort(freqs)))) if len(freqs) > 1 else 0.0
+    near = []
+    for column in np.array([parts[1::2] for parts in split]).T if alike else ():
+        for factor in _IN_NAMES:
+            numbers = factor * column
+            if np.median(np.abs(np.sort(numbers) - np.sort(freqs))) <= step:
+                near.append(numbers)
+    for numbers in near:
+        other = (np.argsort(numbers) != np.argsort(freqs)) | (np.abs(numbers - freqs) > _SHARE * step)
+        if other.any():
+            n = int(other.argmax())
+            raise InputError(
+                f"--freqs are given to the files in the order of their names, and {names[n]} would have "
+                f"{freqs[n]:.10g} MHz: sort --freqs as the numbers in the names are, or rename the files."
+            )
+    pairs = sorted(names, key=lambda name: fits.numbers_in(name, fits.DIGITS))
+    if not near and pairs != list(names):
+        n = next(n for n, name in enumerate(names) if name != pairs[n])
+        raise InputError(
+            f"whether {names[n]} comes before {pairs[n]} cannot be known, for their numbers may be decimals "
+            "or not: write them with as many digits in all names."
+        )
 
 
 def _check_same(same, path, what, stated, given):

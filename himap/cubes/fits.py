@@ -16,13 +16,16 @@ from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
+from himap.core.reading import format_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, world_of
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
-from himap.maps.healpix_io import ENDINGS, agreed, freq_in_header, freqs_in, read_maps
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, named_axes, one_unit
+from himap.maps.healpix_io import agreed, freq_in_header, freqs_in, read_maps
 
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
-_DIGITS = re.compile(r"(\d+)")
+DIGITS = re.compile(r"([0-9]+)")
+_DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
+_LISTED = 10  # files in a message
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),
     ("I_STOKES", "Q_STOKES", "U_STOKES"),
@@ -31,11 +34,15 @@ _STOKES = {  # names of the three columns of one polarised map: of healpy, and s
 }
 
 
-def read_fits(path, *, held=1):
-    """Maps and `Layout` of a file with a column for each channel, as healpy writes it, or an image cube."""
+def read_fits(path, *, axes=None, held=1, logical=False):
+    """Maps and `Layout` of a file with a column for each channel, as healpy writes it, or an image cube.
+
+    `axes` are those of an image, `logical` as of `himap.maps.healpix_io.read_maps`.
+    """
     if holds_image(path):
-        return read_image_fits([path], held=held)
-    file = read_maps(path, held=held)
+        return read_image_fits([path], axes=axes, held=held)
+    _check_no_axes(path, axes)
+    file = read_maps(path, held=held, logical=logical)
     if file.names in _STOKES:
         raise InputError(
             f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
@@ -46,22 +53,21 @@ def read_fits(path, *, held=1):
     return file.maps, Layout.of_sphere(file.maps, file.nested, partial=file.partial, **stated)
 
 
-def read_folder(folder, *, held=1):
+def _check_no_axes(path, axes):
+    if axes is not None:
+        raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
+
+
+def read_folder(folder, *, axes=None, held=1):
     """Those of a folder with a file for each channel, by their names, numbers in them as numbers.
 
     Of image cubes each may have a range of channels. Of three Stokes parameters the first is read.
     """
-    try:
-        paths = [path for path in folder.iterdir() if path.name.lower().endswith(ENDINGS)]
-    except OSError as error:
-        raise InputError(f"the folder {folder} cannot be read ({error.strerror}).") from None
-    paths.sort(
-        key=lambda path: [int(part) if part.isdecimal() else part for part in _DIGITS.split(path.name)]
-    )
-    if not paths:
-        raise InputError(f"the folder {folder} holds no .fits file.")
+    paths, left_out = _paths_in(folder)
     if holds_image(paths[0]):
-        return read_image_fits(paths, held=held)
+        maps, layout = read_image_fits(paths, axes=axes, held=held)
+        return maps, replace(layout, remarks=(*left_out, *layout.remarks))
+    _check_no_axes(folder, axes)
     files, n_polarised = [], 0
     for path in paths:
         file = read_maps(path)
@@ -81,10 +87,39 @@ def read_folder(folder, *, held=1):
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
     stated = _freqs_of([path.name for path in paths], "the names of its files", in_headers, paths)
     stated["unit"] = one_unit(folder, [file.units[0] for file in files])
+    stated["names"] = tuple(path.name for path in paths)
     if n_polarised:
-        stated["remarks"] = (f"Stokes Q and U in {n_polarised} of its files are left out.",)
+        left_out.append(f"Stokes Q and U in {n_polarised} of its files are left out.")
+    stated["remarks"] = tuple(left_out)
     maps, partial = np.concatenate([file.maps for file in files]), all(file.partial for file in files)
     return maps, Layout.of_sphere(maps, files[0].nested, partial=partial, **stated)
+
+
+def _paths_in(folder):
+    """The FITS files in a folder in the order of their names, and a sentence on others, if any, in a list."""
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"the folder {folder} cannot be read ({error.strerror}).") from None
+    paths = [path for path in entries if format_of(path) == "FITS" and not path.name.startswith(".")]
+    if not paths:
+        raise InputError(f"the folder {folder} holds no FITS file.")
+    paths.sort(key=lambda path: by_numbers(path.name))
+    others = [path.name for path in entries if path not in paths]
+    more = ", ..." if len(others) > _LISTED else ""
+    listing = f"{', '.join(others[:_LISTED])}{more}"
+    return paths, [f"{len(others)} more in the folder, no maps, left out: {listing}."] if others else []
+
+
+def numbers_in(name, pattern=_DECIMALS):
+    """A name as [text, number, text, ...]; numbers as decimals or, with `DIGITS`, as digits alone."""
+    parts = pattern.split(name)
+    return [float(re.sub("[p,]", ".", part)) if n % 2 else part for n, part in enumerate(parts)]
+
+
+def by_numbers(name):
+    """What names are sorted by: the numbers in them."""
+    return numbers_in(name), numbers_in(name, DIGITS)
 
 
 def _freqs_of(names, called, in_headers=(), paths=()):
@@ -103,6 +138,10 @@ def _freqs_of(names, called, in_headers=(), paths=()):
         }
     if in_headers and None not in in_headers:
         return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
+    without = [name for name, found in zip(names, stated, strict=True) if not found]
+    if 0 < len(without) < len(names) / 2:
+        listing = ", ".join(without[:_LISTED])
+        return {"nearly": f"Most of {called} state one, but not {listing}: rename these, or move them away."}
     for name, found in zip(names, stated, strict=True):
         if "hz" in name.lower() and len(found) != 1:
             return {
@@ -132,13 +171,16 @@ def _quiet():
     return warnings.catch_warnings(action="ignore", category=AstropyWarning)
 
 
-def read_image_fits(paths, *, held=1):
+def read_image_fits(paths, *, axes=None, held=1):
     """The channels of all image cubes in some files.
 
     Parameters
     ----------
     paths
         The files.
+    axes
+        Those of the arrays, in the order of numpy, where they are not those of the headers turned round: such
+        as "ra,dec,freq".
     held
         Cubes in float32 that the caller will hold at once: they must fit into memory.
 
@@ -155,26 +197,33 @@ def read_image_fits(paths, *, held=1):
     """
     remarks, parts = [], []
     for path in paths:
-        parts += _read(path, lambda file, path=path: _parts(path, file, remarks))
+        parts += _read(path, lambda file, path=path: _parts(path, file, axes, remarks))
     _check_alike(parts)
     where = paths[0].parent if len(paths) > 1 else paths[0]
     unit = one_unit(where, [str(part.header.get("BUNIT") or "").strip() or None for part in parts])
     pixels = ImagePixels(parts=tuple(parts))
-    ends = np.cumsum([len(part.freqs) for part in parts])
+    ends = np.cumsum([part.n_channels for part in parts])
     dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
     n_pix = int(np.prod(pixels.shape))
     check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
     maps = np.empty((ends[-1], n_pix), dtype=dtype)
     for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
         out[:] = _read(part.path, part.read)
-    layout = Layout(
-        pixels=pixels,
-        freqs=np.concatenate([part.freqs for part in parts]),
-        freqs_from="the axis FREQ" + (" of each image" if len(parts) > 1 else ""),
-        unit=unit,
-        remarks=tuple(remarks),
-    )
-    return maps, layout
+    return maps, Layout(pixels=pixels, unit=unit, remarks=tuple(remarks), **_freqs_of_images(parts))
+
+
+def _freqs_of_images(parts):
+    """What a `Layout` has of frequencies, a dict: those of the axes, or in the names of files of one each."""
+    several = len(parts) > 1
+    if parts[0].freqs is not None:
+        stated_by = "the axis FREQ" + (" of each image" if several else "")
+        return {"freqs": np.concatenate([part.freqs for part in parts]), "freqs_from": stated_by}
+    paths, stated, nearly = [part.path for part in parts], {}, "Its images have no axis FREQ."
+    if several and len(set(paths)) == sum(part.n_channels for part in parts):
+        in_headers = [freq_in_header(part.header, part.path) for part in parts]
+        names = [path.name for path in paths]
+        stated = _freqs_of(names, "the names of its files", in_headers, paths) | {"names": tuple(names)}
+    return stated if "freqs" in stated else stated | {"nearly": f"{nearly} {stated.get('nearly', '')}"}
 
 
 def _read(path, read):
@@ -184,12 +233,12 @@ def _read(path, read):
         return read(file)
 
 
-def _parts(path, file, remarks):
+def _parts(path, file, axes, remarks):
     """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
     parts, others = [], []
     for index, hdu in enumerate(file):
         if has_image(hdu) and (len(hdu.shape) > 2 or (len(hdu.shape) == 2 and not parts)):
-            parts.append(_part(path, index, hdu, file))
+            parts.append(_part(path, index, hdu, file, axes))
         elif not isinstance(hdu, IMAGES) or hdu.shape:
             others.append(hdu.name or str(index))
     if not parts:
@@ -199,10 +248,22 @@ def _parts(path, file, remarks):
     return parts
 
 
-def _part(path, index, hdu, file):
+def _part(path, index, hdu, file, axes):
     wcs, name = world_of(hdu, file), f"{path}, HDU {index}"
+    if axes is None:
+        _check_world_axes(hdu, name)
     spectral = _spectral_axis(wcs, name)
-    shape = (1,) * (wcs.naxis - len(hdu.shape)) + tuple(hdu.shape)
+    n_axes = max(wcs.naxis, len(hdu.shape), 3)
+    stored = (1,) * (n_axes - len(hdu.shape)) + tuple(hdu.shape)
+    typed = {axis for axis in range(wcs.naxis) if not _has_no_type(wcs, axis)}
+    free = [axis for axis in range(n_axes) if axis not in typed]
+    if spectral is None:  # the first axis without type, of those that are longer than one if it can be
+        long = [axis for axis in free if stored[n_axes - 1 - axis] > 1]
+        spectral, given_freqs = (long if long and axes is None else free)[0], False
+    else:
+        given_freqs = True
+    turn = _turn(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
+    shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
     unit = str(hdu.header.get("BUNIT") or "")
     if "jy" in unit.lower():
@@ -211,24 +272,67 @@ def _part(path, index, hdu, file):
             "its beam, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)) in "
             "astropy, and write BUNIT = 'K'."
         )
-    sky = sorted(wcs.wcs.naxis - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
-    first = wcs.naxis - 1 - spectral
-    rest = [axis for axis in range(wcs.naxis) if axis not in (first, *sky)]
+    sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
+    first = n_axes - 1 - spectral
+    rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
+    freqs = _freqs_along(wcs, spectral, shape[first], name) if given_freqs else None
+    order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
+    where = {"path": path, "index": index, "header": hdu.header.copy()}
+    return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+
+
+def _freqs_along(wcs, spectral, n_channels, name):
+    """MHz of the channels, by the axis FREQ."""
     line = wcs.sub([spectral + 1])
-    (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
+    (values,) = line.wcs_pix2world(np.arange(n_channels), 0)
     freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
     if not freqs.min() > _LOWEST:
         raise InputError(
             f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
             f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
         )
-    axes = {"shape": shape, "order": (first, *sky, *rest)}
-    where = {"path": path, "index": index, "header": hdu.header.copy()}
-    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
+    return freqs
+
+
+def _check_world_axes(hdu, name):
+    """Refuse a header that has fewer axes than its array."""
+    n_world, lengths = hdu.header.get("WCSAXES"), hdu.shape[::-1]
+    n_long = max((n for n, length in enumerate(lengths, 1) if length > 1), default=0)
+    if isinstance(n_world, int) and n_world < n_long:
+        raise InputError(
+            f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(lengths)}, "
+            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. If it is "
+            "(RA, Dec, channel) in numpy, transpose it, array.transpose(2, 1, 0), and write it with a header "
+            "of three axes, or give --axes ra,dec,freq; (channel, Dec, RA) is --axes freq,dec,ra."
+        )
+
+
+def _turn(stored, axes, world, name):
+    """Axes of an array of shape `stored` in the order of its header: as they are, or as `axes` says.
+
+    `world` has the place of each of "lon", "lat" and "freq" in the header, from 0.
+    """
+    n_axes, turn = len(stored), [*range(len(stored))]
+    if axes is None:
+        return tuple(turn)
+    words = named_axes(axes, tuple(world))
+    long = [axis for axis in turn if stored[axis] > 1]
+    if len(long) > len(words):
+        raise InputError(f"{name} has {len(long)} axes longer than one, and --axes names {len(words)}.")
+    short = [axis for axis in turn if axis not in long]
+    while len(long) < len(words):  # an axis of length one that is named, the last ones first
+        long.append(short.pop())
+    places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, sorted(long), strict=True)}
+    return tuple(places[place] if place in places else short.pop() for place in range(n_axes))
+
+
+def _has_no_type(wcs, axis):
+    """Whether an axis of the world says nothing of what it is."""
+    return wcs.wcs.ctype[axis].strip() in ("", "LINEAR", "CHANNEL", "CHAN")
 
 
 def _spectral_axis(wcs, name):
-    """Which axis of the world is that of frequency."""
+    """Which axis of the world is that of frequency, None where it may be one that has no type."""
     types = [text.strip() for text in wcs.wcs.ctype]
     listing = ", ".join(text or "one without CTYPE" for text in types)
     if not wcs.has_celestial:
@@ -243,21 +347,22 @@ def _spectral_axis(wcs, name):
             "frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package spectral-cube "
             "does."
         )
-    if axis < 0:
+    if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
         raise InputError(
             f"{name} has no axis FREQ, which tells the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
-            "CDELT and CUNIT of the frequencies into its header."
+            "CDELT and CUNIT of the frequencies into its header, or make the CTYPE of channels that are "
+            "numbered blank and give --freqs."
         )
-    return axis
+    return axis if axis >= 0 else None
 
 
 def _check_axes(wcs, shape, spectral, name):
     """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
     celestial = {wcs.wcs.lng, wcs.wcs.lat}
-    for axis in set(range(wcs.naxis)) - celestial - {spectral}:
-        length = shape[wcs.naxis - 1 - axis]
+    for axis in set(range(len(shape))) - celestial - {spectral}:
+        length = shape[len(shape) - 1 - axis]
         if length > 1:
-            text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
+            text = (axis < wcs.naxis and wcs.wcs.ctype[axis]) or f"axis {axis + 1}"
             raise InputError(
                 f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
                 "the first, and write it to a file of its own."
@@ -281,7 +386,10 @@ def _check_alike(parts):
                 f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
                 f"{pixels}, or other coordinates; reproject them to one header."
             )
-    ordered = sorted(parts, key=lambda part: part.freqs.min())
+    unstated = [part for part in parts if part.freqs is None]
+    if unstated and len(unstated) < len(parts):
+        raise InputError(f"{unstated[0]} has no axis FREQ, and other images have; write it into its header.")
+    ordered = [] if unstated else sorted(parts, key=lambda part: part.freqs.min())
     for low, high in zip(ordered, ordered[1:], strict=False):
         if high.freqs.min() <= low.freqs.max():
             raise InputError(

@@ -6,6 +6,7 @@ sphere; `index_map/freq`, a table with a column `centre`, or plain numbers, both
 the names of the polarisations.
 """
 
+import re
 from contextlib import contextmanager
 
 import h5py
@@ -13,12 +14,10 @@ import numpy as np
 from astropy import units as u
 
 from himap.core.errors import InputError
-from himap.cubes.layout import Layout, as_input_error, check_cube_room
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, pixels_by_axes
 from himap.maps import sphere
 from himap.maps.healpix_io import is_nested
-from himap.maps.sphere import pixels_last, sphere_sizes
-
-ENDINGS = (".h5", ".hdf5", ".hdf")
+from himap.maps.sphere import sphere_sizes
 
 _FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "nu", "nus"}
 _IN_UNIT = {f"{name}_{unit.lower()}": unit for name in _FREQUENCIES for unit in ("Hz", "kHz", "MHz", "GHz")}
@@ -28,9 +27,11 @@ _MAP_AXES = ["freq", "pol", "pixel"]
 _PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")  # of netCDF
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 _LISTED = 20  # datasets in a message
+_FILTERS = {32001: "blosc", 32004: "lz4", 32008: "bitshuffle", 32013: "zfp", 32015: "zstd", 32026: "blosc2"}
+_HELD_ELSEWHERE = (11, 13, 35)  # errno of a file that another process locks; others: the drive has no locks
 
 
-def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
+def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
     """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
     with _opened(path, aside) as file:
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
@@ -40,6 +41,8 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
                 f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one that is meant "
                 "with --maps."
             )
+        if container and axes is not None:
+            raise InputError(f"{path} is a container, whose axes are known; leave them (--axes) out.")
         name = _MAP if container else maps_name or file.only_one(fitting)
         item, part = file.get(name, "--maps"), ...
         if container:
@@ -52,8 +55,8 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, aside=(), held=1):
         file.check_no_mask(item.shape)
         maps = file.values(name, part)
         if not container:
-            maps = pixels_last(maps)
-            stated = _freqs_of(file, freqs_name, len(maps))
+            maps, remarks = pixels_by_axes(maps, axes)
+            stated = {"remarks": remarks, **_freqs_of(file, freqs_name, len(maps))}
         unit = file.text("unit", of=item)
         return maps, Layout.of_sphere(maps, file.is_nested(item), unit=unit, **stated)
 
@@ -78,7 +81,7 @@ def read_dataset(path, word, *, held=1):
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
         check_cube_room(path, item.size, item.dtype.itemsize, held)
-        values = item[...] if names[0] in file.masks else file.values(names[0])
+        values = file.stored(item) if names[0] in file.masks else file.values(names[0])
         freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
         return values, freqs, file.is_nested(item)
 
@@ -86,8 +89,27 @@ def read_dataset(path, word, *, held=1):
 @contextmanager
 def _opened(path, aside=()):
     """The `_Datasets` of the file called `path`, while it is read."""
-    with as_input_error(path, "HDF5"), h5py.File(path, "r") as file:
+    with as_input_error(path, "HDF5"), _unlocked(path) as file:
         yield _Datasets(path, file, aside)
+
+
+def _unlocked(path):
+    """The open file called `path`; InputError with the way out where it is locked."""
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        number = re.search(r"unable to lock file, errno = (\d+)", str(error))
+        if number is None and "already open for write" not in str(error):
+            raise
+        if number is not None and int(number[1]) not in _HELD_ELSEWHERE:
+            raise InputError(
+                f"{path} cannot be locked: its drive has no locks. If no program writes to it, set the "
+                "environment variable HDF5_USE_FILE_LOCKING=FALSE and try again."
+            ) from None
+        raise InputError(
+            f"{path} is open for writing in another program, such as a notebook: close it there "
+            "(file.close()). After a program that crashed, h5clear -s makes it readable."
+        ) from None
 
 
 class _Datasets:
@@ -99,6 +121,8 @@ class _Datasets:
         {name: dataset}, of all.
     arrays, masks
         Those of real numbers, and those that are called masks, whatever is in them; without what is `aside`.
+    complex
+        Those of complex numbers, which are no maps.
     elsewhere
         Names of links to other files.
     """
@@ -109,7 +133,9 @@ class _Datasets:
         file.visititems(self._add)  # each item once, whatever links lead to it
         known = {name: item for name, item in self.items.items() if _last(name) not in aside}
         self.masks = {name: item for name, item in known.items() if _last(name) in _MASKS}
-        self.arrays = {n: item for n, item in known.items() if n not in self.masks and _is_numeric(item)}
+        known = {name: item for name, item in known.items() if name not in self.masks}
+        self.arrays = {name: item for name, item in known.items() if _has_kind(item, "fiu")}
+        self.complex = {name: item for name, item in known.items() if _has_kind(item, "c")}
 
     def _add(self, name, item):
         self._n += 1
@@ -134,6 +160,11 @@ class _Datasets:
         """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
         if option is not None and name in self.elsewhere:
             raise InputError(f"{name} in {self.path} is a link to another file; name that file instead.")
+        if option is not None and name in self.complex:
+            raise InputError(
+                f"{name} in {self.path} has complex numbers, and maps are real: if its real part is the sky, "
+                f"write that, file[{name!r}][...].real, to a dataset of its own."
+            )
         if option is not None and name not in self.arrays:
             raise InputError(
                 f"{self.path} has no dataset {name}; it has {self.listing()}. Name one of these ({option})."
@@ -149,6 +180,9 @@ class _Datasets:
         """The only name of `fitting`."""
         if len(fitting) == 1:
             return fitting[0]
+        cubes = [name for name, item in self.complex.items() if item.ndim == 2 and sphere_sizes(item.shape)]
+        if not fitting and len(cubes) == 1:
+            self.get(cubes[0], "--maps")  # which says what to do
         more = ", ..." if len(fitting) > _LISTED else ""
         listing = f"{len(fitting)} are: {', '.join(fitting[:_LISTED])}{more}"
         raise InputError(
@@ -159,6 +193,7 @@ class _Datasets:
     def listing(self):
         """What there is, for messages."""
         texts = [f"{name} {item.shape}" for name, item in self.arrays.items()]
+        texts += [f"{name} {item.shape} of complex numbers" for name, item in self.complex.items()]
         texts += [f"{name} in another file" for name in sorted(self.elsewhere)]
         more = [f"and {len(texts) - _LISTED} more"] if len(texts) > _LISTED else []
         return "; ".join(texts[:_LISTED] + more) or "no arrays of numbers"
@@ -182,6 +217,27 @@ class _Datasets:
         """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
         return is_nested(self.text("order", "ordering", of=item))
 
+    def stored(self, item, part=...):
+        """(A part of) a dataset as it is stored; InputError where a filter it needs is not installed."""
+        try:
+            return item[part]
+        except OSError:
+            how = item.id.get_create_plist()
+            filters = [how.get_filter(n) for n in range(how.get_nfilters())]
+            missing = [
+                _FILTERS.get(number, name.decode(errors="replace") or f"number {number}")
+                for number, _, _, name in filters
+                if not h5py.h5z.filter_avail(number)
+            ]
+            if not missing:
+                raise
+            raise InputError(
+                f"{item.name[1:]} in {self.path} is compressed with a filter that is not installed here, "
+                f"{', '.join(missing)}: point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
+                "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
+                "(h5repack -f GZIP=4)."
+            ) from None
+
     def values(self, name, part=...):
         """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with
         an offset."""
@@ -192,7 +248,7 @@ class _Datasets:
             raise InputError(
                 f"scale_factor of {name} in {self.path} must be a number other than 0, got {scale}."
             )
-        stored = item[part]
+        stored = self.stored(item, part)
         if set(packing.values()) == {None}:
             return stored
         values = stored.astype(np.result_type(stored.dtype, np.float32))
@@ -203,9 +259,9 @@ class _Datasets:
         return values
 
 
-def _is_numeric(item):
+def _has_kind(item, kinds):
     try:
-        return item.dtype.kind in "fiu" and item.shape is not None
+        return item.dtype.kind in kinds and item.shape is not None
     except TypeError:  # a type that numpy does not have
         return False
 
@@ -275,6 +331,10 @@ def _freqs_of(file, name, n_channels):
     for dataset, n in lines.items():
         text = f"It has {n_channels} channels, and {n} frequencies in the dataset {dataset}"
         return {"nearly": f"{text}: there must be one for each channel."}
+    for item in (*file.arrays.values(), file.file):
+        for key in item.attrs:
+            if key.lower() in {*_FREQUENCIES, *_IN_UNIT} and np.size(item.attrs[key]) == n_channels:
+                return {"nearly": f"It has an attribute {key} of that many numbers: write it as a dataset."}
     return {}
 
 
@@ -311,13 +371,14 @@ def _container_axes(file, maps):
     pols, table = file.items[_MAP_POLS], file.items[_MAP_FREQS]
     if not h5py.check_string_dtype(pols.dtype):
         raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
-    names = [_decoded(name) for name in pols[...]]
+    names = [_decoded(name) for name in file.stored(pols)]
     if names.count("I") != 1:
         raise InputError(
             f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
             "each channel to a dataset of (channels, pixels)."
         )
-    freqs = table.fields("centre")[...] if "centre" in (table.dtype.names or ()) else table[...]
+    freqs = file.stored(table)
+    freqs = freqs["centre"] if "centre" in (table.dtype.names or ()) else freqs
     if freqs.dtype.kind not in "fiu":
         raise InputError(
             f"{_MAP_FREQS} in {path} must be numbers, or a table with a column centre, in MHz; got "

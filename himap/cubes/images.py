@@ -1,5 +1,6 @@
 """Images in the plane with world coordinates (WCS): their pixels, and how a FITS file has them."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -9,12 +10,14 @@ from astropy.io import fits
 from astropy.wcs import WCS
 
 from himap.core.errors import InputError
-from himap.core.reading import regular_file
+from himap.core.reading import format_of, regular_file
+from himap.cubes.layout import array_of_mask
 
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
 """What an image is in, as astropy opens it."""
 
 _STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
+_FREQ = re.compile("^(FREQUENCY|FREQ-(BAR|CMB|GAL|GEO|HEL|LGR|LSD|LSR|OBS|REST|SOU|SYS|TOP))$")
 _SAME = 1e-6  # of a pixel, or degrees: world coordinates that are written twice are the same
 
 
@@ -28,12 +31,16 @@ class ImagePart:
         The file and the HDU.
     header
         Of the HDU.
+    stored
+        Shape of its array, in the order of numpy, with axes of length one that it lacks.
+    turn
+        Axes of `stored` in the order of its world coordinates.
     shape
-        Of its array, in the order of numpy, with the axes of length one that only its world coordinates have.
+        Of the turned array.
     order
         Axes of `shape`: frequency, the two of the sky as they come, and those of length one.
     freqs
-        MHz, (n_channels,).
+        MHz, (n_channels,); None where its header does not state them.
     celestial
         World coordinates of the two axes of the sky.
     """
@@ -41,30 +48,58 @@ class ImagePart:
     path: Path
     index: int
     header: fits.Header
-    shape: tuple[int, ...]
+    stored: tuple[int, ...]
+    turn: tuple[int, ...]
     order: tuple[int, ...]
-    freqs: np.ndarray
+    freqs: np.ndarray | None
     celestial: WCS
 
     def __str__(self):
         return f"{self.path}, HDU {self.index}"
 
+    @property
+    def shape(self):
+        return tuple(self.stored[axis] for axis in self.turn)
+
+    @property
+    def n_channels(self):
+        return self.shape[self.order[0]]
+
     def read(self, file):
         """Its array in an open file as (n_channels, n_pix)."""
-        data = file[self.index].data.reshape(self.shape)
-        return data.transpose(self.order).reshape(len(self.freqs), -1)
+        data = file[self.index].data.reshape(self.stored).transpose(self.turn)
+        return data.transpose(self.order).reshape(self.n_channels, -1)
 
-    def hdu(self, maps, kind, *, unit, cards, history):
-        """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header."""
+    def hdu(self, maps, kind, *, freqs, unit, cards, history):
+        """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header.
+
+        A turned array is written in the order of its header, and `freqs` are stated where they were not.
+        """
         data = maps.reshape([self.shape[axis] for axis in self.order]).transpose(np.argsort(self.order))
         header = self.header.copy(strip=True)
+        n_axes = self.header["NAXIS"]
+        if self.freqs is None or self.turn != tuple(range(len(self.stored))):
+            n_axes = len(self.shape)
+            if "WCSAXES" in header:
+                header["WCSAXES"] = max(n_axes, header["WCSAXES"])
+        if self.freqs is None:
+            header.update(_freq_cards(freqs, n_axes - self.order[0]))
         for key in _STALE:
             header.remove(key, ignore_missing=True)
         if not str(header.get("BUNIT") or "").strip():
             header["BUNIT"] = unit
         header.update(cards)
         header.add_history(history)
-        return kind(data=data.reshape(self.shape[len(self.shape) - self.header["NAXIS"] :]), header=header)
+        return kind(data=data.reshape(self.shape[len(self.shape) - n_axes :]), header=header)
+
+
+def _freq_cards(freqs, axis):
+    """Cards of an axis of evenly spaced frequencies, MHz; none for others, which no such axis can state."""
+    steps = np.diff(freqs) if len(freqs) > 1 else np.ones(1)
+    if not np.allclose(steps, steps[0], rtol=_SAME, atol=0):
+        return {}
+    values = {"CTYPE": "FREQ", "CRVAL": 1e6 * freqs[0], "CRPIX": 1.0, "CDELT": 1e6 * steps[0], "CUNIT": "Hz"}
+    return {f"{key}{axis}": value for key, value in values.items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,7 +186,8 @@ class ImagePixels:
         return np.allclose(mine, theirs, rtol=0, atol=_SAME)
 
     def read_mask(self, path):
-        values = np.nan_to_num(self.one_image(path, "mask"))
+        of_npy = format_of(regular_file(path, "mask")) == "npy"
+        values = np.nan_to_num(array_of_mask(path, self) if of_npy else self.one_image(path, "mask"))
         if not np.isin(values, (0, 1)).all():
             raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
         return values > 0
@@ -193,9 +229,11 @@ class ImagePixels:
         many = len(self.parts) > 1
         history = f"{name} of foreground removal, " + ", ".join(f"{key} = {value}" for key, value in cards)
         kind = fits.ImageHDU if many else fits.PrimaryHDU
-        hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([len(part.freqs) for part in self.parts])
-        for part, images in zip(self.parts, np.split(maps, ends[:-1]), strict=True):
-            hdus.append(part.hdu(images, kind, unit=layout.unit, cards=cards, history=history))
+        hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([part.n_channels for part in self.parts])
+        split = (np.split(values, ends[:-1]) for values in (maps, layout.freqs))
+        for part, images, freqs in zip(self.parts, *split, strict=True):
+            options = {"unit": layout.unit, "cards": cards, "history": history}
+            hdus.append(part.hdu(images, kind, freqs=freqs, **options))
         fits.HDUList(hdus).writeto(path)
 
     def pixel_angles(self):
@@ -210,8 +248,15 @@ class ImagePixels:
 
 
 def world_of(hdu, file):
-    """The `WCS` of an HDU of an open file, which may have more axes than the array."""
-    world = WCS(hdu.header, fobj=file)
+    """The `WCS` of an HDU of an open file, which may have more axes than the array.
+
+    FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
+    """
+    header = hdu.header.copy()
+    for key in [key for key in header if key.startswith("CTYPE")]:
+        name = str(header[key]).strip().upper()
+        header[key] = _FREQ.sub("FREQ", name)
+    world = WCS(header, fobj=file)
     world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
     return world
 

@@ -6,17 +6,24 @@ from typing import ClassVar
 
 import numpy as np
 
-from himap.core.errors import InputError
+from himap.core.checks import real_array
+from himap.core.errors import InputError, plain_text
 from himap.core.memory import PROCESS, check_room
-from himap.core.reading import regular_file
+from himap.core.reading import format_of, read_array, regular_file
 from himap.maps import sphere
-from himap.maps.healpix_io import ENDINGS, MILLIKELVIN, read_maps, to_ring, write_maps
+from himap.maps.healpix_io import MILLIKELVIN, read_maps, to_ring, write_maps
 from himap.maps.sphere import pixels_last, sphere_sizes
 
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
 
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
+_AXES = {
+    **dict.fromkeys(("ra", "lon", "glon", "l", "x"), "lon"),
+    **dict.fromkeys(("dec", "lat", "glat", "b", "y"), "lat"),
+    **dict.fromkeys(("freq", "freqs", "frequency", "nu", "channel"), "freq"),
+    **dict.fromkeys(("pixel", "pixels", "pix"), "pixel"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,23 +86,28 @@ class SpherePixels:
         return isinstance(other, SpherePixels) and self.nside == other.nside
 
     def read_mask(self, path):
-        """The mask in a FITS file, (n_pix,) bool, RING, True where kept.
+        """The mask in a file, (n_pix,) bool, RING, True where kept.
 
-        The file has a HEALPix map of 1 (kept) and 0; UNSEEN, NaN and pixels that a partial file leaves out
-        are not kept.
+        A FITS file has a HEALPix map of 1 (kept) and 0, or of logical values; UNSEEN, NaN and pixels that a
+        partial file leaves out are not kept. A .npy file has them in the order of the cube's own file.
 
         Raises
         ------
         InputError
             No such file, no order of pixels, another nside, values between 0 and 1, or nothing kept.
         """
-        if not regular_file(path, "mask").name.lower().endswith(ENDINGS):
+        kind = format_of(regular_file(path, "mask"))
+        if kind not in ("FITS", "npy"):
             raise InputError(
-                f"the mask {path} must be a FITS file ({', '.join(ENDINGS)}); healpy.write_map writes one."
+                f"the mask {path} must be a FITS file, as healpy.write_map writes it, or a .npy file."
             )
-        file = read_maps(path, n_maps=1)
-        check_order(f"the mask {path}", file.nested)
-        values = np.nan_to_num(file.maps[0], nan=0.0)
+        nested = self.nested
+        if kind == "FITS":
+            file = read_maps(path, n_maps=1, logical=True)
+            nested = file.nested
+            check_order(f"the mask {path}", nested)
+        values = file.maps[0] if kind == "FITS" else array_of_mask(path, self)
+        values = np.nan_to_num(values, nan=0.0)
         if sphere.nside_of(values) != self.nside:
             raise InputError(
                 f"the mask {path} has nside {sphere.nside_of(values)}, and the cube {self}; write it again "
@@ -108,7 +120,7 @@ class SpherePixels:
             )
         if not values.any():
             raise InputError(f"the mask {path} keeps no pixel; 1 means kept.")
-        return to_ring(values > 0) if file.nested else values > 0
+        return to_ring(values > 0) if nested else values > 0
 
     def attributes(self):
         """What HDF5 keeps of them, {name: text}."""
@@ -139,6 +151,8 @@ class Layout:
         Of the file, as text; "K", "mK" or "uK" once it is complete.
     remarks
         What was assumed or left out, for the user to read.
+    names
+        Of a folder the names of its files, one for each channel.
     channels
         For each channel of a `Cube` its place in the file, (n_channels,).
     """
@@ -149,6 +163,7 @@ class Layout:
     nearly: str = ""
     unit: str | None = None
     remarks: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
     channels: np.ndarray | None = None
 
     @classmethod
@@ -180,6 +195,17 @@ def as_input_error(path, kind):
         ) from None
 
 
+@contextmanager
+def naming(path):
+    """While a cube is read from `path`: every error of the input names it."""
+    try:
+        yield
+    except InputError as error:
+        if plain_text(str(path)) in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from None
+
+
 def same_freqs(first, second):
     """Which frequencies are the same but for their rounding, of two arrays that fit each other."""
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
@@ -191,6 +217,58 @@ def check_order(label, nested):
         raise InputError(
             f"{label} must say ORDERING = RING or NESTED in its header; write it again with healpy.write_map."
         )
+
+
+def by_channel(label, values, pixels):
+    """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
+    values = np.asarray(values)
+    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    return pixels.by_channel(label, values)
+
+
+def array_of_mask(path, pixels):
+    """The mask (n_pix,) of these pixels in a .npy file, in the order of the cube's own file."""
+    values = by_channel(f"the mask {path}", read_array(path), pixels)
+    if len(values) > 1:
+        raise InputError(f"the mask {path} must be one map for all channels, got {len(values)}; see --flags.")
+    return values[0]
+
+
+def named_axes(axes, names):
+    """`axes` in the words of `names`, as a list.
+
+    Parameters
+    ----------
+    axes
+        Of an array, in the order of numpy, in one text: "ra,dec,freq".
+    names
+        Those that there must be, once each: of "freq", "lat", "lon" and "pixel".
+
+    Raises
+    ------
+    InputError
+        Others.
+    """
+    words = [_AXES.get(word.strip().lower()) for word in str(axes).split(",")]
+    if sorted(map(str, words)) != sorted(names):
+        like = "freq,pixel" if "pixel" in names else "ra,dec,freq"
+        raise InputError(
+            f"axes= (--axes) names those of the array in the order of numpy, such as {like}; got {axes!r}."
+        )
+    return words
+
+
+def pixels_by_axes(maps, axes=None):
+    """Maps of the sphere as (n_channels, n_pix), and remarks: by names of `axes` or else by their sizes."""
+    if axes is not None:
+        return maps if named_axes(axes, ("freq", "pixel"))[0] == "freq" else maps.T, ()
+    if len(sphere_sizes(maps.shape)) < 2:
+        return pixels_last(maps), ()
+    which = "last" if maps.shape[0] == maps.shape[1] else "longer"
+    return pixels_last(maps), (
+        f"both axes, {maps.shape[0]} and {maps.shape[1]}, could be pixels of a sphere: the {which} one was "
+        "assumed to be (--axes freq,pixel or pixel,freq says it).",
+    )
 
 
 def one_unit(path, units):

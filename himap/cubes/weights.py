@@ -4,13 +4,12 @@ import os
 
 import numpy as np
 
-from himap.core.checks import real_array
 from himap.core.errors import InputError
-from himap.core.reading import mapped_array, read_array, regular_file
+from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import LARGEST, check_cube_room, check_order, same_freqs
+from himap.cubes.layout import LARGEST, by_channel, check_cube_room, check_order, same_freqs
 from himap.maps import sphere
-from himap.maps.healpix_io import ENDINGS, to_ring
+from himap.maps.healpix_io import to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
 _RIGHT = {  # what is right in weights and flags, and how that is said
@@ -78,7 +77,7 @@ def _values(given, word, layout, shape):
         label = f"the {word} {given}"
         values, freqs, nested = _read(given, word, layout.pixels)
     else:
-        values = _by_channel(label, given, layout.pixels)
+        values = by_channel(label, given, layout.pixels)
     if values.shape not in ((1, shape[1]), shape):
         raise InputError(
             f"{label} must be of the pixels of the cube, ({shape[1]},), or of its voxels, "
@@ -92,28 +91,22 @@ def _values(given, word, layout, shape):
     return values
 
 
-def _by_channel(label, values, pixels):
-    values = np.asarray(values)
-    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
-    return pixels.by_channel(label, values)
-
-
 def _read(path, word, pixels):
     """(numbers (n_channels or 1, n_pix), frequencies, whether NESTED) of a file, None if not stated."""
     file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
-    name, freqs, nested = file.name.lower(), None, None
-    if name.endswith(".npy"):
+    form, freqs, nested = format_of(file), None, None
+    if form == "npy":
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        return _by_channel(label, read_array(path), pixels), freqs, nested
-    if on_sphere and name.endswith(hdf5.ENDINGS):
+        return by_channel(label, read_array(path), pixels), freqs, nested
+    if on_sphere and form == "HDF5":
         values, *stated = hdf5.read_dataset(path, word, held=_HELD)
-        return _by_channel(f"{word} in {path}", values, pixels), *stated
-    if not name.endswith(ENDINGS):
+        return by_channel(f"{word} in {path}", values, pixels), *stated
+    if form != "FITS":
         kinds = "must be a .h5," if on_sphere else "of a cube of images must be a"
         raise InputError(f"{label} {kinds} .fits or .npy file.")
     if on_sphere:
-        maps, layout = fits.read_fits(file, held=_HELD)
+        maps, layout = fits.read_fits(file, held=_HELD, logical=True)
         freqs, nested = layout.freqs, layout.pixels.nested
         check_order(label, nested)
     elif not fits.holds_image(file, frequencies=True):  # one image for all channels

@@ -18,9 +18,6 @@ from himap.core.memory import check_room
 from himap.core.reading import regular_file
 from himap.maps import sphere
 
-ENDINGS = (".fits", ".fit", ".fits.gz", ".fits.fz")
-"""What the names of FITS files end with."""
-
 MILLIKELVIN = {"K": 1e3, "mK": 1.0, "uK": 1e-3}
 """mK in one of each unit of brightness temperature."""
 
@@ -28,7 +25,7 @@ _SPELLINGS = {  # both letters mu, which look alike
     **{"k": "K", "kelvin": "K", "mk": "mK", "millikelvin": "mK", "uk": "uK", "microkelvin": "uK"},
     **{"\N{MICRO SIGN}k": "uK", "\N{GREEK SMALL LETTER MU}k": "uK"},
 }
-_RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?rj\)?\}?$")
+_RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?(rj|t_?b|t_?mb)\)?\}?$")  # and main-beam temperature, the same
 _NUMBERS = "BIJKED"  # letters of TFORM: integers and floats
 _UNSEEN = 1e-5  # relative: how close to healpy's UNSEEN a missing pixel is
 _FACTOR = {"mhz": 1.0, "ghz": 1e3}
@@ -67,7 +64,7 @@ class HealpixFile:
     header: dict
 
 
-def read_maps(path, *, n_maps=None, held=1):
+def read_maps(path, *, n_maps=None, held=1, logical=False):
     """The `HealpixFile` of a FITS file, with its first `n_maps` maps, or with all.
 
     Parameters
@@ -76,6 +73,8 @@ def read_maps(path, *, n_maps=None, held=1):
         The file, and how many maps are wanted.
     held
         How many arrays of their size the caller will hold: they must fit into memory.
+    logical
+        Whether columns may be logical, as of masks: 1 where true, 0 where false.
 
     Raises
     ------
@@ -91,7 +90,7 @@ def read_maps(path, *, n_maps=None, held=1):
             header = dict(table.header)
             partial = _text(header, "INDXSCHM") == "EXPLICIT" or _text(header, "OBJECT") == "PARTIAL"
             columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
-            maps = _maps_of(table, columns, partial, held)
+            maps = _maps_of(table, columns, partial, held, _NUMBERS + "L" * logical)
     except Exception as error:  # astropy raises nearly anything for a file that is something else
         reason = f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole."
         raise InputError(
@@ -134,7 +133,7 @@ def _lengths(hdu):
     return {int(repeat or 1) * hdu.header["NAXIS2"] for repeat in repeats if not repeat or repeat.isdecimal()}
 
 
-def _maps_of(hdu, columns, partial, held):
+def _maps_of(hdu, columns, partial, held, letters):
     """The maps in some columns of a table, (n, n_pix) float32 or float64.
 
     NaN where a pixel is UNSEEN, the TNULL of its column or BAD_DATA, or has no value.
@@ -142,14 +141,14 @@ def _maps_of(hdu, columns, partial, held):
     if not columns:
         raise InputError("there is no column with a map.")
     for column in hdu.columns[: columns[-1]]:
-        if column.format.lstrip("0123456789") not in tuple(_NUMBERS):
+        if column.format.lstrip("0123456789") not in tuple(letters):
             raise InputError(
                 f"maps are real numbers, and the column {column.name} has TFORM {column.format}."
             )
     n_pix = _n_pix(hdu, columns, partial)
     check_room("it", hdu.size + 8 * held * len(columns) * n_pix)
     rows = hdu.data.view(np.ndarray)  # as they are stored: markers of missing pixels are not scaled
-    stored = [rows[rows.dtype.names[column - 1]].ravel() for column in columns]
+    stored = [_numbers(hdu.columns[n - 1], rows[rows.dtype.names[n - 1]].ravel()) for n in columns]
     floats = [np.result_type(values.dtype.newbyteorder("="), np.float32) for values in stored]
     if any(f"{key}{column}" in hdu.header for key in ("TSCAL", "TZERO") for column in columns):
         floats.append(np.float64)
@@ -158,6 +157,13 @@ def _maps_of(hdu, columns, partial, held):
     for out, column, values in zip(maps, columns, stored, strict=True):
         out[pixels] = _scaled(values, hdu.header, column, maps.dtype)
     return maps
+
+
+def _numbers(column, stored):
+    """The numbers of a column as it is stored: a logical one has the letters T and F, 0 where it is empty."""
+    if column.format[-1:] != "L":
+        return stored
+    return np.where(stored == 0, np.float32(np.nan), (stored == ord("T")).astype(np.float32))
 
 
 def _n_pix(hdu, columns, partial):
@@ -262,7 +268,7 @@ def to_ring(pixels):
     return out
 
 
-def temperature_unit(text, name="unit"):
+def temperature_unit(text, name="unit", where="as healpy.write_map(..., column_units='K_RJ') does"):
     """The name in `MILLIKELVIN` of a unit as it is spelled: "K_RJ" is "K", "Millikelvin" is "mK".
 
     Case is not looked at: it tells milli from mega, but nobody has maps in MK, and "MK" is written for mK.
@@ -270,7 +276,8 @@ def temperature_unit(text, name="unit"):
     Raises
     ------
     InputError
-        It is no unit of (Rayleigh-Jeans) brightness temperature; the error calls it `name`.
+        It is no unit of (Rayleigh-Jeans) brightness temperature; the error calls it `name`, and says `where`
+        it is written.
     """
     spelled = str(text or "").strip()
     unit = _SPELLINGS.get(_RAYLEIGH_JEANS.sub("", spelled.lower()))
@@ -278,8 +285,7 @@ def temperature_unit(text, name="unit"):
         came = f"{name} {spelled!r}" if spelled else f"no {name}"
         raise InputError(
             "maps must be brightness temperatures (Rayleigh-Jeans), with a unit out of K, K_RJ, mK, mK_RJ, "
-            f"uK, uK_RJ, got {came}. Convert the maps, and write them with their unit, as "
-            "healpy.write_map(..., column_units='K_RJ') does."
+            f"uK, uK_RJ, got {came}. Convert the maps, and write them with their unit, {where}."
         )
     return unit
 

@@ -1,0 +1,296 @@
+"""Which axis, file and format is which: said by the files, by the caller, or refused, and never guessed."""
+
+import fcntl
+import os
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+from astropy.wcs import WCS
+from bad_inputs import FREQS, N_PIX, good_maps, write_fits, write_folder, write_hdf5
+from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
+
+from himap.core.errors import InputError
+from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes.files import check_names, read_truth
+
+MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def images(rng):
+    return power_law_images(rng)
+
+
+class TestAxes:
+    """Arrays (RA, Dec, channel) of numpy, written as they are under a header of the sky."""
+
+    def write(self, images, axes=SKY["ZEA"], **cards):
+        write_image("turned.fits", images.transpose(2, 1, 0), axes=axes, **cards)
+
+    def test_a_header_of_fewer_axes_than_the_array_is_refused(self, images):
+        for axes in (SKY["ZEA"], (*SKY["ZEA"], FREQ)):
+            self.write(images, axes, WCSAXES=2)
+            with pytest.raises(
+                InputError, match=r"turned.fits.* 20 x 12 x 16 .*transpose.*--axes ra,dec,freq"
+            ):
+                read_cube("turned.fits", freqs=MHZ)
+            os.remove("turned.fits")
+
+    @pytest.mark.parametrize("axes", [SKY["ZEA"], (*SKY["ZEA"], FREQ), (FREQ, *SKY["ZEA"])])
+    def test_named_axes_and_the_way_back(self, images, axes):
+        """The residual is that of the transposed cube, in the order of FITS, and can be read again."""
+        self.write(images, axes, WCSAXES=2 if len(axes) == 2 else 3)
+        given = {} if FREQ in axes else {"freqs": MHZ}
+        cube = read_cube("turned.fits", axes="RA, Dec, channel", **given)
+        assert np.array_equal(cube.maps.reshape(images.shape), images) and np.allclose(cube.freqs, MHZ)
+        cleaned = clean_cube(cube, "pca", n_sources=2)
+        save_cleaned(cleaned, "c.fits")
+        again = read_cube("c.fits")
+        assert np.array_equal(again.maps, cleaned.residual) and np.allclose(again.freqs, MHZ)
+        world, (n_y, n_x) = WCS(fits.getheader("c.fits")), (N_Y, N_X)
+        assert world.celestial.array_shape == (n_y, n_x)
+        if len(axes) == 2:  # where the file itself says too little of its axes
+            truth = read_truth("turned.fits", axes="ra,dec,freq", freqs=MHZ)
+            assert np.array_equal(truth.maps, cube.maps)
+
+    def test_with_stokes_that_the_header_alone_has(self, images):
+        self.write(images, (*SKY["ZEA"], STOKES, FREQ), WCSAXES=4)
+        cleaned = clean_cube(read_cube("turned.fits", axes="ra,dec,freq"), "pca", n_sources=2)
+        save_cleaned(cleaned, "c.fits")
+        assert fits.getdata("c.fits").shape == (N_CHANNELS, 1, N_Y, N_X)
+        assert np.array_equal(read_cube("c.fits").maps, cleaned.residual)
+
+    @pytest.mark.parametrize("axes", ["ra,dec", "ra,ra,freq", "time,dec,freq", "", "pixel,freq"])
+    def test_names_that_are_none(self, images, axes):
+        self.write(images)
+        with pytest.raises(InputError, match="such as ra,dec,freq"):
+            read_cube("turned.fits", axes=axes, freqs=MHZ)
+
+    @pytest.mark.parametrize("kind", ["", "LINEAR"])
+    def test_channels_without_a_type_have_the_frequencies_that_are_given(self, images, kind):
+        write_image("a.fits", images, axes=(*SKY["SIN"], (kind, 0.0, 1.0, 1.0, "")))
+        with pytest.raises(InputError, match="a.fits does not tell its frequencies.*no axis FREQ"):
+            read_cube("a.fits")
+        cube = read_cube("a.fits", freqs=MHZ[::-1])
+        assert np.array_equal(cube.maps.reshape(images.shape), images[::-1])
+        with pytest.raises(InputError, match="a.fits.*20 channels, got 16.*--axes"):
+            read_cube("a.fits", freqs=MHZ[:16])
+
+    def test_a_folder_of_images_without_any(self, images):
+        for freq, image in zip(MHZ, images, strict=True):
+            write_image(f"{freq:g}.fits", image, axes=SKY["SIN"])
+        assert np.array_equal(read_cube(".", freqs=MHZ).maps, images.reshape(N_CHANNELS, -1))
+        with pytest.raises(InputError, match=r"980.fits would have 1018 MHz"):
+            read_cube(".", freqs=MHZ[::-1])
+
+    def test_maps_of_which_both_axes_could_be_pixels(self, rng):
+        square = rng.standard_normal((192, 192)).astype("f4")
+        write_hdf5("a.h5", square, freqs=900 + np.arange(192.0))
+        cube = read_cube("a.h5")
+        assert np.array_equal(cube.maps, square) and "both axes, 192 and 192" in cube.remarks[0]
+        assert np.array_equal(read_cube("a.h5", axes="pixel,freq").maps, square.T)
+        np.save("a.npy", square[:48])
+        given = {"freqs": 900 + np.arange(192.0), "unit": "mK"}
+        with pytest.raises(InputError, match="48 channels, got 192.*pixel,freq"):
+            read_cube("a.npy", **given)
+        assert np.array_equal(read_cube("a.npy", axes="pixel,freq", **given).maps, square[:48].T)
+
+    @pytest.mark.parametrize("name", ["freq", "Frequency", "FREQ-BAR", "FREQ-TOP", "FREQ-LSR", "FREQ-GAL"])
+    def test_names_of_the_axis_of_frequencies(self, images, name):
+        write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
+        assert np.allclose(read_cube("a.fits").freqs, MHZ)
+        save_cleaned(clean_cube(read_cube("a.fits"), "pca", n_sources=2), "c.fits")
+        assert fits.getheader("c.fits")["CTYPE3"] == name
+
+    @pytest.mark.parametrize("unit", ["K (Tmb)", "K (Tb)", "K_Tb", "mK Tmb"])
+    def test_units_of_spectral_line_programs(self, images, unit):
+        scale = 1 if unit.startswith("m") else 1e-3
+        write_image("a.fits", images * np.float32(scale), BUNIT=unit)
+        assert read_cube("a.fits").maps == pytest.approx(images.reshape(N_CHANNELS, -1), rel=1e-6)
+
+    def test_antenna_temperature_is_another_unit(self, images):
+        write_image("a.fits", images, BUNIT="K (Ta*)")
+        with pytest.raises(InputError, match=r"a.fits.*K \(Ta\*\).*BUNIT"):
+            read_cube("a.fits")
+
+
+class TestOrderOfFiles:
+    def test_decimals_are_decimals(self):
+        names = [f"map_{950 + n / 4}" for n in range(24)]
+        write_folder("folder", names)
+        cube = read_cube("folder", freqs=950 + np.arange(24) / 4)
+        assert np.array_equal(cube.maps, good_maps())
+        assert "map_950.0.fits is 950 MHz, the last, map_955.75.fits is 955.75 MHz" in cube.remarks[0]
+
+    @pytest.mark.parametrize("form", ["{:.1f}", "{:g}GHz", "nside4_{:g}_a", "{:g}"])
+    def test_names_are_checked_against_the_frequencies(self, form):
+        freqs = 950 + 0.5 * np.arange(12)
+        names = [form.format(freq / (1000 if "GHz" in form else 1)).replace(".", "p") for freq in freqs]
+        check_names(names, freqs)
+        swapped = np.r_[freqs[1], freqs[0], freqs[2:]]
+        for wrong in (swapped, freqs[::-1]):
+            with pytest.raises(InputError, match="would have"):
+                check_names(names, wrong)
+        with pytest.raises(InputError, match="would have 955.5 MHz"):
+            check_names([*names[:-1], form.format(0.957 if "GHz" in form else 957)], freqs)
+
+    def test_names_of_edges_and_of_numbers_are_none_of_these(self):
+        freqs = 950 + np.arange(12.0)
+        check_names([f"map_{freq - 0.5}.fits" for freq in freqs], freqs)
+        check_names([f"map_{n}.fits" for n in range(12)], freqs[::-1])
+
+    def test_numbers_that_may_be_decimals_or_not(self):
+        names = sorted((f"run_1.{n}.fits" for n in range(1, 13)), key=lambda name: float(name[4:-5]))
+        with pytest.raises(InputError, match="as many digits"):
+            check_names(names, 950 + np.arange(12.0))
+        check_names([f"run_1.{n:02}.fits" for n in range(1, 13)], 950 + np.arange(12.0))
+
+    def test_what_is_left_out_and_what_is_unlike_is_listed(self, here):
+        write_folder("folder", [f"map_{n}" for n in range(23)] + ["mean"])
+        (here / "folder" / "notes.txt").write_text("...")
+        (here / "folder" / "._map_1.fits").write_bytes(b"\0\5\26\7")
+        (here / "folder" / "map_3.fits").rename(here / "folder" / "map_3.dat")  # FITS by its first bytes
+        said = " ".join(read_cube("folder", freqs=FREQS).remarks)
+        assert (
+            "notes.txt" in said
+            and "._map_1.fits" in said
+            and "most of the files: map_3.dat, mean.fits" in said
+        )
+        with pytest.raises(InputError, match="mean.fits.*one frequency for each of the 24 channels, got 23"):
+            read_cube("folder", freqs=FREQS[:23])
+
+    def test_some_names_have_a_frequency(self, here):
+        write_folder("folder", [f"{freq:g}MHz" for freq in FREQS[:23]] + ["mean"])
+        with pytest.raises(InputError, match="but not mean.fits"):
+            read_cube("folder")
+
+
+class TestFormats:
+    @pytest.mark.parametrize("name", ["a.hd5", "a.nc", "a", "a.fits"])
+    def test_hdf5_by_its_first_bytes(self, name):
+        with h5py.File(name, "w", userblock_size=512) as file:
+            file["maps"], file["freqs"] = good_maps(), FREQS
+            file.attrs.update(unit="mK", order="RING")
+        assert np.array_equal(read_cube(name).maps, good_maps())
+
+    def test_fits_and_npy_by_theirs(self, images):
+        write_image("a.fits", images)
+        fits.writeto("b.fits.gz", images, fits.getheader("a.fits"))
+        os.rename("b.fits.gz", "b.cube")
+        np.save("c.npy", good_maps())
+        os.rename("c.npy", "c.dat")
+        assert np.array_equal(read_cube("b.cube").maps, images.reshape(N_CHANNELS, -1))
+        assert np.array_equal(read_cube("c.dat", freqs=FREQS, unit="mK").maps, good_maps())
+
+    def test_a_filter_that_is_not_installed_is_named(self):
+        maps = good_maps()
+        with h5py.File("a.h5", "w") as file:
+            how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            how.set_chunk(maps.shape)
+            how.set_filter(32015, h5py.h5z.FLAG_OPTIONAL, (3,))
+            space = h5py.h5s.create_simple(maps.shape)
+            item = h5py.h5d.create(file.id, b"maps", h5py.h5t.NATIVE_FLOAT, space, how)
+            item.write_direct_chunk((0, 0), maps.tobytes(), 0)
+            file["freqs"] = FREQS
+            file.attrs.update(unit="mK", order="RING")
+        with pytest.raises(InputError, match="filter that is not installed here, zstd"):
+            read_cube("a.h5")
+
+    def test_complex_numbers(self):
+        write_hdf5("a.h5", good_maps().astype(complex))
+        for options in ({}, {"maps_name": "maps"}):
+            with pytest.raises(InputError, match="a.h5 has complex numbers.*real"):
+                read_cube("a.h5", **options)
+
+    def test_a_file_that_another_program_has_locked(self):
+        write_hdf5("a.h5")
+        with open("a.h5", "r+") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with pytest.raises(InputError, match="a.h5 is open for writing in another program"):
+                read_cube("a.h5")
+        assert np.array_equal(read_cube("a.h5").maps, good_maps())
+
+    @pytest.mark.parametrize("number", [37, 38, 95])
+    def test_a_drive_without_locks(self, number, monkeypatch):
+        write_hdf5("a.h5")
+        said = f"Unable to open file (unable to lock file, errno = {number}, error message = 'No locks')"
+        monkeypatch.setattr(h5py, "File", lambda *_: (_ for _ in ()).throw(OSError(said)))
+        with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING=FALSE"):
+            read_cube("a.h5")
+
+    def test_frequencies_in_an_attribute(self):
+        write_hdf5("a.h5", freqs_name=None, said={"unit": "mK", "order": "RING", "nus": FREQS})
+        with pytest.raises(InputError, match="an attribute nus of that many numbers"):
+            read_cube("a.h5")
+
+
+class TestLogical:
+    kept = np.arange(N_PIX) % 3 > 0
+
+    @pytest.mark.parametrize("nest", [False, True])
+    def test_masks(self, nest):
+        write_hdf5("a.h5")
+        pixels = read_cube("a.h5").layout.pixels
+        given = hp.reorder(self.kept.astype("f4"), r2n=True) > 0 if nest else self.kept
+        hp.write_map("m.fits", given, nest=nest, dtype=bool, column_units=None)
+        assert fits.getheader("m.fits", 1)["TFORM1"].endswith("L")
+        assert np.array_equal(pixels.read_mask("m.fits"), self.kept)
+        for dtype in (bool, np.uint8, float):
+            np.save("m.npy", self.kept.astype(dtype))
+            assert np.array_equal(pixels.read_mask("m.npy"), self.kept)
+        np.save("m.npy", np.ones((24, N_PIX), bool))
+        with pytest.raises(InputError, match="m.npy must be one map"):
+            pixels.read_mask("m.npy")
+
+    def test_a_mask_in_the_order_of_a_nested_cube(self):
+        write_hdf5("a.h5", said={"unit": "mK", "order": "NESTED"})
+        np.save("m.npy", hp.reorder(self.kept.astype("f4"), r2n=True) > 0)
+        assert np.array_equal(read_cube("a.h5").layout.pixels.read_mask("m.npy"), self.kept)
+
+    def test_flags_and_no_maps(self):
+        write_hdf5("a.h5")
+        bad = ~self.kept
+        hp.write_map("bad.fits", bad, dtype=bool, column_units=None)
+        assert np.array_equal(read_cube("a.h5", flags="bad.fits").mask, self.kept)
+        hp.write_map("maps.fits", np.array([bad, bad]), dtype=bool, column_units="mK")
+        with pytest.raises(InputError, match="maps are real numbers"):
+            read_cube("maps.fits", freqs=[950, 951])
+
+    def test_of_images(self, images):
+        write_image("a.fits", images)
+        kept = np.arange(N_Y * N_X).reshape(N_Y, N_X) % 3 > 0
+        np.save("m.npy", kept)
+        pixels = read_cube("a.fits").layout.pixels
+        assert np.array_equal(pixels.read_mask("m.npy"), kept.ravel())
+        np.save("m.npy", kept.T)
+        with pytest.raises(InputError, match="m.npy must have the shape"):
+            pixels.read_mask("m.npy")
+
+
+def test_every_error_names_the_file():
+    for n, (maps, freqs, unit) in enumerate(
+        (
+            (good_maps(), FREQS[::-1] * 0 + 950, "mK"),
+            (good_maps(), -FREQS, "mK"),
+            (0 * good_maps(), FREQS, "mK"),
+            (np.full((24, N_PIX), np.nan), FREQS, "mK"),
+            (good_maps(), FREQS, "K km/s"),
+        )
+    ):
+        write_hdf5(f"cube{n}.h5", maps, freqs=freqs, said={"unit": unit, "order": "RING"})
+        with pytest.raises(InputError, match=f"cube{n}.h5"):
+            read_cube(f"cube{n}.h5")
+    write_fits("a.fits", good_maps()[:2], column_units="K km/s", column_names=["950 MHz", "960 MHz"])
+    with pytest.raises(InputError, match="a.fits.*TUNIT"):
+        read_cube("a.fits")
+    with pytest.raises(InputError, match="cube4.h5.*attribute unit"):
+        read_cube("cube4.h5")
