@@ -14,7 +14,8 @@ from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
-from himap.cubes.files import check_names, read_truth
+from himap.cubes.files import read_truth
+from himap.cubes.names import check_names
 
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
 

@@ -9,8 +9,10 @@ from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
+from himap.cubes.axes import pixels_by_axes
 from himap.cubes.cube import make_cube
-from himap.cubes.layout import Layout, check_cube_room, naming, pixels_by_axes, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, naming, same_freqs
+from himap.cubes.names import check_names, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.healpix_io import is_nested, temperature_unit
 from himap.maps.sphere import sphere_sizes
@@ -25,8 +27,6 @@ _UNIT_IN = {
     "npy": "which is given with unit= (--unit)",
     **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
 }
-_IN_NAMES = (1.0, 1e3, 1e-3, 1e-6)  # MHz in what names may be in: MHz, GHz, kHz, Hz
-_SHARE = 0.6  # of a channel, that a number in a name may be from its centre: names may have its edge
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
 
 
@@ -199,7 +199,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
         )
     if freqs.shape != (n_channels,):
         raise InputError(
-            _unlike(layout.names)
+            unlike_names(layout.names)
             + f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
             "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, or "
             "pixel,freq)."
@@ -208,7 +208,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
         if layout.freqs is None:
             check_names(layout.names, freqs)
         ends = (f"{layout.names[n]} is {freqs[n]:.10g} MHz" for n in (0, -1))
-        sentence = f"The first of its files, {', the last, '.join(ends)}. {_unlike(layout.names)}"
+        sentence = f"The first of its files, {', the last, '.join(ends)}. {unlike_names(layout.names)}"
         remarks = (sentence.strip(), *remarks)
     where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
     stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]
@@ -228,55 +228,6 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
                 remarks = (*remarks, remark)
         _check_same(nested in (None, pixels.nested), path, "order", pixels.order, order)
     return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=stated[0], remarks=remarks)
-
-
-def _unlike(names):
-    """A sentence on names of files that are unlike most but for their numbers, or nothing."""
-    kinds = [tuple(fits.numbers_in(name, fits.DIGITS)[::2]) for name in names]
-    if not names or len(set(kinds)) == len(kinds):
-        return ""
-    most = max(kinds, key=kinds.count)
-    others = [name for name, kind in zip(names, kinds, strict=True) if kind != most]
-    return f"Not named as most of the files: {', '.join(others[:3])}{', ...' * (len(others) > 3)}. " * (
-        0 < len(others) < len(names) / 2
-    )
-
-
-def check_names(names, freqs):
-    """Refuse frequencies (n,), MHz, that are given to files in another order than their names have.
-
-    Names that have a number each near the frequencies, in any unit of these, must have that of their own;
-    names whose order depends on how decimals are written must have such numbers.
-
-    Raises
-    ------
-    InputError
-        They do not.
-    """
-    split = [fits.numbers_in(name) for name in names]
-    alike = len({tuple(parts[::2]) for parts in split}) == 1
-    step = np.median(np.abs(np.diff(np.sort(freqs)))) if len(freqs) > 1 else 0.0
-    near = []
-    for column in np.array([parts[1::2] for parts in split]).T if alike else ():
-        for factor in _IN_NAMES:
-            numbers = factor * column
-            if np.median(np.abs(np.sort(numbers) - np.sort(freqs))) <= step:
-                near.append(numbers)
-    for numbers in near:
-        other = (np.argsort(numbers) != np.argsort(freqs)) | (np.abs(numbers - freqs) > _SHARE * step)
-        if other.any():
-            n = int(other.argmax())
-            raise InputError(
-                f"--freqs are given to the files in the order of their names, and {names[n]} would have "
-                f"{freqs[n]:.10g} MHz: sort --freqs as the numbers in the names are, or rename the files."
-            )
-    pairs = sorted(names, key=lambda name: fits.numbers_in(name, fits.DIGITS))
-    if not near and pairs != list(names):
-        n = next(n for n, name in enumerate(names) if name != pairs[n])
-        raise InputError(
-            f"whether {names[n]} comes before {pairs[n]} cannot be known, for their numbers may be decimals "
-            "or not: write them with as many digits in all names."
-        )
 
 
 def _check_same(same, path, what, stated, given):

@@ -6,7 +6,6 @@ file or in a folder, are the channels of one cube if they share the axes of the 
 frequencies.
 """
 
-import re
 import warnings
 from dataclasses import replace
 
@@ -16,16 +15,14 @@ from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
-from himap.core.reading import format_of
+from himap.cubes.axes import check_world_axes, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, world_of
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, named_axes, one_unit
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, one_unit
+from himap.cubes.names import LISTED, fits_in
 from himap.maps.healpix_io import agreed, freq_in_header, freqs_in, read_maps
 
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
-DIGITS = re.compile(r"([0-9]+)")
-_DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
-_LISTED = 10  # files in a message
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),
     ("I_STOKES", "Q_STOKES", "U_STOKES"),
@@ -63,7 +60,7 @@ def read_folder(folder, *, axes=None, held=1):
 
     Of image cubes each may have a range of channels. Of three Stokes parameters the first is read.
     """
-    paths, left_out = _paths_in(folder)
+    paths, left_out = fits_in(folder)
     if holds_image(paths[0]):
         maps, layout = read_image_fits(paths, axes=axes, held=held)
         return maps, replace(layout, remarks=(*left_out, *layout.remarks))
@@ -95,33 +92,6 @@ def read_folder(folder, *, axes=None, held=1):
     return maps, Layout.of_sphere(maps, files[0].nested, partial=partial, **stated)
 
 
-def _paths_in(folder):
-    """The FITS files in a folder in the order of their names, and a sentence on others, if any, in a list."""
-    try:
-        entries = sorted(folder.iterdir())
-    except OSError as error:
-        raise InputError(f"the folder {folder} cannot be read ({error.strerror}).") from None
-    paths = [path for path in entries if format_of(path) == "FITS" and not path.name.startswith(".")]
-    if not paths:
-        raise InputError(f"the folder {folder} holds no FITS file.")
-    paths.sort(key=lambda path: by_numbers(path.name))
-    others = [path.name for path in entries if path not in paths]
-    more = ", ..." if len(others) > _LISTED else ""
-    listing = f"{', '.join(others[:_LISTED])}{more}"
-    return paths, [f"{len(others)} more in the folder, no maps, left out: {listing}."] if others else []
-
-
-def numbers_in(name, pattern=_DECIMALS):
-    """A name as [text, number, text, ...]; numbers as decimals or, with `DIGITS`, as digits alone."""
-    parts = pattern.split(name)
-    return [float(re.sub("[p,]", ".", part)) if n % 2 else part for n, part in enumerate(parts)]
-
-
-def by_numbers(name):
-    """What names are sorted by: the numbers in them."""
-    return numbers_in(name), numbers_in(name, DIGITS)
-
-
 def _freqs_of(names, called, in_headers=(), paths=()):
     """What a `Layout` has of frequencies, a dict: those in all names, or in all headers; if both, they agree.
 
@@ -140,7 +110,7 @@ def _freqs_of(names, called, in_headers=(), paths=()):
         return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
     without = [name for name, found in zip(names, stated, strict=True) if not found]
     if 0 < len(without) < len(names) / 2:
-        listing = ", ".join(without[:_LISTED])
+        listing = ", ".join(without[:LISTED])
         return {"nearly": f"Most of {called} state one, but not {listing}: rename these, or move them away."}
     for name, found in zip(names, stated, strict=True):
         if "hz" in name.lower() and len(found) != 1:
@@ -251,7 +221,7 @@ def _parts(path, file, axes, remarks):
 def _part(path, index, hdu, file, axes):
     wcs, name = world_of(hdu, file), f"{path}, HDU {index}"
     if axes is None:
-        _check_world_axes(hdu, name)
+        check_world_axes(hdu, name)
     spectral = _spectral_axis(wcs, name)
     n_axes = max(wcs.naxis, len(hdu.shape), 3)
     stored = (1,) * (n_axes - len(hdu.shape)) + tuple(hdu.shape)
@@ -262,7 +232,7 @@ def _part(path, index, hdu, file, axes):
         spectral, given_freqs = (long if long and axes is None else free)[0], False
     else:
         given_freqs = True
-    turn = _turn(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
+    turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
     unit = str(hdu.header.get("BUNIT") or "")
@@ -292,38 +262,6 @@ def _freqs_along(wcs, spectral, n_channels, name):
             f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
         )
     return freqs
-
-
-def _check_world_axes(hdu, name):
-    """Refuse a header that has fewer axes than its array."""
-    n_world, lengths = hdu.header.get("WCSAXES"), hdu.shape[::-1]
-    n_long = max((n for n, length in enumerate(lengths, 1) if length > 1), default=0)
-    if isinstance(n_world, int) and n_world < n_long:
-        raise InputError(
-            f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(lengths)}, "
-            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. If it is "
-            "(RA, Dec, channel) in numpy, transpose it, array.transpose(2, 1, 0), and write it with a header "
-            "of three axes, or give --axes ra,dec,freq; (channel, Dec, RA) is --axes freq,dec,ra."
-        )
-
-
-def _turn(stored, axes, world, name):
-    """Axes of an array of shape `stored` in the order of its header: as they are, or as `axes` says.
-
-    `world` has the place of each of "lon", "lat" and "freq" in the header, from 0.
-    """
-    n_axes, turn = len(stored), [*range(len(stored))]
-    if axes is None:
-        return tuple(turn)
-    words = named_axes(axes, tuple(world))
-    long = [axis for axis in turn if stored[axis] > 1]
-    if len(long) > len(words):
-        raise InputError(f"{name} has {len(long)} axes longer than one, and --axes names {len(words)}.")
-    short = [axis for axis in turn if axis not in long]
-    while len(long) < len(words):  # an axis of length one that is named, the last ones first
-        long.append(short.pop())
-    places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, sorted(long), strict=True)}
-    return tuple(places[place] if place in places else short.pop() for place in range(n_axes))
 
 
 def _has_no_type(wcs, axis):

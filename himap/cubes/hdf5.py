@@ -6,7 +6,6 @@ sphere; `index_map/freq`, a table with a column `centre`, or plain numbers, both
 the names of the polarisations.
 """
 
-import re
 from contextlib import contextmanager
 
 import h5py
@@ -14,7 +13,9 @@ import numpy as np
 from astropy import units as u
 
 from himap.core.errors import InputError
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, pixels_by_axes
+from himap.cubes.axes import pixels_by_axes
+from himap.cubes.hdf5_access import open_hdf5, read_stored
+from himap.cubes.layout import Layout, as_input_error, check_cube_room
 from himap.maps import sphere
 from himap.maps.healpix_io import is_nested
 from himap.maps.sphere import sphere_sizes
@@ -27,8 +28,6 @@ _MAP_AXES = ["freq", "pol", "pixel"]
 _PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")  # of netCDF
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 _LISTED = 20  # datasets in a message
-_FILTERS = {32001: "blosc", 32004: "lz4", 32008: "bitshuffle", 32013: "zfp", 32015: "zstd", 32026: "blosc2"}
-_HELD_ELSEWHERE = (11, 13, 35)  # errno of a file that another process locks; others: the drive has no locks
 
 
 def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
@@ -81,7 +80,7 @@ def read_dataset(path, word, *, held=1):
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
         check_cube_room(path, item.size, item.dtype.itemsize, held)
-        values = file.stored(item) if names[0] in file.masks else file.values(names[0])
+        values = read_stored(item, path) if names[0] in file.masks else file.values(names[0])
         freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
         return values, freqs, file.is_nested(item)
 
@@ -89,27 +88,8 @@ def read_dataset(path, word, *, held=1):
 @contextmanager
 def _opened(path, aside=()):
     """The `_Datasets` of the file called `path`, while it is read."""
-    with as_input_error(path, "HDF5"), _unlocked(path) as file:
+    with as_input_error(path, "HDF5"), open_hdf5(path) as file:
         yield _Datasets(path, file, aside)
-
-
-def _unlocked(path):
-    """The open file called `path`; InputError with the way out where it is locked."""
-    try:
-        return h5py.File(path, "r")
-    except OSError as error:
-        number = re.search(r"unable to lock file, errno = (\d+)", str(error))
-        if number is None and "already open for write" not in str(error):
-            raise
-        if number is not None and int(number[1]) not in _HELD_ELSEWHERE:
-            raise InputError(
-                f"{path} cannot be locked: its drive has no locks. If no program writes to it, set the "
-                "environment variable HDF5_USE_FILE_LOCKING=FALSE and try again."
-            ) from None
-        raise InputError(
-            f"{path} is open for writing in another program, such as a notebook: close it there "
-            "(file.close()). After a program that crashed, h5clear -s makes it readable."
-        ) from None
 
 
 class _Datasets:
@@ -217,27 +197,6 @@ class _Datasets:
         """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
         return is_nested(self.text("order", "ordering", of=item))
 
-    def stored(self, item, part=...):
-        """(A part of) a dataset as it is stored; InputError where a filter it needs is not installed."""
-        try:
-            return item[part]
-        except OSError:
-            how = item.id.get_create_plist()
-            filters = [how.get_filter(n) for n in range(how.get_nfilters())]
-            missing = [
-                _FILTERS.get(number, name.decode(errors="replace") or f"number {number}")
-                for number, _, _, name in filters
-                if not h5py.h5z.filter_avail(number)
-            ]
-            if not missing:
-                raise
-            raise InputError(
-                f"{item.name[1:]} in {self.path} is compressed with a filter that is not installed here, "
-                f"{', '.join(missing)}: point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
-                "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
-                "(h5repack -f GZIP=4)."
-            ) from None
-
     def values(self, name, part=...):
         """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with
         an offset."""
@@ -248,7 +207,7 @@ class _Datasets:
             raise InputError(
                 f"scale_factor of {name} in {self.path} must be a number other than 0, got {scale}."
             )
-        stored = self.stored(item, part)
+        stored = read_stored(item, self.path, part)
         if set(packing.values()) == {None}:
             return stored
         values = stored.astype(np.result_type(stored.dtype, np.float32))
@@ -371,13 +330,13 @@ def _container_axes(file, maps):
     pols, table = file.items[_MAP_POLS], file.items[_MAP_FREQS]
     if not h5py.check_string_dtype(pols.dtype):
         raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
-    names = [_decoded(name) for name in file.stored(pols)]
+    names = [_decoded(name) for name in read_stored(pols, path)]
     if names.count("I") != 1:
         raise InputError(
             f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
             "each channel to a dataset of (channels, pixels)."
         )
-    freqs = file.stored(table)
+    freqs = read_stored(table, path)
     freqs = freqs["centre"] if "centre" in (table.dtype.names or ()) else freqs
     if freqs.dtype.kind not in "fiu":
         raise InputError(

@@ -18,12 +18,6 @@ LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
 
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
-_AXES = {
-    **dict.fromkeys(("ra", "lon", "glon", "l", "x"), "lon"),
-    **dict.fromkeys(("dec", "lat", "glat", "b", "y"), "lat"),
-    **dict.fromkeys(("freq", "freqs", "frequency", "nu", "channel"), "freq"),
-    **dict.fromkeys(("pixel", "pixels", "pix"), "pixel"),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,43 +226,6 @@ def array_of_mask(path, pixels):
     if len(values) > 1:
         raise InputError(f"the mask {path} must be one map for all channels, got {len(values)}; see --flags.")
     return values[0]
-
-
-def named_axes(axes, names):
-    """`axes` in the words of `names`, as a list.
-
-    Parameters
-    ----------
-    axes
-        Of an array, in the order of numpy, in one text: "ra,dec,freq".
-    names
-        Those that there must be, once each: of "freq", "lat", "lon" and "pixel".
-
-    Raises
-    ------
-    InputError
-        Others.
-    """
-    words = [_AXES.get(word.strip().lower()) for word in str(axes).split(",")]
-    if sorted(map(str, words)) != sorted(names):
-        like = "freq,pixel" if "pixel" in names else "ra,dec,freq"
-        raise InputError(
-            f"axes= (--axes) names those of the array in the order of numpy, such as {like}; got {axes!r}."
-        )
-    return words
-
-
-def pixels_by_axes(maps, axes=None):
-    """Maps of the sphere as (n_channels, n_pix), and remarks: by names of `axes` or else by their sizes."""
-    if axes is not None:
-        return maps if named_axes(axes, ("freq", "pixel"))[0] == "freq" else maps.T, ()
-    if len(sphere_sizes(maps.shape)) < 2:
-        return pixels_last(maps), ()
-    which = "last" if maps.shape[0] == maps.shape[1] else "longer"
-    return pixels_last(maps), (
-        f"both axes, {maps.shape[0]} and {maps.shape[1]}, could be pixels of a sphere: the {which} one was "
-        "assumed to be (--axes freq,pixel or pixel,freq says it).",
-    )
 
 
 def one_unit(path, units):

@@ -1,0 +1,80 @@
+"""Which axis of an array is which: by names that the caller gives, by sizes, or as a header says."""
+
+from himap.core.errors import InputError
+from himap.maps.sphere import pixels_last, sphere_sizes
+
+_AXES = {
+    **dict.fromkeys(("ra", "lon", "glon", "l", "x"), "lon"),
+    **dict.fromkeys(("dec", "lat", "glat", "b", "y"), "lat"),
+    **dict.fromkeys(("freq", "freqs", "frequency", "nu", "channel"), "freq"),
+    **dict.fromkeys(("pixel", "pixels", "pix"), "pixel"),
+}
+
+
+def named_axes(axes, names):
+    """`axes` in the words of `names`, as a list.
+
+    Parameters
+    ----------
+    axes
+        Of an array, in the order of numpy, in one text: "ra,dec,freq".
+    names
+        Those that there must be, once each: of "freq", "lat", "lon" and "pixel".
+
+    Raises
+    ------
+    InputError
+        Others.
+    """
+    words = [_AXES.get(word.strip().lower()) for word in str(axes).split(",")]
+    if sorted(map(str, words)) != sorted(names):
+        like = "freq,pixel" if "pixel" in names else "ra,dec,freq"
+        raise InputError(
+            f"axes= (--axes) names those of the array in the order of numpy, such as {like}; got {axes!r}."
+        )
+    return words
+
+
+def pixels_by_axes(maps, axes=None):
+    """Maps of the sphere as (n_channels, n_pix), and remarks: by names of `axes` or else by their sizes."""
+    if axes is not None:
+        return maps if named_axes(axes, ("freq", "pixel"))[0] == "freq" else maps.T, ()
+    if len(sphere_sizes(maps.shape)) < 2:
+        return pixels_last(maps), ()
+    which = "last" if maps.shape[0] == maps.shape[1] else "longer"
+    return pixels_last(maps), (
+        f"both axes, {maps.shape[0]} and {maps.shape[1]}, could be pixels of a sphere: the {which} one was "
+        "assumed to be (--axes freq,pixel or pixel,freq says it).",
+    )
+
+
+def check_world_axes(hdu, name):
+    """Refuse a header that has fewer axes than its array."""
+    n_world, lengths = hdu.header.get("WCSAXES"), hdu.shape[::-1]
+    n_long = max((n for n, length in enumerate(lengths, 1) if length > 1), default=0)
+    if isinstance(n_world, int) and n_world < n_long:
+        raise InputError(
+            f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(lengths)}, "
+            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. If it is "
+            "(RA, Dec, channel) in numpy, transpose it, array.transpose(2, 1, 0), and write it with a header "
+            "of three axes, or give --axes ra,dec,freq; (channel, Dec, RA) is --axes freq,dec,ra."
+        )
+
+
+def turn_of(stored, axes, world, name):
+    """Axes of an array of shape `stored` in the order of its header: as they are, or as `axes` says.
+
+    `world` has the place of each of "lon", "lat" and "freq" in the header, from 0.
+    """
+    n_axes, turn = len(stored), [*range(len(stored))]
+    if axes is None:
+        return tuple(turn)
+    words = named_axes(axes, tuple(world))
+    long = [axis for axis in turn if stored[axis] > 1]
+    if len(long) > len(words):
+        raise InputError(f"{name} has {len(long)} axes longer than one, and --axes names {len(words)}.")
+    short = [axis for axis in turn if axis not in long]
+    while len(long) < len(words):  # an axis of length one that is named, the last ones first
+        long.append(short.pop())
+    places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, sorted(long), strict=True)}
+    return tuple(places[place] if place in places else short.pop() for place in range(n_axes))
