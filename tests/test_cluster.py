@@ -1,6 +1,10 @@
 """Products made by the workers of a Dask cluster."""
 
+import json
 import threading
+import time
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,6 +114,34 @@ def test_no_scheduler(monkeypatch, tmp_path):
         monkeypatch.setenv(DASK_VARIABLE, address)
         with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):
             make_all(cleaned.assessment, CALLS, "test")
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_web_server_is_no_scheduler(monkeypatch, himap_command):
+    """It waits for more to be said, as the client does."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), SimpleHTTPRequestHandler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        monkeypatch.setattr(server, "block_on_close", False)
+        address = f"tcp://127.0.0.1:{server.server_port}"
+        started = time.monotonic()
+        status, _, said = himap_command("measure", "claims", "--preset", "ci", "--dask", address)
+        server.shutdown()
+    assert time.monotonic() - started < 15  # 4 s, where nothing else runs
+    assert status == 2 and f"no Dask scheduler at {address} (no answer" in " ".join(said.split())
+
+
+def test_a_record_is_the_same_as_without(cluster, monkeypatch, himap_command, tmp_path):
+    """But for what says when it was made."""
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    size = ["nside=8", "n_channels=20", "box_cells=16", "n_realisations=2", "n_mocks=1"]
+    size += ['methods=[["pca", 3]]', 'beams=["degraded", "evolving"]', "corrected=[]"]
+    pairs, found = [part for pair in size for part in ("-p", pair)], []
+    for label, way in (("with", ["--dask", cluster.scheduler_address]), ("without", [])):
+        status, _, said = himap_command("measure", "methods", *pairs, "-o", f"{label}.json", *way)
+        assert status == 0, said
+        found.append(json.loads(Path(f"{label}.json").read_text()))
+        assert cache.clear_cache()
+    assert found[0]["rows"] == found[1]["rows"] and found[0]["columns"] == found[1]["columns"]
 
 
 def test_what_answers_is_a_scheduler_or_refused(address, monkeypatch):

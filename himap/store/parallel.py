@@ -1,5 +1,6 @@
 """Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -7,6 +8,7 @@ import re
 import threading
 import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache as cache_calls
 
 import joblib
@@ -27,7 +29,7 @@ DASK_VARIABLE = "HIMAP_DASK"
 
 _TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
 _CONNECT = 30  # s to reach the scheduler
-_CHECK = 5  # s the same before any work, when somebody waits: enough for one that is starting
+_CHECK = 4  # s the same before any work, when somebody waits: enough for one that is starting
 _LOOK = 1  # s between looks for the process that started this one
 _RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
 
@@ -155,12 +157,28 @@ def _client(seconds):
         raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
     try:
+        with ThreadPoolExecutor(1) as thread:  # in a notebook this one has an event loop that runs
+            thread.submit(asyncio.run, _greet(address, seconds)).result()
         return Client(address, timeout=seconds)
     except Exception as error:  # what answers there may be no scheduler, and say anything
+        said = str(error) or f"no answer to a greeting in {seconds:g} s"
         raise InputError(
-            f"there is no Dask scheduler at {address} ({error}); start one with `dask scheduler` and give "
+            f"there is no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
             "the address that it prints, such as tcp://host:8786."
         ) from None
+
+
+async def _greet(address, seconds):
+    """Exchange greetings with a scheduler; without an answer in time raise what `_client` catches.
+
+    The client waits for one without end, say from a web server, which waits for more to be said.
+    """
+    from distributed import Security
+    from distributed.comm import connect
+
+    options = Security().get_connection_args("client")
+    comm = await asyncio.wait_for(connect(address, timeout=seconds, **options), seconds)
+    await comm.close()
 
 
 def _on_cluster(product, missing):
