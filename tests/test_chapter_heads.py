@@ -117,6 +117,18 @@ def test_stale_results_are_named_with_their_commit(tmp_path, monkeypatch, old):
     assert (stale in page) == bool(old) and ("No stored result" in page) != bool(old) and not errors
 
 
+@pytest.mark.parametrize("name, n_stale", [("14_diagnostics", 1), ("17_your_own_cube", 0)])
+def test_a_head_with_verdicts_says_that_the_ledger_is_stale(tmp_path, monkeypatch, name, n_stale):
+    import chapter_heads
+
+    chapter_heads._all_stale.cache_clear()
+    monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: {"claims_laptop": "changed"})
+    (tmp_path / "source" / "notebooks").mkdir(parents=True)
+    nbformat.write(nbformat.v4.new_notebook(), tmp_path / "source" / "notebooks" / f"{name}.ipynb")
+    page, errors = small_page(tmp_path, f"{{cost}}`{name}`")
+    assert page.count("1 of its 1 stored results are stale") == n_stale and not errors
+
+
 def chapter_file(folder, *, seconds, parameters):
     """A notebook that was executed, with one figure."""
     cells = [

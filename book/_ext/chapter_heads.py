@@ -26,6 +26,7 @@ from himap.paper.ledger_table import BADGES
 from himap.store.provenance import duration
 
 LEDGER = "notebooks/15_claims"
+VERDICTS = "claims_laptop"  # the stored ledger
 LARGE = "paper"  # the preset of the figures that are stored
 
 
@@ -33,7 +34,7 @@ class Claim(SphinxRole):
     """The role of one claim, by its id; its name alone where no ledger has it."""
 
     def run(self):
-        path = Path(self.env.srcdir, "book", "results", "claims_laptop.json")
+        path = Path(self.env.srcdir, "book", "results", f"{VERDICTS}.json")
         self.env.note_dependency(str(path))
         entries = _verdicts(path) if path.exists() else {}
         if self.text not in entries and (self.text in CLAIMS or not path.exists()):
@@ -69,9 +70,10 @@ class Cost(SphinxRole):
         results = Path(self.env.srcdir, "book", "results")
         patterns = read_notebook(path).metadata.get("himap", {}).get("reads", [])
         files = [pattern.removeprefix("book/results/") for pattern in patterns]
-        states = _commits(
-            results, [name.removesuffix("/figures.json").removesuffix(".json") for name in files]
-        )
+        names = [name.removesuffix("/figures.json").removesuffix(".json") for name in files]
+        if any(claim.notebook == self.text for claim in CLAIMS.values()):
+            names.append(VERDICTS)  # the head has them
+        states = _commits(results, names)
         n_stale = sum(map(bool, states.values()))
         said = (
             f"; {n_stale} of its {len(states)} stored results are stale (page on status)" if n_stale else ""
