@@ -123,7 +123,7 @@ medoid = study.medoid(selected, remover)
 # \epsilon_{n, \ell} = c\, \frac{C_\ell^\mathrm{noise}}{C_\ell(\hat{\mathbf{S}}_n)} .
 # ```
 #
-# **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their noise are set to zero. Of the others the largest are kept, a share that grows to $K_\mathrm{max}$ during the warm-up, and reduced by their threshold. In the
+# **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their noise are set to zero (the paper defines neither). Of the others the largest are kept, a share that grows to $K_\mathrm{max}$ during the warm-up, and reduced by their threshold. In the
 # refinement large coefficients have lower thresholds ($\ell_1$ reweighting).
 #
 # **Update of A**: least squares in every channel over all harmonics, then columns of unit length, and in some readings no negative entries (Eqs. 14 to 16 of C21):

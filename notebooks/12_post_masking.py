@@ -107,10 +107,10 @@ def row_of(remover):
     errors, lines = line_errors(remover)
     return {
         "flagged [%]": (100 * lines.mean(), 0.02),
-        "flagged, yet better than the mean [%]": (100 * np.mean(lines & (errors < errors.mean())), 0.02),
+        "flagged, error below the mean [%]": (100 * np.mean(lines & (errors < errors.mean())), 0.02),
         "within 15° of the plane [%]": (100 * np.mean(latitude[lines] < 15), 1),
         "median |b| [°]": (np.median(latitude[lines]), 1),
-        "of the squared error [%]": (100 * errors[lines].sum() / errors.sum(), 1),
+        "share of the squared error [%]": (100 * errors[lines].sum() / errors.sum(), 1),
     }
 
 
@@ -415,7 +415,7 @@ quote(
 )
 
 # %% [markdown]
-# | | sky flagged | peak, after/before | $P$ at low $k_\nu$, after/before | mean $\lvert C/C_0 - 1\rvert$, before | after |
+# | | sky flagged | peak, after/before | error at low $k_\nu$, after/before | mean $\lvert C/C_0 - 1\rvert$, before | after |
 # |---|---|---|---|---|---|
 # | SDecGMCA | {glue:text}`post_flagged_sd` | {glue:text}`post_peak_sd` | {glue:text}`post_low_sd` | {glue:text}`post_angular_sd` | {glue:text}`post_angular_sd_after` |
 # | PCA | {glue:text}`post_flagged_pca` | {glue:text}`post_peak_pca` | {glue:text}`post_low_pca` | {glue:text}`post_angular_pca` | {glue:text}`post_angular_pca_after` |
@@ -460,7 +460,7 @@ quote(
 #
 # - The rule flags what a method gets wrong: the Galactic plane where foreground remains, bright HI where that was removed.
 # - The improvement has to be weighed against the excluded sky. A real survey cannot apply the rule; it can cut in latitude ({doc}`24_masks`).
-# - This is one sky at `quick`. {doc}`15_claims` judges M1 to M5 and V2 on the real Galaxy at `laptop`, where the share in the plane (M1) can differ; M4 also requires that SDecGMCA improve most.
+# - This is one sky. {doc}`15_claims` judges M1 to M5 and V2 on the real Galaxy at `laptop`, where the share in the plane (M1) can differ; M4 also requires that SDecGMCA improve most.
 #
 # ## Exercises
 #

@@ -362,7 +362,7 @@ for remover in removers[selected]:
             "channels where highest": (100 * best.mean(), 5, "%"),
             "variance of R_l": (variance, 0.1 * variance),
             "l where smallest": (100 * least.mean(), 5, "%"),
-            "of it in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
+            "share of two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
             "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
             "converged": "yes" if assessed.converged else "no",
         }
@@ -376,7 +376,7 @@ sd = rows["SDecGMCA"]
 of_sd = [squares_of("sdecgmca", n)[1].sum(axis=1) for n in range(len(assessments["sdecgmca"]))]
 nearest = min(row["variance of R_l"][0] for label, row in rows.items() if label != "SDecGMCA")
 times_smaller = [nearest / np.exp(np.log(values).mean()) for values in on_claimed["sdecgmca"]]
-in_two = [row["of it in two channels"][0] for row in rows.values()]
+in_two = [row["share of two channels"][0] for row in rows.values()]
 quote(
     diagnostics_r_sd=sd["mean r"],
     diagnostics_r_pca=rows["PCA"]["mean r"],

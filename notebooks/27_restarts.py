@@ -215,7 +215,7 @@ plotting.stamp(
 )
 
 # %% [markdown]
-# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a larger difference if both samples have the same distribution, from permutations of the runs. The last row combines all quantities (mean distance of the distribution functions).
+# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a difference at least as large if both samples have the same distribution, from permutations of the runs. The last row combines all quantities (mean distance of the distribution functions).
 
 # %% tags=["hide-input"]
 columns = {}
@@ -232,7 +232,7 @@ Table(
 )
 
 # %% [markdown]
-# The smallest $p$ of the last row is {glue:text}`restarts_p_least`: the codes are statistically consistent.
+# The smallest $p$ of the last row is {glue:text}`restarts_p_least`. Where it is not small, the residuals of the two codes are consistent, and what follows is no error of himap.
 
 # %% [markdown]
 # (restarts-failures)=
