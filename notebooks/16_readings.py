@@ -26,6 +26,7 @@
 # The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and programs of the authors deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default with a single choice
 # changed.
 #
+# - **default**: the reading that is most charitable to the paper, [provisional](readings-default).
 # - **letter**: contradicts no statement of the text; usual choices where it is silent.
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
 # - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of $10^{-9}$ of the largest.
