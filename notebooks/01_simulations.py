@@ -134,9 +134,8 @@ stamped(
 # (simulations-resolution)=
 # ### Resolution and smoothing
 #
-# The simulation has no structure below the cell of the box. Where a voxel (a pixel times a channel) is smaller than a cell, more pixels add nothing: here above {glue:text}`simulations_voxel`, and with the
-# paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`. CRIME was built and run with the paper's cosmology, bias and HI abundance and with the Fourier modes of himap, in a box of 512³ cells with nside 64 and channels of 4 MHz. The table has the
-# ratios of its numbers to those of himap before any beam. They are stored here as measured, since CRIME is not part of himap.
+# Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`, and with the
+# paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no structure below the cell. The table compares CRIME with himap before any beam, both with the paper's cosmology, bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. The ratios are stored as measured, since CRIME is not part of himap.
 
 # %% tags=["hide-input"]
 CRIME = [
@@ -149,15 +148,15 @@ head = ["MHz", "mean T", "C_l, l 2–51", "l 52–99", "l 100–191", "brightest
 Table(head, CRIME, align="l" + 5 * "r")
 
 # %% [markdown]
-# The two codes agree where a voxel contains many cells. In the nearest channels they differ: CRIME counts ten points per cell, which adds the noise of the counts to small voxels and gives too much power; himap interpolates between cells, which smooths and gives too little. Neither is converged.
-# Above 1300 MHz the mean temperature is reliable, and so is $C_\ell$ on the largest scales; $C_\ell$ beyond $\ell$ of about 50 and the brightest voxels are not. A beam of 1.66° removes most of the difference: $P(k_\nu)$ above 1300 MHz then agrees to 6 %.
-# CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and its velocities are differences of neighbouring cells, which lowers them; himap has neither.
+# The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME counts ten points per cell, whose noise adds power, and himap interpolates between cells, which removes power.
+# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6 %.
+# CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, as differences of neighbouring cells; himap has neither.
 #
-# CRIME can smooth the Gaussian density: its option `r_smooth` multiplies the modes by $e^{-k^2 r^2/2}$. Its sample file has 2 Mpc/h, its script with the paper's cosmology has no smoothing, and the paper does not mention it. The Survey field `r_smooth` does this here, 0 by default;
-# velocities are not smoothed. Its effect is measured in a smaller box with cells of {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near`. With 2 Mpc/h, and through the degraded beam, the share of voxels beyond 5 sigma of their line of sight ({doc}`03_peak_masking`) falls from
-# {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam, {glue:text}`simulations_smooth_low` of $P(k_\nu)$ at $k_\nu < 0.3$ remain, and {glue:text}`simulations_smooth_small` of $C_\ell$ at {glue:text}`simulations_small`.
+# CRIME's option `r_smooth` multiplies the modes of the Gaussian density by $e^{-k^2 r^2/2}$. Its sample file has 2 Mpc/h, its script with the paper's cosmology no smoothing, and the paper does not mention it. In himap it is the Survey field `r_smooth`, 0 by default;
+# velocities are not smoothed. In a smaller box with cells of {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
+# {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam it leaves {glue:text}`simulations_smooth_low` of $P(k_\nu)$ at $k_\nu < 0.3$, and {glue:text}`simulations_smooth_small` of $C_\ell$ at {glue:text}`simulations_small`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels, and along frequency. From a smaller box with finer cells, at 1320 to 1400 MHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right). From a smaller box with finer cells, at 1320 to 1400 MHz. Smoothing removes power on small scales."}}
 near = replace(sky, freq_min=1320.0, freq_max=1400.0, n_channels=80, box_size=512.0, box_cells=192)
 panels = [
     {
@@ -212,8 +211,8 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's, the same comparisons gave the numbers below; each row is a pair of runs. The code hardly matters, the cell does, and smoothing matters most. The claims B1 to B3 of {doc}`15_claims` on peaks, and D3 on power lost at low $k_\nu$,
-# depend on both; `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the cell smooths more than 2 Mpc/h does.
+# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly; each row is a pair of runs. Claims B1 to B3 and D3 ({doc}`15_claims`)
+# depend on cell and smoothing; `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the cell smooths more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -499,7 +498,7 @@ quote(
 #
 # - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is {glue:text}`simulations_foreground` in the median pixel and at most
 #   {glue:text}`simulations_brightest`. Removing it to one part in $10^5$ is not enough where it is brightest.
-# - The density is lognormal, velocities are linear, and HI has no structure below the cell of the box. This suffices for tests of foreground removal.
+# - The density is lognormal, velocities are linear, and HI has no structure below the cell of the box. This suffices for tests of foreground removal, but not for the brightest peaks at the top of the band.
 #
 # ## Exercise
 #
