@@ -59,11 +59,16 @@ class TestWrite:
         assert [sky.survey.seed for sky in seen[0]] == [7, 8]
         assert re.search(r"^D1 +degraded +undecided +PCA/ICA a 100%; SD a 50% \(0% to 100%\)", out, re.M)
         assert "1 undecided, 1 not reproduced" in out
+        assert "Too coarse to judge: D1, E2, O3," in out and "end at l = 64 and not at 200" in out
         path = Path("results/claims_ci_n_realisations=2_seed=7.json")
         assert f"{path}  (" in out
         record = stored(path)
         assert record.seeds == [7, 8] and record.about["code"] == measuring_code("claims")
         assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
+
+    def test_finer_maps_have_no_remark(self, himap_command, seen):
+        code, out, _ = himap_command(*CLAIMS[:-1], "laptop", "-p", "n_realisations=2", "-p", "nside=128")
+        assert code == 0 and "Too coarse" not in out
 
     def test_five_skies_by_default(self, himap_command, seen):
         assert himap_command(*CLAIMS, "-o", "a.json")[0] == 0

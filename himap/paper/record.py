@@ -56,6 +56,8 @@ class Experiment:
         Parameters that are always stored.
     words
         Columns of text that are not compared when a sky is measured again.
+    remark
+        Function from a sky to a text for below the summary on a terminal, say what such maps cannot show.
     prepare
         Function that makes what some skies need before they are measured: one after the other, or all at
         once on a cluster that shares the work.
@@ -72,6 +74,7 @@ class Experiment:
     without: tuple = ()
     stated: tuple = (_SKIES,)
     words: tuple = ()
+    remark: Callable = lambda sky: ""
     prepare: Callable = lambda skies: None
 
     def table(self, skies):

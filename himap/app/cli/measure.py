@@ -116,7 +116,7 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     summary = experiment.summary(record.rows)
     # Columns of numbers are at the right.
     align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
-    click.echo(Table(summary.columns, summary.to_numpy(), align=align))
+    click.echo(Table(summary.columns, summary.to_numpy(), align=align, note=experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
