@@ -18,10 +18,10 @@ def power_law_maps(rng):
     return (spectra @ amplitudes + rng.standard_normal((len(FREQS), N_PIX))).astype(np.float32)
 
 
-def write_hdf5(path, maps, **attributes):
+def write_hdf5(path, maps, freqs=FREQS, **attributes):
     with h5py.File(path, "w") as file:
         file.create_dataset("sky/cube", data=maps)
-        file.create_dataset("sky/freq", data=FREQS)
+        file.create_dataset("sky/freq", data=freqs)
         file.attrs.update(attributes)
     return path
 

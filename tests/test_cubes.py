@@ -1,5 +1,6 @@
 """Cubes of one's own: whatever way they are stored, the same maps come in, and come back as they were."""
 
+import html
 import json
 
 import h5py
@@ -114,6 +115,10 @@ class TestCleaning:
         found = np.array(hp.read_map(tmp_path / "c.fits", field=None, dtype=None))  # RING
         assert 1e3 * found[np.argsort(shuffled)][:, seen] == pytest.approx(expected.residual, abs=1e-3)
         assert (np.delete(found, seen, axis=1) == hp.UNSEEN).all()
+        history = "".join("".join(fits.getheader(tmp_path / "c.fits", 1)["HISTORY"]).split())
+        table = (tmp_path / "c_mixing.txt").read_text()
+        for one in done.stderr.splitlines():
+            assert "".join(one.split()) in history and f"# {one}\n" in table
 
     @pytest.mark.usefixtures("no_pages")
     @pytest.mark.parametrize("name", ["pca", "beam_subspace"])
@@ -163,6 +168,10 @@ class TestCleaning:
             assert file["residual"][...] + file["foreground"][...] == pytest.approx(maps / 1e3, rel=1e-6)
             assert file["mixing"].shape == (24, 5) and file["residual"].attrs["unit"] == "K"
             assert json.loads(file.attrs["parameters"])["order"] == 4
+            said = done.stderr.splitlines()
+            assert said and file.attrs["remarks"].splitlines() == said
+        page = (tmp_path / "c.html").read_text()
+        assert all(html.escape(sentence) in page for sentence in said)
         page = (tmp_path / "c.html").read_text()
         assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
 
@@ -228,3 +237,19 @@ def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(m
 def test_the_help_lists_what_there_is():
     out = " ".join(himap("clean", "--help").output.split())
     assert all(name in out for name in (*beams.available(), *METHODS))
+
+
+def test_frequencies_in_a_text_as_others_write_them(maps, tmp_path):
+    np.save(tmp_path / "a.npy", maps)
+    lines, path = "\n".join(map(str, FREQS)), tmp_path / "nu.txt"
+    read = lambda: read_cube(tmp_path / "a.npy", freqs=path, unit="mK", order="RING")  # noqa: E731
+    path.write_text(lines, encoding="utf-8-sig")  # with a mark at its beginning
+    assert np.array_equal(read().freqs, FREQS)
+    for text, encoding, message in (
+        (f"\nfreq_MHz\n{lines}", "utf-8", "must hold numbers alone, got 'freq_MHz' before them; put #"),
+        (lines, "utf-16", "is no text in UTF-8"),
+        (lines.replace("950.0", "950.0 MHz", 1), "utf-8", "is no table of numbers"),
+    ):
+        path.write_text(text, encoding=encoding)
+        with pytest.raises(InputError, match=message):
+            read()

@@ -164,7 +164,7 @@ def test_a_method_that_is_chaotic_has_restarts_and_another_has_one(monkeypatch):
         ({"n_sources_min": 5, "n_sources_max": 4}, "the scan needs"),
         ({"n_sources_max": 101}, "up to the 100 channels"),
         ({"n_sources_min": 0}, "the scan needs"),
-        ({"galaxy": "milky way"}, "unknown Galaxy source"),
+        ({"galaxy": "milky way"}, "unknown Galaxy 'milky way'"),
         ({"ripple": "square"}, "ripple"),
         ({"plane_weight": 2.0}, "at most 1"),
         ({"reading": "backwards"}, "backwards|no option reading"),

@@ -67,7 +67,7 @@ TABLE = [
     (Galaxy, "source", "haslam", "there are synthetic, templates, pysm3"),
     (Galaxy, "source", "templates", "needs template_dir.*one synchrotron index map"),
     (partial(Galaxy, source="templates"), "template_dir", "no/such", "no/such cannot be read"),
-    (Galaxy, "template_dir", ".", "leave it out or say source='templates'"),
+    (Galaxy, "template_dir", ".", "leave it out or choose the Galaxy 'templates'"),
     (partial(Galaxy, source="pysm3"), "template_dir", ".", "with 'pysm3'"),
     (Galaxy, "small_scales", "yes", "True or False"),
     (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 0, "power of two"),

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import re
 import stat
 import warnings
 import zlib
@@ -135,9 +136,20 @@ def _table(path):
     if size > _LARGEST_TEXT:
         raise InputError(f"{path} has {size / 1e6:.4g} MB of text; write that many numbers as .npy.")
     check_room(str(path), _ROOM * size)
+    lines = []
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without numbers
-            return np.loadtxt(path.read_text(encoding="utf-8").replace(",", " ").splitlines(), ndmin=1)
+            lines = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
+            return np.loadtxt(lines, ndmin=1)
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text in UTF-8; save it as such, or as .npy.") from None
     except (ValueError, OSError) as error:
+        word = next(
+            (line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")), ""
+        )
+        if not re.match(r"[-+.\d]", word):
+            raise InputError(
+                f"{path} must hold numbers alone, got {word[:40]!r} before them; put # in front of that line."
+            ) from None
         raise InputError(f"{path} is no table of numbers ({error}).") from None

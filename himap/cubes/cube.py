@@ -56,6 +56,11 @@ class Cube:
         )
 
     @property
+    def said(self):
+        """The summary and the remarks: what was read, assumed or left out, a list of sentences."""
+        return [self.summary, *self.remarks]
+
+    @property
     def nside(self):
         """Of HEALPix maps; InputError for an image in the plane."""
         return self.layout.pixels.nside

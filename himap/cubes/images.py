@@ -227,7 +227,9 @@ class ImagePixels:
 
     def write(self, path, maps, layout, *, name, cards):
         many = len(self.parts) > 1
-        history = f"{name} of foreground removal, " + ", ".join(f"{key} = {value}" for key, value in cards)
+        history = f"{name} of foreground removal, " + ", ".join(
+            f"{key} = {value}" for key, value in cards if key != "HISTORY"
+        )
         kind = fits.ImageHDU if many else fits.PrimaryHDU
         hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([part.n_channels for part in self.parts])
         split = (np.split(values, ends[:-1]) for values in (maps, layout.freqs))

@@ -54,8 +54,8 @@ _MAPS = (
 )
 
 
-def write_page(path, title, parts):
-    """Write a page of `parts`, each HTML, a `Table` or a sentence that must not be overlooked."""
+def write_page(path, title, parts, *, said=()):
+    """Write a page of `parts`, each HTML or a `Table`; at its end sentences, what was assumed."""
     head = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
@@ -64,6 +64,7 @@ def write_page(path, title, parts):
         f"<p>himap {__version__}</p>",
     ]
     texts = [part.html() if isinstance(part, Table) else part for part in parts]
+    texts += map(note, said)
     Path(path).write_text("\n".join([*head, *texts, "</body></html>\n"]), encoding="utf-8")
 
 
@@ -84,7 +85,7 @@ def figure(picture, alt, text, *, title=""):
     )
 
 
-def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
+def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None):
     """Write the page on a `CleanedCube`: spectra, leading modes, maps of the residual, and what to look at.
 
     Parameters
@@ -99,11 +100,13 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
         What `compared` gives with a truth, and `spectra_of` without, where it is at hand.
     more
         Parts of the page that follow the spectra, as of `write_page`.
+    said
+        Sentences, what was assumed; default: those of the cube.
     """
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [
-        *_head(cleaned),
+        *_head(cleaned, cleaned.cube.said if said is None else said),
         *_spectra_parts(cleaned.cube, spectra),
         *more,
         figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
@@ -112,7 +115,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=()):
     write_page(path, f"Cleaned with {cleaned.method.name}", parts)
 
 
-def _head(cleaned):
+def _head(cleaned, said):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
     rms_before, rms_after = (  # of maps less their channel means
@@ -128,7 +131,7 @@ def _head(cleaned):
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
         "iterations": f"{cleaned.separation.n_iterations}",
     }
-    return [Table([], facts.items()), *map(note, [*cube.remarks, *cleaned.remarks])]
+    return [Table([], facts.items()), *map(note, [*said, *cleaned.remarks])]
 
 
 def _spectra_parts(cube, spectra):

@@ -140,12 +140,13 @@ def sensitivity_figure(sensitivity):
     return plotting.lines(panels, size=(4.8, 3.8))
 
 
-def write_sensitivity(sensitivity, path):
-    """Write a page with the table and the figure of a list of `Sensitivity`."""
+def write_sensitivity(sensitivity, path, *, said=()):
+    """Write a page with the table and the figure of a list of `Sensitivity`, and what was assumed."""
     text = (
         "The power that is left if the beam is another than is believed, over that with the beam as it is "
         "believed, in bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
         "excluded, know the beam better or remove one source more."
     )
     picture = figure(sensitivity_figure(sensitivity), "Power that is left for other beams", text)
-    write_page(path, "How much depends on the beam?", [sensitivity_table(sensitivity), picture])
+    parts = [sensitivity_table(sensitivity), picture]
+    write_page(path, "How much depends on the beam?", parts, said=said)

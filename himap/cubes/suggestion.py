@@ -286,8 +286,8 @@ def views_figure(suggestion):
     return plotting.lines(panels, columns=3, size=(4, 3.4))
 
 
-def write_suggestion(suggestion, path):
-    """Write a page with the three views of a `Suggestion`."""
+def write_suggestion(suggestion, path, *, said=()):
+    """Write a page with the three views of a `Suggestion`, and sentences, what was assumed."""
     text = (
         "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
         "Spectra that hardly move with one more source, below the dashed line, do not depend on the choice."
@@ -298,4 +298,4 @@ def write_suggestion(suggestion, path):
             "spectra have 0 in the gaps."
         )
     picture = figure(views_figure(suggestion), "Three views of the choice", text)
-    write_page(path, "How many sources?", [f"<p>{advice(suggestion)}</p>", picture])
+    write_page(path, "How many sources?", [f"<p>{advice(suggestion)}</p>", picture], said=said)

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from himap import __version__
-from himap.core.errors import InputError
+from himap.core.errors import InputError, plain_text, shortened
 from himap.core.files import check_free, whole_files
 from himap.core.reading import there_is
 
@@ -99,8 +99,13 @@ def save_cleaned(cleaned, path, *, overwrite=False):
     return paths
 
 
-def write_cleaned(cleaned, paths):
-    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `whole_files`."""
+def write_cleaned(cleaned, paths, *, said=None):
+    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `whole_files`.
+
+    What was assumed, the sentences `said` (default: those of the cube) and the remarks on the result, goes
+    into the attribute `remarks` of HDF5, into HISTORY of FITS, and into the head of the table.
+    """
+    sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
     if paths[0].suffix == ".h5":
         with _hdf5(paths[0], len(cube.freqs) * len(cube.mask), cleaned) as file:
@@ -110,6 +115,7 @@ def write_cleaned(cleaned, paths):
             file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
             parameters = json.dumps(asdict(cleaned.method))
             about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
+            about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
             file.attrs.update(layout.pixels.attributes() | about | _restarts(cleaned))
         return
     *targets, table = paths
@@ -119,9 +125,14 @@ def write_cleaned(cleaned, paths):
         else:
             cards = [("METHOD", cleaned.method.name), ("HIMAP", __version__)]
             cards += [(name.upper(), value) for name, value in _restarts(cleaned).items()]
+            cards += [("HISTORY", text) for text in map(_in_ascii, sentences)]
             layout.pixels.write(target, maps, layout, name=name, cards=cards)
-    header = "frequency [MHz], then the columns of the mixing matrix"
+    header = "\n".join([*map(_in_ascii, sentences), "frequency [MHz], then the columns of the mixing matrix"])
     np.savetxt(table, np.column_stack([cube.freqs, mixing]), header=header)
+
+
+def _in_ascii(sentence):
+    return plain_text(sentence).encode("ascii", "backslashreplace").decode()
 
 
 def _restarts(cleaned):

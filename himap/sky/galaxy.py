@@ -52,13 +52,13 @@ class Galaxy:
 
     def __post_init__(self):
         if self.source not in SOURCES:
-            raise InputError(f"unknown Galaxy source {self.source!r}; there are {', '.join(SOURCES)}.")
+            raise InputError(f"unknown Galaxy {self.source!r}; there are {', '.join(SOURCES)}.")
         if not isinstance(self.small_scales, (bool, np.bool_)):
             raise InputError(f"small_scales must be True or False, got {self.small_scales!r}.")
         if self.source == "templates":
             if self.template_dir is None:
                 raise InputError(
-                    f"the Galaxy source 'templates' needs template_dir, a folder with {EXPECTED_FILES}."
+                    f"the Galaxy 'templates' needs template_dir, a folder with {EXPECTED_FILES}."
                 )
             if not isinstance(self.template_dir, (str, os.PathLike)):
                 raise InputError(f"template_dir must be the path of a folder, got {self.template_dir!r}.")
@@ -66,8 +66,8 @@ class Galaxy:
             find_templates(self.template_dir)
         elif self.template_dir is not None:
             raise InputError(
-                f"template_dir is for the Galaxy source 'templates' alone, got {str(self.template_dir)!r} "
-                f"with {self.source!r}; leave it out or say source='templates'."
+                f"template_dir is for the Galaxy 'templates' alone, got {str(self.template_dir)!r} "
+                f"with {self.source!r}; leave it out or choose the Galaxy 'templates'."
             )
 
     @property

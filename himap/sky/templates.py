@@ -274,8 +274,8 @@ def pysm_templates(nside):
 def _no_pysm(reason):
     return (
         f"this Galaxy needs the package pysm3 and its templates, but it {reason}. Install it (pip install "
-        "pysm3) and go online once (PySM keeps what it downloads), or take source='synthetic', which needs "
-        "nothing, or source='templates' with FITS files of your own."
+        "pysm3) and go online once (PySM keeps what it downloads), or take the Galaxy 'synthetic', which "
+        "needs nothing, or 'templates' with FITS files of your own."
     )
 
 

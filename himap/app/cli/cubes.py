@@ -58,8 +58,8 @@ def _command(*options, short_help=None):
     """Decorator: a command for CUBE with these options and those that all have.
 
     It gets them in one namespace, with `reading` those of `read_cube`, `weighed` the weights and flags,
-    `parameters` of the method, `peaks` to mask, `inputs` all files that it reads, or what may be such, and
-    when it `started`.
+    `parameters` of the method, `peaks` to mask, `inputs` all files that it reads, or what may be such, when
+    it `started`, and the sentences that were `said`.
     """
 
     def decorate(function):
@@ -67,7 +67,7 @@ def _command(*options, short_help=None):
         def command(**given):
             from himap.removal.base import SeparationWarning
 
-            asked = SimpleNamespace(**given, started=time.monotonic(), peaks=not given["keep_peaks"])
+            asked = SimpleNamespace(**given, said=[], started=time.monotonic(), peaks=not given["keep_peaks"])
             asked.reading = {name: given[name] for name in _READING}
             names = ("weights", "flags")
             asked.weighed = {name: given[name] for name in names if given.get(name) is not None}
@@ -88,9 +88,11 @@ def _command(*options, short_help=None):
     return decorate
 
 
-def _tell(sentence):
-    """Say a sentence beside the output, whatever the names in it."""
-    click.echo(plain_text(sentence), err=True)
+def _tell(asked, *sentences):
+    """Say sentences on standard error, whatever the names in them, and keep them for what is written."""
+    for sentence in sentences:
+        click.echo(plain_text(sentence), err=True)
+        asked.said.append(sentence)
 
 
 def _output(asked, endings=(), page=True):
@@ -105,8 +107,7 @@ def _write(asked, files, write, *, remarks=(), timed=True):
     """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
     with whole_files(*files) as temporary:
         write(temporary)
-    for remark in remarks:
-        _tell(remark)
+    _tell(asked, *remarks)
     took = f"  ({time.monotonic() - asked.started:.0f} s)" if timed else ""
     click.echo(plain_text("  ".join(map(str, files))) + took)
 
@@ -136,13 +137,12 @@ def _cube_and_beams(asked, remover):
         cube = cube.within(cube.layout.pixels.read_mask(asked.mask))
     if asked.weighed:
         cube = with_enough_channels(cube, remover, peaks=asked.peaks)
-    for sentence in (cube.summary, *cube.remarks):
-        _tell(sentence)
+    _tell(asked, *cube.said)
     if asked.beam is None:
         return cube, None
     beams = beams_of(cube, asked.beam, dish=asked.dish)
     widths, beam = np.rad2deg(gaussian_widths(beams)), named(asked.beam).chosen_for(cube.freqs)
-    _tell(f"The beams, {beam}, have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
+    _tell(asked, f"The beams, {beam}, have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
     return cube, beams
 
 
@@ -170,7 +170,7 @@ def clean(asked):
     outputs = files_of(output)
 
     def write(temporary):
-        write_cleaned(cleaned, temporary[: len(outputs)])
+        write_cleaned(cleaned, temporary[: len(outputs)], said=asked.said)
         write_pages(temporary[len(outputs) :])
 
     _write(asked, [*outputs, *map(output.with_suffix, endings)], write, remarks=cleaned.remarks)
@@ -213,13 +213,13 @@ def _cleaned(asked):
     method_for(cube, remover, beams=beams)  # before the truth is read
     if hasattr(remover, "n_sources") and "n_sources" not in asked.parameters:
         _tell(
+            asked,
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
-            "`himap suggest` says how many this cube asks for."
+            "`himap suggest` says how many this cube asks for.",
         )
     true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
     if true is not None:
-        for remark in true.remarks:
-            _tell(f"The truth: {remark}")
+        _tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
         check_truth(cube, true)  # before the work
     mocks = _mocks(cube, beams, asked)
     options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
@@ -240,7 +240,7 @@ def _cleaned(asked):
     shown = spectra if comparison is None else comparison
 
     def write_pages(paths):
-        write_report(cleaned, paths[0], spectra=shown, more=more)
+        write_report(cleaned, paths[0], spectra=shown, more=more, said=asked.said)
         if corrected is not None:
             measured.write_spectra(corrected, paths[1])
             if scattered is not None:
@@ -267,7 +267,7 @@ def _mocks(cube, beams, asked):
     for word in words:
         if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    return read_mocks(cube, words, tell=_tell, **asked.reading)
+    return read_mocks(cube, words, tell=functools.partial(_tell, asked), **asked.reading)
 
 
 @_command(
@@ -302,7 +302,8 @@ def suggest(asked):
     click.echo(suggestion.suggestion_table(result))
     click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
-        _write(asked, [page], lambda paths: suggestion.write_suggestion(result, *paths), timed=False)
+        write = functools.partial(suggestion.write_suggestion, result, said=asked.said)
+        _write(asked, [page], lambda paths: write(*paths), timed=False)
 
 
 @_command(
@@ -334,9 +335,8 @@ def sensitivity(asked):
         measured.perturbed_beams(asked.beam, **errors, period=asked.period)  # before the work
     cube, beams = _cube_and_beams(asked, remover)
     cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)
-    for remark in cleaned.remarks:
-        _tell(remark)
+    _tell(asked, *cleaned.remarks)
     found = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
     click.echo(measured.sensitivity_table(found))
     if page is not None:
-        _write(asked, [page], lambda paths: measured.write_sensitivity(found, *paths))
+        _write(asked, [page], lambda paths: measured.write_sensitivity(found, *paths, said=asked.said))
