@@ -26,7 +26,7 @@ from himap.store.provenance import Provenance
 @case_options
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 @click.option("--alone", is_flag=True, help="Without the alternatives.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(preset, case, only, alone, output):
     """Measure the steps at one preset."""
     survey, galaxy, started = case.survey, case.galaxy.source, time.monotonic()

@@ -177,7 +177,7 @@ def _stored(output):
     help="Of the counts; the file keeps the others.",
 )
 @click.option("--seed", default=1, show_default=True, help="Of the random points.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(kills, pairs, only, seed, output):
     """Kill, share and fill, and count what is lost."""
     chance, started, fields = random.Random(seed), monotonic(), [w for pair in pairs for w in ("-p", pair)]

@@ -82,7 +82,7 @@ def measure(steps):
 
 
 @click.command()
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="JSON file to write.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 def main(output, only):
     """Measure the steps at several sizes."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 import himap
@@ -380,6 +381,31 @@ for there in ([], {everything[:-2]!r}):
     assert done.exit_code == 2 and "pip install 'himap[notebooks]'" in done.output, done.output
 """
     assert _python("-c", code) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("clean c.h5 --method pc", {"pca"}),
+        ("suggest c.h5 --method g", {"gaussian_process", "gmca", "gnilc"}),
+        ("clean c.h5 --beam osc", {"oscillating"}),
+        ("run 10", {"10_results"}),
+        ("list 27", {"27_restarts"}),
+        ("run 04_pca --preset la", {"laptop"}),
+        ("measure cl", {"claims"}),
+    ],
+)
+def test_tab_completes_names(words, expected):
+    *before, last = words.split()
+    found = ShellComplete(main, {}, "himap", "_HIMAP_COMPLETE").get_completions(before, last)
+    assert {one.value for one in found} == expected
+
+
+def test_a_beam_may_be_completed_as_a_file():
+    found = ShellComplete(main, {}, "himap", "_HIMAP_COMPLETE").get_completions(
+        ["clean", "--beam"], "widths."
+    )
+    assert [one.type for one in found] == ["file"]
 
 
 def test_a_crash_names_its_signal():

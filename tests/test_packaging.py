@@ -24,6 +24,9 @@ IGNORED = {
     ".ruff_cache",
     ".pytest_cache",
     ".himap_cache",
+    "build",
+    "dist",
+    ".hypothesis",
 }
 
 pytest.importorskip("setuptools", minversion="77", reason="an older one does not read our pyproject.toml")
@@ -71,6 +74,19 @@ def test_an_sdist_holds_every_file_of_the_project(built):
         names = {name.partition("/")[2] for name in archive.getnames() if archive.getmember(name).isfile()}
     ours = {name for name in names if "egg-info" not in name} - BUILT
     assert ours == sources()
+
+
+def test_a_build_leaves_nothing_that_git_would_add(built):
+    """As `pip install .` builds, in the tree."""
+    project = built[0].parent / f"himap-{__version__}"
+    files = {path.relative_to(project).as_posix() for path in project.rglob("*") if path.is_file()}
+    new = files - sources() - BUILT
+    assert any(name.startswith("build/") for name in new)
+    check = ["git", "check-ignore", "--no-index", "--stdin"]
+    done = subprocess.run(check, cwd=ROOT, input="\n".join(new), capture_output=True, text=True)
+    if done.returncode == 128:
+        pytest.skip("this is no checkout")
+    assert set(done.stdout.split("\n")[:-1]) == new
 
 
 def test_a_wheel_holds_the_library_alone(built):

@@ -14,7 +14,7 @@ from himap import __version__
 from himap.app import reproduce
 from himap.app.cli.cubes import clean, sensitivity, suggest, transfer
 from himap.app.cli.measure import claims, measure, readings, record
-from himap.app.cli.shared import Commands, debug, named_values, overwrite_option, workers
+from himap.app.cli.shared import NOTEBOOK, PRESET, Commands, debug, named_values, overwrite_option, workers
 from himap.app.notebooks import find, notebooks
 from himap.app.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.core.errors import InputError
@@ -44,7 +44,7 @@ for _command in (claims, clean, measure, readings, record, sensitivity, suggest,
 
 
 @main.command("list")
-@click.argument("name", required=False)
+@click.argument("name", required=False, **NOTEBOOK)
 @debug
 def list_(name):
     """List the notebooks, or the parameters of notebook NAME.
@@ -64,10 +64,12 @@ def list_(name):
 
 
 @main.command()
-@click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option("--preset", help="ci, quick, laptop or paper; default: the notebook's, quick.")
+@click.argument("names", metavar="[NAME]...", nargs=-1, **NOTEBOOK)
+@click.option("--preset", help="ci, quick, laptop or paper; default: the notebook's, quick.", **PRESET)
 @click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter; the value may be JSON.")
-@click.option("-o", "--output", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb.")
+@click.option(
+    "-o", "--output", metavar="FILE", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb."
+)
 @click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
 @click.option("--all", "every", is_flag=True, help="All notebooks, but for those that are done already.")
 @overwrite_option

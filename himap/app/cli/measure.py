@@ -6,6 +6,8 @@ from dataclasses import asdict, replace
 import click
 
 from himap.app.cli.shared import (
+    EXPERIMENT,
+    PRESET,
     check_alone,
     debug,
     json_output,
@@ -28,9 +30,9 @@ _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its 
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
 _OPTIONS = (
-    click.option("--preset", help="ci, quick, laptop or paper."),
+    click.option("--preset", help="ci, quick, laptop or paper.", **PRESET),
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter."),
-    click.option("-o", "--output", help="The JSON to write; default in results/."),
+    click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/."),
     overwrite_option,
     click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
     click.option("--grow", metavar="FILE", help="Add the skies that a record does not have."),
@@ -42,7 +44,7 @@ def _with_options(command):
 
 
 @click.command()
-@click.argument("name")
+@click.argument("name", **EXPERIMENT)
 @_with_options
 def measure(name, **options):
     """Measure the experiment NAME on many skies, and write its record.

@@ -1,16 +1,20 @@
 """The options that commands of `himap` share, and their errors, in one paragraph."""
 
 import functools
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
 import click
+from click.shell_completion import CompletionItem
 
 from himap.app.notebook_files import check_output
+from himap.app.notebooks import notebooks
 from himap.app.reproduce import NotebookError, changed_environment
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
 from himap.core.progress import progress_lines
+from himap.core.survey import PRESETS
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
 _NOTEBOOK_PACKAGES = {
@@ -47,14 +51,36 @@ class Commands(click.Group):
             raise shown from None
 
 
+def completed_by(names):
+    """What completes an argument or option in a shell: those that ``names()`` gives, or a file."""
+
+    def complete(context, parameter, incomplete):
+        known = []
+        with suppress(InputError):  # there are no notebooks
+            known = [CompletionItem(name) for name in names() if name.startswith(incomplete)]
+        return known or [CompletionItem(incomplete, type="file")]
+
+    return {"shell_complete": complete}
+
+
+PRESET = completed_by(lambda: PRESETS)
+NOTEBOOK = completed_by(lambda: [notebook.name for notebook in notebooks()])
+EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPERIMENTS)
+
+
 class NamesOption(click.Option):
-    """An option whose help lists the names that there are, found when it is asked for."""
+    """An option of names that there are, found when its help lists them or a shell completes one."""
 
     package, more, less = "himap.removal", "", ()
 
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options, **completed_by(self._names))
+
+    def _names(self):
+        return [name for name in import_module(self.package).available() if name not in self.less]
+
     def get_help_record(self, context):
-        names = [name for name in import_module(self.package).available() if name not in self.less]
-        self.help = f"{', '.join(names)}{self.more}."
+        self.help = f"{', '.join(self._names())}{self.more}."
         option, text = super().get_help_record(context)
         return option, text.replace("  [required]", "")  # an error says it, and the help is a line
 
