@@ -32,7 +32,7 @@
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
 nside: int = 512  # of the survey to extrapolate to
-n_channels: int = 2000  # its channels
+n_channels: int = 4000  # its channels
 box_cells: int = 2048  # cells along one side of its HI box
 n_realisations: int = 100  # how many of it
 
@@ -132,6 +132,10 @@ plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 Markdown(growth_table(scaling))
 
 # %% [markdown]
+# CRIME, the simulator of the paper, was run beside the light cone, with the same cosmology and Fourier modes ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85 with 1024³: for twice the cells along a side it grew by a factor of 8.4,
+# that of CRIME by a factor of 9.2. Memory is alike. CRIME is not part of himap, so these ratios are cited from that comparison and are not measured again.
+
+# %% [markdown]
 # ## Long runs
 #
 # ```sh
@@ -209,11 +213,16 @@ Markdown("\n".join(Table(head, rows).markdown()))
 # The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels, are uncertain by
 # a factor of two: the exponents with channels are of small maps, the pace of the machine varies by tens of percent, the methods were timed on the oscillating beam only, and with two cores. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
 # of the paper's size.
+#
+# Dask distributes products and does not divide one: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size, so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. The layout is therefore one worker per node, with `cores=1`,
+# `memory` and `HIMAP_MAX_MEMORY` above that, and the cores of the node in the variables of the prologue. There are two stages, the second of which begins when the first has ended everywhere: {glue:text}`scale_cases` observations, of which those of the same sky wait for its light cone, and
+# {glue:text}`scale_cleanings` cleanings, all independent. With {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk keeps up; with more cores for each worker they take less.
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]
 bytes_of_a_cube = 4 * size.n_channels * size.n_pix
 asked = replace(size, **larger)
+N_BEAMS, N_METHODS, N_NODES = 3, 6, 20  # of Figs. 1 and 2; jobs of the cluster above
 quote(
     scale_nside=nside,
     scale_n_channels=n_channels,
@@ -221,6 +230,12 @@ quote(
     scale_cube=(bytes_of_a_cube / 1e9, 0.1, "GB"),
     scale_further=f"{nside / size.nside:g}",
     scale_more=f"{n_channels / size.n_channels:g}",
+    scale_large_cube=(4 * asked.n_channels * asked.n_pix / 1e9, 1, "GB"),
+    scale_worker=(max(one["gigabytes"] for one in extrapolation), 10, "GB"),
+    scale_cases=N_BEAMS * n_realisations,
+    scale_cleanings=N_BEAMS * N_METHODS * n_realisations,
+    scale_nodes=N_NODES,
+    scale_days=(sum(one["core_hours"] for one in extrapolation) / (2 * N_NODES) / 24, 0.5, "days"),
     scale_disk=f"{asked.n_channels * asked.n_pix / (size.n_channels * size.n_pix):g}",
 )
 
