@@ -23,12 +23,13 @@ def test_every_equation_has_a_row():
 
 @pytest.mark.parametrize(("number", "row"), ROWS, ids=[number for number, _ in ROWS])
 def test_what_a_row_names_exists(number, row):
-    _, functions, chapter, test = (cell.strip() for cell in row.split("|"))
-    names = re.findall(r"`(himap\.[\w.]+)`", functions)
+    chapter, code = row.split("|")
+    names = re.findall(r"`(himap\.[\w.]+)`", code)
     assert names and all(resolve_name(name) is not None for name in names)
     (page,) = re.findall(r"\{doc\}`\.\./(notebooks/\w+)`", chapter)
     source = (ROOT / f"{page}.py").read_text()
     assert all(f":label: {label}\n" in source for label in re.findall(r"\{eq\}`([\w-]+)`", chapter))
-    path, *steps = test.strip("`").split("::")
-    found = reduce(definition, steps, ast.parse((ROOT / path).read_text()))
+    (test,) = re.findall(r"`(test_\w+\.py::[\w:]+)`", code)
+    path, *steps = test.split("::")
+    found = reduce(definition, steps, ast.parse((ROOT / "tests" / path).read_text()))
     assert isinstance(found, ast.FunctionDef) and found.name.startswith("test_")
