@@ -25,7 +25,7 @@
 # > - **Read first**: {doc}`15_claims`.
 # > - **Time and memory**: {cost}`18_paper_size`.
 #
-# The chapters use the preset `quick`, and the ledger is measured at `laptop` on {glue:text}`paper_size_realisations` realisations. This page has the claims and the figures at the paper's own size, `nside` 256 and 500 channels of 1 MHz, for one
+# The chapters use the preset `quick`, and the ledger is measured at `laptop` (realisations: {glue:text}`paper_size_realisations`). This page has the claims and the figures at the paper's own size, `nside` 256 and 500 channels of 1 MHz, for one
 # realisation of the real and of the synthetic Galaxy. Two things differ from the paper: the real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper has PySM's of nside 512; and the HI box has 1024³ cells where the
 # paper's has 2048³, so that a cell is {glue:text}`paper_size_cell` wide and a pixel at the far end {glue:text}`paper_size_pixel`.
 #

@@ -70,10 +70,9 @@ class Cost(SphinxRole):
         results = Path(self.env.srcdir, "book", "results")
         patterns = read_notebook(path).metadata.get("himap", {}).get("reads", [])
         files = [pattern.removeprefix("book/results/") for pattern in patterns]
-        names = [name.removesuffix("/figures.json").removesuffix(".json") for name in files]
         if any(claim.notebook == self.text for claim in CLAIMS.values()):
-            names.append(VERDICTS)  # the head has them
-        states = _commits(results, names)
+            files.append(f"{VERDICTS}.json")  # the head has them
+        states = _commits(results, files)
         n_stale = sum(map(bool, states.values()))
         said = (
             f"; {n_stale} of its {len(states)} stored results are stale (page on status)" if n_stale else ""
@@ -85,16 +84,19 @@ class Stale(SphinxRole):
     """The role of stored results, by patterns of their names: which of them are stale, in a sentence."""
 
     def run(self):
-        states = _commits(Path(self.env.srcdir, "book", "results"), self.text.split())
+        states = _commits(
+            Path(self.env.srcdir, "book", "results"), [f"{name}.json" for name in self.text.split()]
+        )
         old = [f"{name} (commit {commits})" for name, commits in states.items() if commits]
         said = f"Stale, measured with code that has changed since: {', '.join(old)}."
         return [nodes.Text(said if old else "No stored result behind these numbers is stale.")], []
 
 
 def _commits(results, patterns):
-    """{name: the commits that made it if it is stale, else ""} of the stored results that fit a pattern."""
+    """{name: the commits that made it if it is stale, else ""} of stored results whose files fit a pattern."""
     known = {one.name: one for one in stored_results(results)} if patterns else {}
-    fitting = [name for name in known if any(fnmatch(name, pattern) for pattern in patterns)]
+    files = {name: one.path.relative_to(results).as_posix() for name, one in known.items()}
+    fitting = [name for name in known if any(fnmatch(files[name], pattern) for pattern in patterns)]
     old = _all_stale(results) if fitting else {}
     commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in fitting}
     return {name: commits[name] if name in old else "" for name in fitting}
