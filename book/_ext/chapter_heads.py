@@ -93,7 +93,7 @@ class Stale(SphinxRole):
 
 
 def _commits(results, patterns):
-    """{name: the commits that made it if it is stale, else ""} of stored results whose files fit a pattern."""
+    """{name: the commits that made it if stale, else ""} of stored results whose files fit a pattern."""
     known = {one.name: one for one in stored_results(results)} if patterns else {}
     files = {name: one.path.relative_to(results).as_posix() for name, one in known.items()}
     fitting = [name for name in known if any(fnmatch(files[name], pattern) for pattern in patterns)]
