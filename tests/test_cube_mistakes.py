@@ -127,8 +127,8 @@ class TestOutputs:
         cleaned = clean_cube(read_cube("good.h5"), PCA(n_sources=2))
         with pytest.raises(InputError, match="good.h5 exists"):
             save_cleaned(cleaned, "good.h5")
-        with pytest.raises(InputError, match=".h5, .fits or .npy"):
-            save_cleaned(cleaned, "c.hdf5")
+        with pytest.raises(InputError, match=".fits.gz or .npy file"):
+            save_cleaned(cleaned, "c.hdf")
         save_cleaned(cleaned, "good.h5", overwrite=True)
         with h5py.File("good.h5") as file:
             assert "residual" in file

@@ -3,10 +3,15 @@
 import difflib
 import importlib.util
 import pkgutil
-from dataclasses import fields
+import re
+from dataclasses import MISSING, fields
 from importlib import import_module
 
 from himap.core.errors import InputError
+
+
+def _plain(name):
+    return re.sub(r"[\W_]", "", str(name)).lower()
 
 
 class Registry:
@@ -38,9 +43,35 @@ class Registry:
         """
         if not isinstance(name, str):
             return False
-        if name.isidentifier() and importlib.util.find_spec(f"{self._package}.{name}"):
+        if name.isidentifier() and name[0] != "_" and importlib.util.find_spec(f"{self._package}.{name}"):
             import_module(f"{self._package}.{name}")
         return name in self._classes or name in self.names()
+
+    def find(self, name):
+        """The name of the class that is meant: capitals, blanks and hyphens do not count.
+
+        Raises
+        ------
+        InputError
+            There is none; the message lists those that there are.
+        """
+        if self.holds(name):
+            return name
+        names = {_plain(each): each for each in self.names()}
+        if _plain(name) not in names:
+            near = difflib.get_close_matches(_plain(name), names, n=1)
+            hint = f" (did you mean {names[near[0]]}?)" if near else ""
+            raise InputError(f"unknown {self._kind} {name!r}{hint}; there are {', '.join(names.values())}.")
+        return names[_plain(name)]
+
+    def describe(self, name):
+        """What a class is, and its parameters with their defaults, as text."""
+        kind = self._classes[self.find(name)]
+        lines = [kind.__doc__.splitlines()[0]]
+        for item in fields(kind):
+            default = "(must be given)" if item.default is MISSING else f"= {item.default!r}"
+            lines.append(f"  {item.name} {default}  {item.metadata['help']}")
+        return "\n".join(lines)
 
     def create(self, name, **parameters):
         """An object of the class called `name`.
@@ -50,8 +81,7 @@ class Registry:
         InputError
             An unknown name or parameter (the message lists what exists), or a bad value.
         """
-        if not self.holds(name):
-            raise InputError(f"unknown {self._kind} {name!r}; there are {', '.join(self.names())}.")
+        name = self.find(name)
         kind = self._classes[name]
         known = {item.name: item.metadata["help"] for item in fields(kind)}
         for key in sorted(set(parameters) - set(known)):

@@ -6,10 +6,13 @@ import numpy as np
 
 from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
-from himap.cubes.layout import LARGEST, Layout, same_freqs
+from himap.cubes.layout import Layout, is_seen, same_freqs
 from himap.maps.healpix_io import MILLIKELVIN
 from himap.maps.low_rank import precision
+from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights
+
+_FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +156,17 @@ class Cube:
         return true if self.missing is None else np.where(self.missing, 0, true)
 
 
+def are_scattered(maps):
+    """Whether more than 1 % of the pixels that some channel sees are missing in one that is not blind."""
+    some, every = np.zeros(maps.shape[1], bool), np.ones(maps.shape[1], bool)
+    for row in maps:
+        seen = is_seen(row)
+        if seen.any():
+            some |= seen
+            every &= seen
+    return bool(np.count_nonzero(some & ~every) > _FEW * np.count_nonzero(some))
+
+
 def make_cube(maps, layout, *, weights=None):
     """The `Cube` of maps as a file has them: sorted, in mK, RING, with the pixels seen in every channel.
 
@@ -170,7 +184,7 @@ def make_cube(maps, layout, *, weights=None):
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     if weights is None:
-        seen = np.array([np.abs(row.astype(floats, copy=False)) < LARGEST for row in maps])  # False for NaN
+        seen = np.array([*map(is_seen, maps)])
     else:
         seen = weights > 0
         maps = np.where(seen, maps, np.zeros((), maps.dtype))
@@ -178,8 +192,9 @@ def make_cube(maps, layout, *, weights=None):
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
         raise InputError(
-            "no pixel is seen in every channel; leave out the channels that see least, or give weights or "
-            "flags to a method that takes them: then what is missing is missing in its channel alone."
+            "no pixel is seen in every channel; leave out the channels that see least, or clean with a "
+            f"method that takes weights ({', '.join(using('weights'))}), for which a voxel may be missing "
+            "alone (read_cube(..., scattered=True))."
         )
     factor, dtype = MILLIKELVIN[layout.unit], floats
     if floats == np.float64:  # for maps that have these digits and need them
@@ -192,6 +207,17 @@ def make_cube(maps, layout, *, weights=None):
     if weights is not None:
         weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
     remarks = [*layout.remarks, *_left_out(n_in_file - len(channels), n_in_file, mask, pixels.area, weights)]
+    if weights is None and are_scattered(maps):
+        remarks.append(
+            "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
+            f"of them ({', '.join(using('weights'))})."
+        )
+    if maps.dtype.itemsize == 2 and maps.dtype.kind == "f":
+        rounding = np.abs(lines).max() * np.finfo(np.float16).eps / 2
+        remarks.append(
+            f"the file has floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK, "
+            "where HI is of the order of 0.1 mK: write float32."
+        )
     freqs = layout.freqs[channels]
     return Cube(
         maps=lines,

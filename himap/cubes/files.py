@@ -7,10 +7,11 @@ import numpy as np
 
 from himap.core.checks import real_array
 from himap.core.errors import InputError
+from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixels_by_axes
-from himap.cubes.cube import make_cube
+from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.layout import Layout, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
@@ -41,6 +42,7 @@ def read_cube(
     axes=None,
     weights=None,
     flags=None,
+    scattered=False,
 ):
     """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
@@ -67,6 +69,9 @@ def read_cube(
         array in .npy, of HEALPix maps in FITS, in any order of pixels, or of HDF5 with a dataset ``weights``.
     flags
         True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
+    scattered
+        Whether voxels that are missing in the file itself (NaN) are flags, for methods that take weights,
+        where more than 1 % of the pixels are missing in some channels and seen in others.
 
     Raises
     ------
@@ -85,6 +90,9 @@ def read_cube(
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
         if weighed:
             weights = voxel_weights(maps, layout, weights=weights, flags=flags)
+        elif scattered and are_scattered(maps):
+            check_room(f"work on {path}", PROCESS + 4 * (_HELD + _HELD_WEIGHTS) * maps.size)
+            weights = voxel_weights(maps, layout)
         return make_cube(maps, layout, weights=weights)
 
 

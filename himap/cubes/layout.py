@@ -200,6 +200,11 @@ def naming(path):
         raise InputError(f"{path}: {error}") from None
 
 
+def is_seen(pixels):
+    """Which pixels have a number: neither NaN nor infinite nor UNSEEN."""
+    return np.abs(pixels.astype(np.result_type(pixels.dtype, np.float32), copy=False)) < LARGEST
+
+
 def same_freqs(first, second):
     """Which frequencies are the same but for their rounding, of two arrays that fit each other."""
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)

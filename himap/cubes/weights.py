@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import LARGEST, by_channel, check_cube_room, check_order, same_freqs
+from himap.cubes.layout import by_channel, check_cube_room, check_order, is_seen, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 
@@ -66,7 +66,7 @@ def voxel_weights(maps, layout, *, weights=None, flags=None):
             raise InputError(f"the {word} must be {right}; {n_bad} are not.")
         out *= values if word == "weights" else values == 0
     for row, pixels in zip(out, maps, strict=True):
-        row[~(np.abs(pixels) < LARGEST)] = 0  # NaN too
+        row[~is_seen(pixels)] = 0
     return out
 
 

@@ -16,10 +16,39 @@ from himap.core.errors import InputError, plain_text, shortened
 from himap.core.files import check_free, whole_files
 from himap.core.reading import there_is
 
-OUTPUTS = (".h5", ".fits", ".npy")
+OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 """What the name of a cleaned cube ends with."""
 
+_COLUMNS = 999  # at most in a table in FITS
+
 _AROUND = 20_000  # bytes of HDF5 around the maps, and of the mixing matrix
+
+
+def ending_of(path):
+    """The one of `OUTPUTS` that a name ends with, in small letters; its suffix for other names."""
+    return next((end for end in (".fits.gz", *OUTPUTS) if path.name.lower().endswith(end)), path.suffix)
+
+
+def companion(path, ending):
+    """A file beside a cleaned cube, of the same name but for its end."""
+    return path.with_name(f"{path.name[: len(path.name) - len(ending_of(path))]}{ending}")
+
+
+def check_columns(cube, path):
+    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns.
+
+    Raises
+    ------
+    InputError
+        Where to write them instead.
+    """
+    pixels = cube.layout.pixels
+    n_columns = len(cube.layout.freqs) + bool(pixels.whole_sky and pixels.partial)
+    if pixels.whole_sky and ending_of(Path(path)).startswith(".fits") and n_columns > _COLUMNS:
+        raise InputError(
+            f"a table in FITS has {_COLUMNS} columns at most, and {path} would need {n_columns}: write "
+            f"HDF5, {companion(Path(path), '.h5')}."
+        )
 
 
 def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
@@ -45,9 +74,9 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
     path = Path(path)
     if page and path.suffix != ".html":
         raise InputError(f"the page is a .html file, got {path}.")
-    if not page and path.suffix not in OUTPUTS:
+    if not page and ending_of(path) not in OUTPUTS:
         raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
-    paths = [*files_of(path), *map(path.with_suffix, endings)]
+    paths = [*files_of(path), *(companion(path, end) for end in endings)]
     folder = Path(os.path.realpath(path.parent))
     try:  # what the permissions promise is not always so
         with tempfile.TemporaryFile(dir=folder):
@@ -70,9 +99,10 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
 
 def files_of(path):
     """All files that a cleaned cube, or a page, is written to, `path` first."""
-    if path.suffix in (".h5", ".html"):
+    ending = ending_of(path)
+    if ending in (".h5", ".hdf5", ".html"):
         return [path]
-    return [path, *(path.with_name(path.stem + end) for end in (f"_foreground{path.suffix}", "_mixing.txt"))]
+    return [path, *(companion(path, end) for end in (f"_foreground{ending}", "_mixing.txt"))]
 
 
 def save_cleaned(cleaned, path, *, overwrite=False):
@@ -91,8 +121,10 @@ def save_cleaned(cleaned, path, *, overwrite=False):
     Raises
     ------
     InputError
-        Another ending than .h5, .fits or .npy, or a file that is there already, without `overwrite`.
+        Another ending than those of `OUTPUTS`, more channels than FITS has columns, or a file that is there
+        already, without `overwrite`.
     """
+    check_columns(cleaned.cube, path)
     paths = files_of(check_output(path, overwrite=overwrite))
     with whole_files(*paths) as temporary:  # all of them or none
         write_cleaned(cleaned, temporary)
@@ -107,7 +139,7 @@ def write_cleaned(cleaned, paths, *, said=None):
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
-    if paths[0].suffix == ".h5":
+    if ending_of(paths[0]) in (".h5", ".hdf5"):
         with _hdf5(paths[0], len(cube.freqs) * len(cube.mask), cleaned) as file:
             for name, maps in _as_given(cleaned):
                 file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
@@ -120,7 +152,7 @@ def write_cleaned(cleaned, paths, *, said=None):
         return
     *targets, table = paths
     for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
-        if target.suffix == ".npy":
+        if ending_of(target) == ".npy":
             np.save(target, maps)
         else:
             cards = [("METHOD", cleaned.method.name), ("HIMAP", __version__)]

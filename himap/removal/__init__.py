@@ -6,7 +6,7 @@ Every file of this package is found by itself, so a new method is one new file.
 from himap.core.registry import Registry
 from himap.removal.base import REGISTRY
 
-__all__ = ["available", "create"]
+__all__ = ["available", "create", "describe", "using"]
 
 _METHODS = Registry("method", __name__, __path__, REGISTRY)
 
@@ -14,6 +14,18 @@ _METHODS = Registry("method", __name__, __path__, REGISTRY)
 def available():
     """Names of the methods, sorted."""
     return _METHODS.names()
+
+
+def describe(name):
+    """What a method is, what it uses, and its parameters, as text; InputError for an unknown name."""
+    about, *parameters = _METHODS.describe(name).splitlines()
+    uses = ", ".join(sorted(REGISTRY[_METHODS.find(name)].uses)) or "maps alone"
+    return "\n".join([about, f"Uses: {uses}", *parameters])
+
+
+def using(what):
+    """Names of the methods that use something, such as "weights" (`ForegroundRemover.uses`)."""
+    return [name for name in available() if what in REGISTRY[name].uses]
 
 
 def create(name, **parameters):

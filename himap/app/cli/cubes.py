@@ -40,17 +40,18 @@ _COMMON = (
     option("--beam", cls=BeamsOption, metavar="NAME"),
     option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
-    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits: nothing else is looked at."),
+    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits or .npy: the rest is not used."),
     option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     overwrite_option,
-    option("--freqs", metavar="FILE", help="Channel centres in MHz, one a line."),
+    option("--freqs", metavar="FILE", help="Channel centres, MHz; --axes: as in numpy."),
+    option("--axes", metavar="NAMES", hidden=True),
     option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
     option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
     option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
     option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
     debug,
 )
-_READING = ("freqs", "unit", "order", "maps_name", "freqs_name")
+_READING = ("freqs", "unit", "order", "maps_name", "freqs_name", "axes")
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 
 
@@ -131,11 +132,12 @@ def _cube_and_beams(asked, remover):
         raise InputError(f"{remover.name} needs the beam of the cube; give --beam.")
     if asked.weighed:
         remover.check_weights()
-    cube = read_cube(asked.path, **asked.reading, **asked.weighed)
+    scattered = "weights" in remover.uses
+    cube = read_cube(asked.path, **asked.reading, **asked.weighed, scattered=scattered)
     check_pixels(cube, remover)
     if asked.mask is not None:
         cube = cube.within(cube.layout.pixels.read_mask(asked.mask))
-    if asked.weighed:
+    if cube.weights is not None:
         cube = with_enough_channels(cube, remover, peaks=asked.peaks)
     _tell(asked, *cube.said)
     if asked.beam is None:
@@ -150,7 +152,7 @@ def _cube_and_beams(asked, remover):
     _METHOD,
     option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
     option(
-        "-o", "--output", metavar="FILE", required=True, help="Cleaned cube: .h5, .fits or .npy; and .html."
+        *("-o", "--output"), metavar="FILE", required=True, help="Cleaned: .h5, .fits(.gz), .npy; and .html."
     ),
     option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
     option("--restarts", type=int, metavar="N", help="Starts of a chaotic method, sdecgmca; default 4."),
@@ -162,7 +164,7 @@ def clean(asked):
     Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
-    from himap.cubes.writing import files_of, write_cleaned
+    from himap.cubes.writing import companion, files_of, write_cleaned
 
     endings = (".html", ".csv") if asked.mocks else (".html",)
     output = _output(asked, endings, page=False)
@@ -173,7 +175,8 @@ def clean(asked):
         write_cleaned(cleaned, temporary[: len(outputs)], said=asked.said)
         write_pages(temporary[len(outputs) :])
 
-    _write(asked, [*outputs, *map(output.with_suffix, endings)], write, remarks=cleaned.remarks)
+    pages = [companion(output, end) for end in endings]
+    _write(asked, [*outputs, *pages], write, remarks=cleaned.remarks)
 
 
 @_command(
@@ -204,6 +207,7 @@ def _cleaned(asked):
     from himap.cubes.files import read_truth
     from himap.cubes.report import patches_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
+    from himap.cubes.writing import check_columns
     from himap.removal import create
     from himap.removal.restarts import checked_restarts
 
@@ -211,6 +215,7 @@ def _cleaned(asked):
     checked_restarts(remover, asked.restarts)
     cube, beams = _cube_and_beams(asked, remover)
     method_for(cube, remover, beams=beams)  # before the truth is read
+    check_columns(cube, asked.output)
     if hasattr(remover, "n_sources") and "n_sources" not in asked.parameters:
         _tell(
             asked,

@@ -14,7 +14,16 @@ from himap import __version__
 from himap.app import reproduce
 from himap.app.cli.cubes import clean, sensitivity, suggest, transfer
 from himap.app.cli.measure import claims, measure, readings, record
-from himap.app.cli.shared import NOTEBOOK, PRESET, Commands, debug, named_values, overwrite_option, workers
+from himap.app.cli.shared import (
+    METHOD,
+    NOTEBOOK,
+    PRESET,
+    Commands,
+    debug,
+    named_values,
+    overwrite_option,
+    workers,
+)
 from himap.app.notebooks import find, notebooks
 from himap.app.parameters import accepts, check_parameters, describe_parameters, parse_texts
 from himap.core.errors import InputError
@@ -61,6 +70,24 @@ def list_(name):
     if notebook.section:
         click.echo(f"Paper: Sect. {notebook.section}; figures: {', '.join(notebook.figures) or 'none'}")
     click.echo(f"Parameters:\n{describe_parameters(notebook.parameters) or '  none'}")
+
+
+@main.command()
+@click.argument("name", required=False, **METHOD)
+@debug
+def methods(name):
+    """List the methods of foreground removal, or the parameters of method NAME.
+
+    \b
+    himap methods pca
+    """
+    from himap import removal
+
+    if name is not None:
+        click.echo(removal.describe(name))
+        return
+    rows = [(method, removal.describe(method).splitlines()[0]) for method in removal.available()]
+    click.echo(Table(["method", "what it does"], rows))
 
 
 @main.command()

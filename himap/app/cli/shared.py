@@ -65,6 +65,7 @@ def completed_by(names):
 
 PRESET = completed_by(lambda: PRESETS)
 NOTEBOOK = completed_by(lambda: [notebook.name for notebook in notebooks()])
+METHOD = completed_by(lambda: import_module("himap.removal").available())
 EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPERIMENTS)
 
 

@@ -45,13 +45,11 @@ def named(text):
     if not isinstance(text, str | Path):
         raise InputError(f"a beam is told by its name or the path of a file, got {text!r}.")
     name, _, parameters = str(text).partition(":")
+    if not is_file(text):
+        name = _BEAMS.find(name)
     if _BEAMS.holds(name):
         pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
         return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
-    if not is_file(text):
-        raise InputError(
-            f"unknown beam {str(text)!r}: it is neither one of {', '.join(available())} nor a file."
-        )
     return create("file", path=str(text))
 
 
