@@ -4,15 +4,18 @@ The files are made here, in formats that the public codes and their notes descri
 """
 
 import os
+import shlex
+from pathlib import Path
 
 import h5py
 import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import FREQS, N_PIX, NSIDE, power_law_maps
+from astropy.wcs import WCS
+from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps
 
-from himap.cubes import read_cube
+from himap.cubes import clean_cube, read_cube
 from himap.sky.cosmology import redshift
 
 EDGES = np.linspace(900, 1020, 25)
@@ -29,6 +32,14 @@ def maps(rng):
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+PAGE = Path(__file__).parents[1] / "book" / "simulators.md"
+
+
+def blocks(language):
+    """The code in a language on the page."""
+    return [block.partition("```")[0] for block in PAGE.read_text().split(f"```{language}\n")[1:]]
 
 
 def check_read(path, maps, *said, freqs=CENTRES, exact=False, given_freqs=None, **given):
@@ -162,3 +173,55 @@ def test_one_row_or_column_is_a_list(shape, maps):
     np.save("a.npy", maps)
     np.save("nu.npy", FREQS.reshape(shape))
     check_read("a.npy", maps, given_freqs="nu.npy", freqs=FREQS, unit="mK", order="RING", exact=True)
+
+
+def meer21cm(rng):
+    """(wcs, maps in K, frequencies): an array (RA, Dec, channel), and world coordinates of the sky alone."""
+    wcs = WCS(naxis=2)
+    wcs.wcs.ctype, wcs.wcs.crval = ["RA---ZEA", "DEC--ZEA"], [150.0, -2.0]
+    wcs.wcs.crpix, wcs.wcs.cdelt = [1.0, 1.0], [0.3, 0.3]
+    freqs = 971 + 0.209 * np.arange(20)
+    spectra = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8])
+    maps = np.exp(rng.standard_normal((30, 16, 2))) @ spectra.T
+    return wcs, maps + 1e-3 * rng.standard_normal(maps.shape), freqs
+
+
+def test_arrays_of_meer21cm(rng):
+    """What the page has for them in Python is the cube that its options make of the array as it is."""
+    wcs, maps, freqs = meer21cm(rng)
+    code = next(code for code in blocks("python") if "transposed.fits" in code)
+    exec(code, {"wcs": wcs, "maps": maps, "freqs": freqs})
+    cube = read_cube("transposed.fits")
+    assert cube.freqs == pytest.approx(freqs)
+    assert cube.maps == pytest.approx(1e3 * maps.transpose(2, 1, 0).reshape(20, -1), rel=1e-6)
+    hdu = wcs.to_fits()[0]
+    fits.writeto("cube.fits", maps, hdu.header)
+    other = read_cube("cube.fits", axes="ra,dec,freq", freqs=freqs, unit="K")
+    assert np.array_equal(other.maps, cube.maps)
+
+
+@pytest.mark.usefixtures("no_pages")
+def test_the_commands_on_the_page_run_in_order(maps, rng):
+    """As they stand, with files as the codes write them; each output is there, and can be read again."""
+    for name in ("folder", "joint", "cosmo"):
+        os.mkdir(name)
+        for number, row in enumerate(1e-3 * maps if name == "cosmo" else maps, 1):
+            columns_of([row], ["T"], "mK").writeto(f"{name}/test_{number:03d}.fits")
+    for name in ("prefix_nuTable.dat", "joint_nuTable.dat"):
+        write_crime_table(name)
+    write_pysm(maps, None)
+    os.rename("pysm", "maps")
+    write_cora(maps)
+    wcs, array, freqs = meer21cm(rng)
+    fits.writeto("cube.fits", array, wcs.to_fits()[0].header)
+    np.savetxt("nu.txt", freqs)
+    lines = [line for block in blocks("bash") for line in block.splitlines() if line.startswith("himap")]
+    assert len(lines) >= 6
+    for line in lines:
+        words = shlex.split(line, comments=True)[1:]
+        done = himap(*words)
+        assert done.exit_code == 0, (line, done.output)
+    again = read_cube("images.fits")
+    given = {"axes": "ra,dec,freq", "freqs": freqs, "unit": "K"}
+    residual = clean_cube(read_cube("cube.fits", **given), "pca", n_sources=4).residual
+    assert again.maps == pytest.approx(residual, rel=1e-5, abs=1e-9) and again.freqs == pytest.approx(freqs)
