@@ -23,13 +23,12 @@ def test_every_equation_has_a_row():
 
 @pytest.mark.parametrize(("number", "row"), ROWS, ids=[number for number, _ in ROWS])
 def test_what_a_row_names_exists(number, row):
-    chapter, code = row.split("|")
-    names = re.findall(r"`(himap\.[\w.]+)`", code)
-    assert names and all(resolve_name(name) is not None for name in names)
-    (page,) = re.findall(r"\{doc\}`\.\./(notebooks/\w+)`", chapter)
+    _, chapter, code = row.split("|")
+    functions, test = (re.findall(r"`([\w.]+)`", part) for part in code.split(";"))
+    assert functions and all(resolve_name(name) is not None for name in functions)
+    (page,) = re.findall(r"\(\.\./(notebooks/\w+)\.ipynb\)", chapter)
     source = (ROOT / f"{page}.py").read_text()
     assert all(f":label: {label}\n" in source for label in re.findall(r"\{eq\}`([\w-]+)`", chapter))
-    (test,) = re.findall(r"`(test_\w+\.py::[\w:]+)`", code)
-    path, *steps = test.split("::")
-    found = reduce(definition, steps, ast.parse((ROOT / "tests" / path).read_text()))
+    file, *steps = test
+    found = reduce(definition, steps, ast.parse((ROOT / "tests" / file).read_text()))
     assert isinstance(found, ast.FunctionDef) and found.name.startswith("test_")
