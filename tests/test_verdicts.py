@@ -1,11 +1,12 @@
 """Verdicts by shares of members, on made-up findings."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from ledgers import judged
 
-from himap.paper.claims import FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED, Finding, Part
+from himap.paper.claims import CLAIMS, FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED, Finding, Part
 from himap.paper.claims.verdicts import parts_of, places_of, wilson
 
 
@@ -143,3 +144,9 @@ def test_claims_on_sdecgmca_are_those_with_a_main_part_about_it():
     assert members(("a", 1, "SD"), ("b", 1, "POL")).about_sd
     assert not members(("b", 1, "POL")).about_sd
     assert not judged([(Part("a", True, False, "SD"), Part("b", True))]).about_sd
+
+
+def test_a_claim_that_does_not_apply_is_on_sdecgmca_if_its_statement_is():
+    absent = judged([()])
+    assert not absent.about_sd
+    assert replace(absent, claim=CLAIMS["N2"]).about_sd

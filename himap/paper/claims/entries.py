@@ -79,8 +79,9 @@ class Entry:
 
     @property
     def about_sd(self):
-        """Whether a main part is about SDecGMCA."""
-        return any(share.part.method == "SD" for share in self.main_shares)
+        """Whether a main part is about SDecGMCA; where there is none, whether the statement names it."""
+        methods = {share.part.method for share in self.main_shares} or {*self.claim.statement.split()}
+        return "SD" in methods
 
     @property
     def values(self):
