@@ -126,8 +126,8 @@ class TestSaid:
     def test_what_was_taken(self, maps):
         write_folder("folder", ["bw20MHz_900MHz", "bw20MHz_910MHz"])
         done = himap("clean", "folder", "--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.h5")
-        said = "2 channels from 900 to 910 MHz, told by the names of its files; maps of nside 4 in mK, RING."
-        assert done.exit_code == 0 and said in done.output
+        said = "2 channels from 900 to 910 MHz, told by the names of its files; maps of nside 4 in mK, RING, "
+        assert done.exit_code == 0 and said + "frame not stated." in done.output
 
     def test_remarks_on_truth_and_mocks(self, maps):
         write_hdf5("a.h5")
@@ -311,4 +311,5 @@ def test_messages_are_short_and_plain():
 
 def test_a_mask_in_healpix_order(maps):
     write_fits("m.fits", hp.reorder(np.arange(N_PIX) < 9, r2n=True).astype(np.float32), nest=True)
-    assert np.array_equal(SpherePixels(nside=NSIDE).read_mask("m.fits"), np.arange(N_PIX) < 9)
+    mask, _, _ = SpherePixels(nside=NSIDE).read_mask("m.fits")
+    assert np.array_equal(mask, np.arange(N_PIX) < 9)

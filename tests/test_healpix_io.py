@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from himap.core.errors import InputError
 from himap.maps import healpix_io
+from himap.maps.frames import is_nested
 from himap.maps.healpix_io import (
     MILLIKELVIN,
     agreed,
     freq_in_header,
     freqs_in,
-    is_nested,
     read_maps,
     temperature_unit,
     write_maps,
@@ -60,7 +60,7 @@ class TestReading:
         file = read_maps(path)
         assert np.array_equal(file.maps, maps) and file.maps.dtype == np.float32
         assert file.names == ("one", "two", "three") and file.units == ("mK", "K_RJ", None)
-        assert (file.nested, file.coordinates, file.partial) == (nest, "G", False)
+        assert (file.nested, file.frame, file.partial) == (nest, "G", False)
         assert file.header["NSIDE"] == NSIDE
 
     def test_one_column_of_many(self, maps, path):
@@ -80,7 +80,7 @@ class TestReading:
         with fits.open(path, mode="update") as file:
             del file[1].header["ORDERING"]
         file = read_maps(path)
-        assert file.nested is None and file.coordinates is None
+        assert file.nested is None and file.frame is None
         assert file.units == (None, None, None)
 
     @pytest.mark.parametrize("told", [("INDXSCHM", "OBJECT"), ("INDXSCHM",), ("OBJECT",)])

@@ -234,7 +234,11 @@ class TestSeveralFiles:
         cube = fits.PrimaryHDU(maps, header_of((*SKY["SIN"], FREQ), BUNIT="mK"))
         beams = fits.BinTableHDU.from_columns([fits.Column("BMAJ", "E", array=np.ones(3))], name="BEAMS")
         fits.HDUList([cube, beams]).writeto(tmp_path / "a.fits")
-        assert "holds BEAMS beside the cube, which is left out" in read_cube(tmp_path / "a.fits").remarks[0]
+        cube = read_cube(tmp_path / "a.fits")
+        assert "holds BEAMS beside the cube, which is not used, but written again" in cube.remarks[0]
+        save_cleaned(clean_cube(cube, "pca", n_sources=2), tmp_path / "c.fits")
+        with fits.open(tmp_path / "c.fits") as file:
+            assert np.array_equal(file["BEAMS"].data["BMAJ"], np.ones(3))
 
 
 class TestPages:

@@ -67,7 +67,7 @@ def test_files(pysm3, tmp_path):
     ):
         assert file.maps.shape == (1, 12 * NSIDE**2) and file.maps.dtype == np.float32
         assert file.maps[0] == pytest.approx(pixels, rel=1e-6)
-        assert (file.units, file.nested, file.coordinates, file.partial) == ((unit,), False, "G", False)
+        assert (file.units, file.nested, file.frame, file.partial) == ((unit,), False, "G", False)
         assert file.header["PYSM3"] == "3.4.6"
     assert nsides_of(tmp_path / "new" / "maps") == dict.fromkeys(("index", "synchrotron", "free-free"), NSIDE)
 

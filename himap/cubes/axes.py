@@ -48,9 +48,9 @@ def pixels_by_axes(maps, axes=None):
     )
 
 
-def check_world_axes(hdu, name):
-    """Refuse a header that has fewer axes than its array."""
-    n_world, lengths = hdu.header.get("WCSAXES"), hdu.shape[::-1]
+def check_world_axes(header, shape, name):
+    """Refuse a header that has fewer axes than its array, of this shape."""
+    n_world, lengths = header.get("WCSAXES"), tuple(shape)[::-1]
     n_long = max((n for n, length in enumerate(lengths, 1) if length > 1), default=0)
     if isinstance(n_world, int) and n_world < n_long:
         raise InputError(

@@ -7,6 +7,7 @@ import numpy as np
 from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
 from himap.cubes.layout import Layout, is_seen, same_freqs
+from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN
 from himap.maps.low_rank import precision
 from himap.removal import using
@@ -53,9 +54,11 @@ class Cube:
     @property
     def summary(self):
         """What was read, a sentence for the user to check."""
+        frame = self.layout.spectral_frame
+        frame = f" (SPECSYS = {frame})" if frame else ""
         return (
             f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, told by "
-            f"{self.layout.freqs_from}; {self.layout.pixels.described(self.layout.unit)}."
+            f"{self.layout.freqs_from}{frame}; {self.layout.pixels.described(self.layout.unit)}."
         )
 
     @property
@@ -92,6 +95,18 @@ class Cube:
     def channel_width(self):
         """MHz; the mean distance of two channels."""
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
+
+    def masked(self, path, *, rotate=False):
+        """The same `Cube` of the pixels that it sees and that the mask in a file keeps.
+
+        Raises
+        ------
+        InputError
+            As of `within` and of `himap.cubes.layout.SpherePixels.read_mask`.
+        """
+        mask, pixels, said = self.layout.pixels.read_mask(path, rotate=rotate)
+        cube = self.within(mask)
+        return replace(cube, layout=replace(cube.layout, pixels=pixels), remarks=(*cube.remarks, *said))
 
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
@@ -141,6 +156,31 @@ class Cube:
         kept = near | ~known
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
+
+    def in_frame_of(self, other, label="the truth", *, rotate=False):
+        """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
+
+        Raises
+        ------
+        InputError
+            The frames differ, and it may not be rotated, or it sees a part of the sky, or is an image.
+        """
+        mine, theirs = self.layout.pixels, other.layout.pixels
+        if not mine.whole_sky or not theirs.whole_sky:
+            return self
+        _, said = theirs.in_frame_of(label, mine.frame, rotate=rotate)
+        if None in (mine.frame, theirs.frame) or mine.frame == theirs.frame:
+            return replace(self, remarks=(*self.remarks, *said))
+        if not self.whole_sky:
+            raise InputError(
+                "maps of a part of the sky cannot be rotated by their multipoles: give them in the frame of "
+                f"the cube, {theirs.frame}."
+            )
+        layout = replace(self.layout, pixels=replace(mine, frame=theirs.frame))
+        maps = sphere.rotate_maps(self.maps, mine.frame, theirs.frame)
+        share = maps.var(dtype=np.float64) / self.maps.var(dtype=np.float64)
+        said = (*said, f"Its multipoles to l = {3 * self.nside - 1} were, with {share:.1%} of its variance.")
+        return replace(self, maps=maps, layout=layout, remarks=(*self.remarks, *said))
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""

@@ -15,7 +15,8 @@ from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.layout import Layout, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
-from himap.maps.healpix_io import is_nested, temperature_unit
+from himap.maps.frames import FRAMES, frame_of, is_nested
+from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
 from himap.removal.gnilc import LINE
 
@@ -37,12 +38,14 @@ def read_cube(
     freqs=None,
     unit=None,
     order=None,
+    frame=None,
     maps_name=None,
     freqs_name=None,
     axes=None,
     weights=None,
     flags=None,
     scattered=False,
+    rotate=False,
 ):
     """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
@@ -58,6 +61,8 @@ def read_cube(
         "K", "mK" or "uK", if the file does not say.
     order
         "RING" or "NESTED", if the file does not say; RING unless given.
+    frame
+        Of the coordinates, "G", "C" or "E", if the file does not say.
     maps_name, freqs_name
         Datasets of an HDF5 file.
     axes
@@ -72,6 +77,8 @@ def read_cube(
     scattered
         Whether voxels that are missing in the file itself (NaN) are flags, for methods that take weights,
         where more than 1 % of the pixels are missing in some channels and seen in others.
+    rotate
+        Whether weights and flags of another frame are rotated to that of the maps, or refused.
 
     Raises
     ------
@@ -87,21 +94,32 @@ def read_cube(
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
     with naming(path):
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
-        layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order)
+        layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if weighed:
-            weights = voxel_weights(maps, layout, weights=weights, flags=flags)
+            weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):
             check_room(f"work on {path}", PROCESS + 4 * (_HELD + _HELD_WEIGHTS) * maps.size)
-            weights = voxel_weights(maps, layout)
+            weights, layout = voxel_weights(maps, layout)
         return make_cube(maps, layout, weights=weights)
 
 
 def read_truth(
-    path, *, freqs=None, unit=None, order=None, maps_name=None, freqs_name=None, axes=None, cube=None
+    path,
+    *,
+    freqs=None,
+    unit=None,
+    order=None,
+    frame=None,
+    maps_name=None,
+    freqs_name=None,
+    axes=None,
+    cube=None,
+    rotate=False,
 ):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
-    Channels that the file of the other, `cube`, has, but `cube` has not, are left out.
+    Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
+    in another frame than that are rotated, if they may be (`rotate`).
     """
     with naming(path):
         try:
@@ -115,9 +133,10 @@ def read_truth(
             "freqs": freqs if layout.freqs is None else None,
             "unit": unit if layout.unit is None else None,
             "order": order if layout.pixels.nested is None else None,
+            "frame": frame if layout.pixels.frame is None else None,
         }
         truth = make_cube(maps, completed(path, len(maps), layout, **given))
-    return truth if cube is None else truth.channels_of(cube)
+    return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
@@ -183,8 +202,8 @@ def read_npy(path, *, axes=None, held=1):
     return maps, Layout.of_sphere(maps, remarks=remarks)
 
 
-def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
-    """The `Layout` of a file with the frequencies, unit and order that the caller gives, as of `read_cube`.
+def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
+    """The `Layout` of a file with what the caller gives of frequencies, unit, order and frame (`read_cube`).
 
     Raises
     ------
@@ -223,8 +242,9 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
     if not stated:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
     _check_same(stated[0] == stated[-1], path, "unit", layout.unit, unit)
-    if order is not None and not pixels.whole_sky:
-        raise InputError(f"an image has no order of HEALPix pixels; leave order = {order} (--order) out.")
+    for name, value in {"order": order, "frame": frame}.items():
+        if value is not None and not pixels.whole_sky:
+            raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")
     if pixels.whole_sky:
         nested = None if order is None else is_nested(str(order), "order")
         if pixels.nested is None:
@@ -235,7 +255,17 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None):
                 )
                 remarks = (*remarks, remark)
         _check_same(nested in (None, pixels.nested), path, "order", pixels.order, order)
+        pixels = _framed(path, pixels, frame)
     return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=stated[0], remarks=remarks)
+
+
+def _framed(path, pixels, frame):
+    """HEALPix pixels in the frame that the caller gives, if any."""
+    given = frame_of(frame)
+    if given not in (None, *FRAMES):
+        raise InputError(f"the frame of coordinates must be one of {', '.join(FRAMES)}, got {frame!r}.")
+    _check_same(None in (given, pixels.frame) or given == pixels.frame, path, "frame", pixels.frame, frame)
+    return replace(pixels, frame=pixels.frame or given)
 
 
 def _check_same(same, path, what, stated, given):

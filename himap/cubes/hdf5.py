@@ -7,17 +7,20 @@ the names of the polarisations.
 """
 
 from contextlib import contextmanager
+from dataclasses import replace
 
 import h5py
 import numpy as np
 from astropy import units as u
 
 from himap.core.errors import InputError
+from himap.cubes import hdf5_access as access
 from himap.cubes.axes import pixels_by_axes
-from himap.cubes.hdf5_access import open_hdf5, read_stored
-from himap.cubes.layout import Layout, as_input_error, check_cube_room
+from himap.cubes.image_files import parts_of_headers
+from himap.cubes.images import HEADERS, ImagePixels
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, plain_pairs
 from himap.maps import sphere
-from himap.maps.healpix_io import is_nested
+from himap.maps.frames import FRAMES, frame_of, is_nested
 from himap.maps.sphere import sphere_sizes
 
 _FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "nu", "nus"}
@@ -25,7 +28,11 @@ _IN_UNIT = {f"{name}_{unit.lower()}": unit for name in _FREQUENCIES for unit in 
 _MASKS = {"mask", "masks", "flag", "flags"}
 _MAP, _MAP_FREQS, _MAP_POLS = "map", "index_map/freq", "index_map/pol"  # of a container
 _MAP_AXES = ["freq", "pol", "pixel"]
-_PACKING = ("_FillValue", "missing_value", "scale_factor", "add_offset")  # of netCDF
+_UNITS, _ORDERS, _SPECTRAL = ("unit",), ("order", "ordering"), ("specsys", "spectral_frame")
+_FRAMES = ("coordsys", "coord", "frame", "coordinate_frame", "coordinate_system")
+_STRUCTURE = {"class", "name", "axis", "_unsigned", "_netcdf4dimid"}  # attributes that are of the file alone
+_STRUCTURE |= {name.lower() for name in (*_UNITS, *_ORDERS, *_FRAMES, *_SPECTRAL, *access.PACKING)}
+_WRITTEN = ["foreground", "residual"]  # the maps of a cleaned cube
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 _LISTED = 20  # datasets in a message
 
@@ -33,6 +40,8 @@ _LISTED = 20  # datasets in a message
 def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
     """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
     with _opened(path, aside) as file:
+        if HEADERS in file.items:
+            return _read_images(file, maps_name, held)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
         container = maps_name in (None, _MAP) and freqs_name is None and file.is_container
         if container and maps_name is None and fitting:
@@ -56,8 +65,29 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
         if not container:
             maps, remarks = pixels_by_axes(maps, axes)
             stated = {"remarks": remarks, **_freqs_of(file, freqs_name, len(maps))}
-        unit = file.text("unit", of=item)
-        return maps, Layout.of_sphere(maps, file.is_nested(item), unit=unit, **stated)
+        stated |= {"unit": file.text(*_UNITS, of=item), "about": file.about(item)}
+        layout = Layout.of_sphere(maps, file.is_nested(item), frame=file.frame(item), **stated)
+        return maps, replace(layout, remarks=(*layout.remarks, *file.remarks))
+
+
+def _read_images(file, name, held):
+    """The maps and `Layout` of images, as `himap.cubes.writing` writes them, in an open file."""
+    path, headers = file.path, file.items[HEADERS][...]
+    pixels = ImagePixels(parts=parts_of_headers(path, [access.decoded(text) for text in headers]))
+    n_channels = sum(part.n_channels for part in pixels.parts)
+    if any(part.freqs is None for part in pixels.parts):  # uneven ones, which no axis states
+        stated = _freqs_of(file, None, n_channels)
+    else:
+        freqs = np.concatenate([part.freqs for part in pixels.parts])
+        stated = {"freqs": freqs, "freqs_from": f"the dataset {HEADERS}"}
+    shape = (n_channels, *pixels.shape)
+    name = name or file.only_one([name for name, item in file.arrays.items() if item.shape == shape])
+    item = file.get(name, "--maps")
+    if item.shape != shape:
+        raise InputError(f"{name} in {path} must have the shape of its {HEADERS}, {shape}, got {item.shape}.")
+    check_cube_room(path, item.size, item.dtype.itemsize, held)
+    stated |= {"unit": file.text(*_UNITS, of=item), "about": file.about(item), "remarks": tuple(file.remarks)}
+    return file.values(name).reshape(n_channels, -1), Layout(pixels=pixels, **stated)
 
 
 def read_dataset(path, word, *, held=1):
@@ -65,8 +95,9 @@ def read_dataset(path, word, *, held=1):
 
     Returns
     -------
-    (ndarray, ndarray or None, bool or None)
-        The numbers, in the shape that they have; frequencies and the order of pixels, as beside maps.
+    (ndarray, ndarray or None, bool or None, str or None)
+        The numbers, in the shape that they have; frequencies, whether pixels are NESTED and their frame, as
+        beside maps.
 
     Raises
     ------
@@ -80,15 +111,15 @@ def read_dataset(path, word, *, held=1):
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
         check_cube_room(path, item.size, item.dtype.itemsize, held)
-        values = read_stored(item, path) if names[0] in file.masks else file.values(names[0])
+        values = access.read_stored(item, path) if names[0] in file.masks else file.values(names[0])
         freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
-        return values, freqs, file.is_nested(item)
+        return values, freqs, file.is_nested(item), file.frame(item)
 
 
 @contextmanager
 def _opened(path, aside=()):
     """The `_Datasets` of the file called `path`, while it is read."""
-    with as_input_error(path, "HDF5"), open_hdf5(path) as file:
+    with as_input_error(path, "HDF5"), access.open_hdf5(path) as file:
         yield _Datasets(path, file, aside)
 
 
@@ -105,17 +136,20 @@ class _Datasets:
         Those of complex numbers, which are no maps.
     elsewhere
         Names of links to other files.
+    remarks
+        What was chosen, for the user to read.
     """
 
     def __init__(self, path, file, aside):
         self.path, self.file, self.items, self.elsewhere, self._n = path, file, {}, set(), 0
+        self.remarks = []
         self._add("", file)
         file.visititems(self._add)  # each item once, whatever links lead to it
         known = {name: item for name, item in self.items.items() if _last(name) not in aside}
         self.masks = {name: item for name, item in known.items() if _last(name) in _MASKS}
         known = {name: item for name, item in known.items() if name not in self.masks}
-        self.arrays = {name: item for name, item in known.items() if _has_kind(item, "fiu")}
-        self.complex = {name: item for name, item in known.items() if _has_kind(item, "c")}
+        self.arrays = {name: item for name, item in known.items() if access.has_kind(item, "fiu")}
+        self.complex = {name: item for name, item in known.items() if access.has_kind(item, "c")}
 
     def _add(self, name, item):
         self._n += 1
@@ -157,7 +191,10 @@ class _Datasets:
         return item
 
     def only_one(self, fitting):
-        """The only name of `fitting`."""
+        """The only name of `fitting`; of a cleaned cube, the residual."""
+        if "himap" in self.file.attrs and sorted(fitting) == _WRITTEN:
+            self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
+            return _WRITTEN[1]
         if len(fitting) == 1:
             return fitting[0]
         cubes = [name for name, item in self.complex.items() if item.ndim == 2 and sphere_sizes(item.shape)]
@@ -190,8 +227,26 @@ class _Datasets:
             )
 
     def text(self, *names, of):
-        """The text of the attribute of one of these names, of a dataset or else of the file, or None."""
-        return _text(of, *names) or _text(self.file, *names)
+        """The text of the attribute of one of these names, of a dataset, a group it is in or the file."""
+        return next(filter(None, (access.text_of(place, *names) for place in self._places(of))), None)
+
+    def _places(self, item):
+        """A dataset and the groups it is in, the file last."""
+        parents = item.name.split("/")[1:-1]
+        return [item, *(self.file["/".join(parents[:n])] for n in range(len(parents), 0, -1)), self.file]
+
+    def frame(self, item):
+        """That of the coordinates of a dataset, as of `himap.maps.frames.frame_of`."""
+        loose = frame_of(self.text("coordinate", of=item))  # netCDF lists other datasets there
+        return frame_of(self.text(*_FRAMES, of=item)) or (loose if loose in FRAMES else None)
+
+    def about(self, item):
+        """What else attributes say, for `Layout.about`; what is closer to the dataset counts."""
+        pairs = {}
+        for place in reversed(self._places(item)):
+            pairs |= {name: access.plain_value(place, name) for name in place.attrs}
+        frame = self.text(*_SPECTRAL, of=item)
+        return plain_pairs(pairs, _STRUCTURE) | ({"SPECSYS": frame} if frame else {})
 
     def is_nested(self, item):
         """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
@@ -201,69 +256,14 @@ class _Datasets:
         """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with
         an offset."""
         item = self.get(name)
-        packing = {key: _number(item, f"{key} of {name} in {self.path}", key) for key in _PACKING}
-        scale, offset = packing["scale_factor"], packing["add_offset"]
-        if scale is not None and not (np.isfinite(scale) and scale):
-            raise InputError(
-                f"scale_factor of {name} in {self.path} must be a number other than 0, got {scale}."
-            )
-        stored = read_stored(item, self.path, part)
-        if set(packing.values()) == {None}:
-            return stored
-        values = stored.astype(np.result_type(stored.dtype, np.float32))
-        for value in (packing[key] for key in _PACKING[:2] if packing[key] is not None):
-            values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
-        values *= values.dtype.type(1 if scale is None else scale)
-        values += values.dtype.type(0 if offset is None else offset)
-        return values
-
-
-def _has_kind(item, kinds):
-    try:
-        return item.dtype.kind in kinds and item.shape is not None
-    except TypeError:  # a type that numpy does not have
-        return False
+        unsigned = str(self.text("_unsigned", of=item)).lower() == "true"
+        return access.unpacked(
+            item, f"{name} in {self.path}", access.read_stored(item, self.path, part), unsigned=unsigned
+        )
 
 
 def _last(name):
     return name.rpartition("/")[2].lower()
-
-
-def _text(item, *names):
-    """The text of the attribute of one of these names, with an s or without, or None.
-
-    Raises
-    ------
-    InputError
-        Several are there, and say different things.
-    """
-    texts = {
-        name: _decoded(value) for name, value in item.attrs.items() if name.lower().removesuffix("s") in names
-    }
-    if len(set(texts.values())) > 1:
-        both = ", ".join(f"{name} = {text!r}" for name, text in texts.items())
-        raise InputError(f"attributes of {item.name} say different things: {both}. Delete what is wrong.")
-    return next(iter(texts.values()), None)
-
-
-def _decoded(value):
-    try:
-        return value.decode() if isinstance(value, bytes) else str(value)
-    except UnicodeDecodeError:
-        return value.decode("latin-1")
-
-
-def _number(item, label, key):
-    """The attribute `key` of a dataset, one number, or None where there is none."""
-    if key not in item.attrs:
-        return None
-    try:
-        value = np.asarray(item.attrs[key])
-    except TypeError:
-        value = np.empty(0)
-    if value.size != 1 or value.dtype.kind not in "fiu":
-        raise InputError(f"{label} must be one number, got {item.attrs[key]!r}.")
-    return value.ravel()[0]
 
 
 def _freqs_of(file, name, n_channels):
@@ -299,7 +299,7 @@ def _freqs_of(file, name, n_channels):
 
 def _in_mhz(file, name):
     """Frequencies in MHz, by their unit; without one they are taken to be that."""
-    stated, named = _text(file.arrays[name], "unit"), _IN_UNIT.get(_last(name))
+    stated, named = access.text_of(file.arrays[name], "unit"), _IN_UNIT.get(_last(name))
     try:
         factor = float(u.Unit(stated or named or "MHz").to(u.MHz))
     except (ValueError, TypeError, RecursionError, u.UnitConversionError):
@@ -316,7 +316,7 @@ def _in_mhz(file, name):
 def _container_axes(file, maps):
     """Which part of the `maps` of a container is Stokes I, and what its `Layout` has of channels, a dict."""
     path, (n_channels, n_pols, n_pix) = file.path, maps.shape
-    axes = [_decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
+    axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
     if axes != _MAP_AXES or not sphere.is_n_pix(n_pix):
         raise InputError(
             f"{_MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {axes} and "
@@ -330,13 +330,13 @@ def _container_axes(file, maps):
     pols, table = file.items[_MAP_POLS], file.items[_MAP_FREQS]
     if not h5py.check_string_dtype(pols.dtype):
         raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
-    names = [_decoded(name) for name in read_stored(pols, path)]
+    names = [access.decoded(name) for name in access.read_stored(pols, path)]
     if names.count("I") != 1:
         raise InputError(
             f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
             "each channel to a dataset of (channels, pixels)."
         )
-    freqs = read_stored(table, path)
+    freqs = access.read_stored(table, path)
     freqs = freqs["centre"] if "centre" in (table.dtype.names or ()) else freqs
     if freqs.dtype.kind not in "fiu":
         raise InputError(

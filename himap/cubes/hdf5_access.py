@@ -1,10 +1,18 @@
-"""HDF5 files that are locked, and datasets that are packed in a way that is not known here."""
+"""HDF5 files that are locked, datasets that are packed, and attributes as text and numbers."""
 
 import re
 
 import h5py
+import numpy as np
 
 from himap.core.errors import InputError
+
+_MISSING, _SCALE, _LIMITS = (  # of netCDF
+    ("_FillValue", "missing_value"),
+    ("scale_factor", "add_offset"),
+    ("valid_min", "valid_max", "valid_range"),
+)
+PACKING = (*_MISSING, *_SCALE, *_LIMITS)
 
 _FILTERS = {32001: "blosc", 32004: "lz4", 32008: "bitshuffle", 32013: "zfp", 32015: "zstd", 32026: "blosc2"}
 _HELD_ELSEWHERE = (11, 13, 35)  # errno of a file that another process locks; others: the drive has no locks
@@ -49,3 +57,90 @@ def read_stored(item, path, part=...):
             "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
             "(h5repack -f GZIP=4)."
         ) from None
+
+
+def unpacked(item, label, stored, *, unsigned=False):
+    """The numbers `stored` of a dataset by the conventions of netCDF: NaN where missing, scaled, shifted.
+
+    `label` is what errors call it; `unsigned` whether its integers are, though their type is not.
+    """
+    stated = {key: _numbers(item, key, f"{key} of {label}") for key in PACKING}
+    for key in _SCALE:
+        if stated[key].size > 1 or not np.isfinite(stated[key]).all():
+            raise InputError(f"{key} of {label} must be one number, got {stated[key]}.")
+    scale, offset = (next(iter(stated[key]), None) for key in _SCALE)
+    if scale == 0:
+        raise InputError(f"scale_factor of {label} must be a number other than 0, got 0.")
+    if unsigned and stored.dtype.kind == "i":
+        stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
+    if not any(numbers.size for numbers in stated.values()):
+        return stored
+    values = stored.astype(np.result_type(stored.dtype, np.float32))
+    for value in (value for key in _MISSING for value in stated[key]):
+        values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
+    for low in (*stated["valid_range"][:1], *stated["valid_min"]):
+        values[stored < low] = np.nan
+    for high in (*stated["valid_range"][1:], *stated["valid_max"]):
+        values[stored > high] = np.nan
+    values *= values.dtype.type(1 if scale is None else scale)
+    values += values.dtype.type(0 if offset is None else offset)
+    return values
+
+
+def _numbers(item, key, label):
+    """The attribute `key` of a dataset, (n,), empty where there is none."""
+    if key not in item.attrs:
+        return np.empty(0)
+    try:
+        value = np.asarray(item.attrs[key])
+    except TypeError:
+        value = np.empty(0)
+    if not value.size or value.dtype.kind not in "fiu":
+        raise InputError(f"{label} must be a number, got {item.attrs[key]!r}.")
+    return value.ravel()
+
+
+def has_kind(item, kinds):
+    """Whether a dataset has numbers of one of these kinds, letters as of numpy."""
+    try:
+        return item.dtype.kind in kinds and item.shape is not None
+    except TypeError:  # a type that numpy does not have
+        return False
+
+
+def text_of(item, *names):
+    """The text of the attribute of one of these names, with an s or without, or None.
+
+    Raises
+    ------
+    InputError
+        Several are there, and say different things.
+    """
+    texts = {
+        name: decoded(item.attrs[name])
+        for name in item.attrs
+        if {name.lower(), name.lower().removesuffix("s")} & {*names}
+    }
+    if len(set(texts.values())) > 1:
+        both = ", ".join(f"{name} = {text!r}" for name, text in texts.items())
+        raise InputError(f"attributes of {item.name} say different things: {both}. Delete what is wrong.")
+    return next(iter(texts.values()), None)
+
+
+def decoded(value):
+    """A value as text, of bytes by UTF-8 or else Latin-1."""
+    try:
+        return value.decode() if isinstance(value, bytes) else str(value)
+    except UnicodeDecodeError:
+        return value.decode("latin-1")
+
+
+def plain_value(item, name):
+    """An attribute as text or a number, None if it is something else."""
+    try:
+        value = item.attrs[name]
+    except (TypeError, OSError):  # a type that numpy does not have
+        return None
+    if isinstance(value, str | bytes):
+        return decoded(value)
+    return value.item() if isinstance(value, np.generic) else None

@@ -11,10 +11,14 @@ from astropy.wcs import WCS
 
 from himap.core.errors import InputError
 from himap.core.reading import format_of, regular_file
-from himap.cubes.layout import array_of_mask
+from himap.cubes.layout import OURS, array_of_mask
+from himap.maps.frames import frame_of
 
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
 """What an image is in, as astropy opens it."""
+
+HEADERS = "headers"
+"""The dataset of HDF5 with the header of each image."""
 
 _STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
 _FREQ = re.compile("^(FREQUENCY|FREQ-(BAR|CMB|GAL|GEO|HEL|LGR|LSD|LSR|OBS|REST|SOU|SYS|TOP))$")
@@ -43,6 +47,8 @@ class ImagePart:
         MHz, (n_channels,); None where its header does not state them.
     celestial
         World coordinates of the two axes of the sky.
+    tables
+        HDUs that its header refers to.
     """
 
     path: Path
@@ -53,9 +59,10 @@ class ImagePart:
     order: tuple[int, ...]
     freqs: np.ndarray | None
     celestial: WCS
+    tables: tuple = ()
 
     def __str__(self):
-        return f"{self.path}, HDU {self.index}"
+        return image_name(self.path, self.index, self.header)
 
     @property
     def shape(self):
@@ -84,12 +91,13 @@ class ImagePart:
                 header["WCSAXES"] = max(n_axes, header["WCSAXES"])
         if self.freqs is None:
             header.update(_freq_cards(freqs, n_axes - self.order[0]))
-        for key in _STALE:
+        for key in (*_STALE, *OURS):
             header.remove(key, ignore_missing=True)
         if not str(header.get("BUNIT") or "").strip():
             header["BUNIT"] = unit
         header.update(cards)
-        header.add_history(history)
+        if history:
+            header.add_history(history)
         return kind(data=data.reshape(self.shape[len(self.shape) - n_axes :]), header=header)
 
 
@@ -128,9 +136,15 @@ class ImagePixels:
         """(n_y, n_x)."""
         return tuple(self.parts[0].shape[axis] for axis in self.parts[0].order[1:3])
 
+    @property
+    def frame(self):
+        """Of the coordinates, as of `himap.maps.frames.frame_of`."""
+        return _frame_of(self.celestial)
+
     def __str__(self):
         (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
-        return f"{x} and {y}, {n_x} x {n_y} pixels"
+        frame = f" ({self.celestial.wcs.radesys})" if "RA" in x + y else ""
+        return f"{x} and {y}{frame}, {n_x} x {n_y} pixels"
 
     @property
     def nside(self):
@@ -156,6 +170,11 @@ class ImagePixels:
             )
         return values.reshape(-1, values.shape[-2] * values.shape[-1])
 
+    def in_frame_of(self, label, frame, *, rotate=False):
+        if rotate:
+            raise InputError(f"only HEALPix maps are rotated: reproject {label} to the header of the cube.")
+        return self, ()
+
     def described(self, unit):
         rows, columns = np.rad2deg(self.pixel_angles())
         return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
@@ -168,8 +187,8 @@ class ImagePixels:
     def _same_sky(self, celestial):
         """Whether two axes of the sky are these."""
         both = self.celestial, celestial
-        names, others = ([*map(str, one.wcs.ctype), one.wcs.radesys, one.wcs.equinox] for one in both)
-        if str(names) != str(others) or self.celestial.wcs.get_pv() != celestial.wcs.get_pv():
+        names, others = ([*map(str, one.wcs.ctype), _frame_of(one)] for one in both)
+        if names != others or self.celestial.wcs.get_pv() != celestial.wcs.get_pv():
             return False
         scale = np.abs(self.celestial.pixel_scale_matrix).max()
         mine, theirs = (
@@ -185,12 +204,13 @@ class ImagePixels:
         )
         return np.allclose(mine, theirs, rtol=0, atol=_SAME)
 
-    def read_mask(self, path):
+    def read_mask(self, path, *, rotate=False):
+        self.in_frame_of(f"the mask {path}", None, rotate=rotate)
         of_npy = format_of(regular_file(path, "mask")) == "npy"
         values = np.nan_to_num(array_of_mask(path, self) if of_npy else self.one_image(path, "mask"))
         if not np.isin(values, (0, 1)).all():
             raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
-        return values > 0
+        return values > 0, self, ()
 
     def one_image(self, path, kind):
         """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.
@@ -206,7 +226,7 @@ class ImagePixels:
                 hdu = next((hdu for hdu in file if has_image(hdu)), None)
                 if hdu is None:
                     raise ValueError(f"it holds no image, and one of {self} is needed")
-                celestial, shape = world_of(hdu, file).celestial, hdu.shape
+                celestial, shape = world_of(hdu.header, file).celestial, hdu.shape
                 fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
                 values = hdu.data.reshape(-1) if fits_here else None
         except Exception as error:  # astropy raises nearly anything for a file that is something else
@@ -225,18 +245,33 @@ class ImagePixels:
         axes = "frequency, then those of the sky as in numpy"
         return {"axes": axes, "wcs": self.celestial.to_header_string()}
 
+    def datasets(self, layout):
+        """What else HDF5 keeps of them: the header of each image, as FITS would have it."""
+        empty = np.broadcast_to(np.float32(0), (len(layout.freqs), *self.shape))
+        headers = [hdu.header for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
+        for header in headers:
+            for key in [key for key, value in header["CTYPE*"].items() if str(value).endswith("-TAB")]:
+                header[key] = ""  # whose table is not there: frequencies are
+                for card in [*header[f"PS{key[5:]}_*"], *header[f"PV{key[5:]}_*"]]:
+                    del header[card]
+        return {HEADERS: [header.tostring() for header in headers]}
+
     def write(self, path, maps, layout, *, name, cards):
-        many = len(self.parts) > 1
+        first = [fits.PrimaryHDU()] if len(self.parts) > 1 else []
         history = f"{name} of foreground removal, " + ", ".join(
             f"{key} = {value}" for key, value in cards if key != "HISTORY"
         )
-        kind = fits.ImageHDU if many else fits.PrimaryHDU
-        hdus, ends = [fits.PrimaryHDU()] if many else [], np.cumsum([part.n_channels for part in self.parts])
+        kind = fits.ImageHDU if first else fits.PrimaryHDU
+        tables = [table for part in self.parts for table in part.tables]
+        images = self._hdus(maps, layout, kind, cards=cards, history=history)
+        fits.HDUList([*first, *images, *tables]).writeto(path)
+
+    def _hdus(self, maps, layout, kind, *, cards=(), history=None):
+        """An HDU of this kind for each part, of maps (n_in_file, n_y, n_x)."""
+        ends = np.cumsum([part.n_channels for part in self.parts])
         split = (np.split(values, ends[:-1]) for values in (maps, layout.freqs))
         for part, images, freqs in zip(self.parts, *split, strict=True):
-            options = {"unit": layout.unit, "cards": cards, "history": history}
-            hdus.append(part.hdu(images, kind, freqs=freqs, **options))
-        fits.HDUList(hdus).writeto(path)
+            yield part.hdu(images, kind, freqs=freqs, unit=layout.unit, cards=cards, history=history)
 
     def pixel_angles(self):
         """Height and width of the pixel in the middle of the image, rad."""
@@ -249,12 +284,24 @@ class ImagePixels:
         return 2 * np.arcsin(chords / 2)
 
 
-def world_of(hdu, file):
-    """The `WCS` of an HDU of an open file, which may have more axes than the array.
+def image_name(path, index, header):
+    """What messages call an image."""
+    name = str(header.get("EXTNAME") or "").strip()
+    return f"{path}, HDU {index}" + (f" ({name})" if name else "")
+
+
+def _frame_of(celestial):
+    """The frame of two axes of the sky, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
+    types, wcs = "".join(celestial.wcs.ctype), celestial.wcs
+    return frame_of(wcs.radesys, wcs.equinox) if "RA" in types else frame_of(types[:1])
+
+
+def world_of(header, file=None):
+    """The `WCS` of a header in an open file, which may have more axes than the array.
 
     FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
     """
-    header = hdu.header.copy()
+    header = header.copy()
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
         header[key] = _FREQ.sub("FREQ", name)

@@ -1,7 +1,8 @@
 """How a file has a cube: what it states of channels, units and pixels; and what all readers share."""
 
+import re
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,13 +12,18 @@ from himap.core.errors import InputError, plain_text
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, read_array, regular_file
 from himap.maps import sphere
+from himap.maps.frames import FRAMES, frame_name
 from himap.maps.healpix_io import MILLIKELVIN, read_maps, to_ring, write_maps
 from himap.maps.sphere import pixels_last, sphere_sizes
 
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
 
+OURS = ("method", "parameters", "himap", "restart", "restarts", "failed", "remarks", "axes", "wcs")
+"""What is written of a cleaning, and of its pixels: of one cube, and none that is made of it."""
+
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
+_KEY, _TEXT = re.compile(r"[A-Za-z0-9_-]{1,8}"), re.compile(r"[ -~]{0,60}")  # of a card in FITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +38,8 @@ class SpherePixels:
         Whether the file has them in NESTED order; None where it does not say.
     partial
         Whether the file names the pixels that it has (explicit indexing).
+    frame
+        Of the coordinates, as of `himap.maps.frames.frame_of`; None where nothing says it.
     """
 
     area: ClassVar[str] = "the sky"
@@ -40,6 +48,7 @@ class SpherePixels:
     nside: int
     nested: bool | None = None
     partial: bool = False
+    frame: str | None = None
 
     def __str__(self):
         return f"{self.nside}"
@@ -73,14 +82,62 @@ class SpherePixels:
 
     def described(self, unit):
         """What they are, for a sentence."""
-        return f"maps of nside {self} in {unit}, {self.order}"
+        return f"maps of nside {self} in {unit}, {self.order}, {frame_name(self.frame)}"
 
     def same(self, other):
-        """Whether other pixels are the same ones, in whatever order."""
+        """Whether other pixels are of the same nside, in whatever order and frame."""
         return isinstance(other, SpherePixels) and self.nside == other.nside
 
-    def read_mask(self, path):
-        """The mask in a file, (n_pix,) bool, RING, True where kept.
+    def in_frame_of(self, label, frame, *, rotate=False):
+        """These pixels, with the frame of others where they state none, and what was assumed or is rotated.
+
+        Parameters
+        ----------
+        label, frame
+            Of the others, which belong to these.
+        rotate
+            Whether they can be rotated into the frame of these.
+
+        Returns
+        -------
+        (SpherePixels, tuple)
+            With sentences for the user to read.
+
+        Raises
+        ------
+        InputError
+            Both frames are known and differ, without `rotate`, or one is none that can be rotated.
+        """
+        mine, theirs = frame_name(self.frame), frame_name(frame)
+        if self.frame == frame:
+            return self, ()
+        if frame is None:
+            return self, (f"{label} does not state its frame: taken as that of the cube, {mine}.",)
+        if self.frame is None:
+            said = f"the cube does not state its frame: taken as that of {label}, {theirs}."
+            return replace(self, frame=frame), (said,)
+        if not rotate:
+            raise InputError(
+                f"coordinates must be of one frame: that of {label} is {theirs} (COORDSYS = {frame}), of the "
+                f"cube {mine} (COORDSYS = {self.frame}). Have all rotated to that of the cube, rotate=True "
+                "(--rotate), or mend the card that is wrong."
+            )
+        if not {frame, self.frame} <= FRAMES.keys():
+            raise InputError(
+                f"{label} has the frame {theirs}, the cube {mine}: only {', '.join(FRAMES)} can be rotated."
+            )
+        return self, (f"{label}: rotated, {theirs} to {mine}.",)
+
+    def rotated(self, pixels, frame):
+        """Pixels (n_pix,), RING, of another frame as ones of this one; each takes the value where it lies."""
+        if None in (frame, self.frame) or frame == self.frame:
+            return pixels
+        return pixels[sphere.pixels_in_frame(self.nside, self.frame, frame)]
+
+    def read_mask(self, path, *, rotate=False):
+        """The mask in a file, these pixels with its frame, and sentences, as of `in_frame_of`.
+
+        The mask is (n_pix,) bool, RING, True where kept.
 
         A FITS file has a HEALPix map of 1 (kept) and 0, or of logical values; UNSEEN, NaN and pixels that a
         partial file leaves out are not kept. A .npy file has them in the order of the cube's own file.
@@ -88,7 +145,8 @@ class SpherePixels:
         Raises
         ------
         InputError
-            No such file, no order of pixels, another nside, values between 0 and 1, or nothing kept.
+            No such file, no order of pixels, another nside, values between 0 and 1, nothing kept, or another
+            frame without `rotate`.
         """
         kind = format_of(regular_file(path, "mask"))
         if kind not in ("FITS", "npy"):
@@ -114,16 +172,24 @@ class SpherePixels:
             )
         if not values.any():
             raise InputError(f"the mask {path} keeps no pixel; 1 means kept.")
-        return to_ring(values > 0) if nested else values > 0
+        frame = file.frame if kind == "FITS" else self.frame
+        pixels, said = self.in_frame_of(f"the mask {path}", frame, rotate=rotate)
+        kept = to_ring(values > 0) if nested else values > 0
+        return self.rotated(kept, frame), pixels, said
 
     def attributes(self):
         """What HDF5 keeps of them, {name: text}."""
-        return {"ordering": self.order}
+        return {"ordering": self.order} | ({"coordsys": self.frame} if self.frame else {})
+
+    def datasets(self, layout):
+        """What else HDF5 keeps of them, {name: numbers or texts}."""
+        return {}
 
     def write(self, path, maps, layout, *, name, cards):
         """Write maps of `Layout.as_given` as FITS; `name` says what they are, `cards` go into the header."""
-        names = [f"{name} {freq:.10g} MHz" for freq in layout.freqs]
-        order = {"nested": self.nested, "partial": self.partial}
+        names = [f"{name} {np.format_float_positional(freq, trim='-')} MHz" for freq in layout.freqs]
+        order = {"nested": self.nested, "partial": self.partial, "frame": self.frame}
+        cards = [*layout.cards, *cards]
         write_maps(path, maps, names=names, unit=layout.unit, cards=cards, **order)
 
 
@@ -147,6 +213,9 @@ class Layout:
         What was assumed or left out, for the user to read.
     names
         Of a folder the names of its files, one for each channel.
+    about
+        What else the file says of the maps, {name: text or number}, to be written again; of the frame of its
+        frequencies SPECSYS, such as TOPOCENT or LSRK.
     channels
         For each channel of a `Cube` its place in the file, (n_channels,).
     """
@@ -158,13 +227,30 @@ class Layout:
     unit: str | None = None
     remarks: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
+    about: dict = field(default_factory=dict)
     channels: np.ndarray | None = None
 
     @classmethod
-    def of_sphere(cls, maps, nested=None, *, partial=False, **stated):
+    def of_sphere(cls, maps, nested=None, *, partial=False, frame=None, **stated):
         """That of HEALPix maps (n_channels, n_pix); InputError for a number of pixels that no sphere has."""
-        pixels = SpherePixels(nside=sphere.nside_of(maps), nested=nested, partial=partial)
+        pixels = SpherePixels(nside=sphere.nside_of(maps), nested=nested, partial=partial, frame=frame)
         return cls(pixels=pixels, **stated)
+
+    @property
+    def spectral_frame(self):
+        """SPECSYS, in capitals; None where nothing says it."""
+        return str(self.about.get("SPECSYS") or "").strip().upper() or None
+
+    @property
+    def cards(self):
+        """What of `about` a header of FITS can hold, a list of (key, value)."""
+        texts = ((key.upper(), value) for key, value in self.about.items() if _KEY.fullmatch(key))
+        return [(key, value) for key, value in texts if not isinstance(value, str) or _TEXT.fullmatch(value)]
+
+    def in_frame_of(self, label, frame, **options):
+        """The same with pixels in the frame of others, and remarks; as of `SpherePixels.in_frame_of`."""
+        pixels, said = self.pixels.in_frame_of(label, frame, **options)
+        return replace(self, pixels=pixels, remarks=(*self.remarks, *said))
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
@@ -233,12 +319,22 @@ def array_of_mask(path, pixels):
     return values[0]
 
 
-def one_unit(path, units):
-    """The unit that all maps in `path` have, None where none is stated; InputError where they differ."""
-    if len(set(units)) > 1:
-        listing = ", ".join(str(unit) for unit in dict.fromkeys(units))
-        raise InputError(f"the maps in {path} must have one unit, got {listing}.")
-    return units[0]
+def plain_pairs(pairs, left_out=()):
+    """Those of texts and numbers, a dict, without the names that are `left_out`, and what himap writes."""
+    plain = ((key, value) for key, value in pairs.items() if isinstance(value, str | int | float))
+    return {key: value for key, value in plain if key.lower() not in {*left_out, *OURS}}
+
+
+def only_value(path, what, values, names=()):
+    """The value that all maps in `path` have, None where none is stated.
+
+    `what` it is, and the `names` of the maps, are for the InputError where they differ.
+    """
+    first = dict(zip(reversed(values), reversed(names or values), strict=True))
+    if len(first) > 1:
+        each = (f"{value} ({name})" if names else str(value) for value, name in first.items())
+        raise InputError(f"the maps in {path} must have one {what}, got {', '.join(each)}.")
+    return values[0]
 
 
 def check_cube_room(path, n_values, itemsize, held):

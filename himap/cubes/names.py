@@ -6,6 +6,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.reading import format_of
+from himap.maps.healpix_io import agreed, freqs_in
 
 _DIGITS = re.compile(r"([0-9]+)")
 _DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
@@ -88,3 +89,32 @@ def check_names(names, freqs):
             f"whether {names[n]} comes before {pairs[n]} cannot be known, for their numbers may be decimals "
             "or not: write them with as many digits in all names."
         )
+
+
+def stated_freqs(names, called, in_headers=(), paths=()):
+    """What a `Layout` has of frequencies, a dict: those in all names, or in all headers; if both, they agree.
+
+    Where there are none, a sentence on a name that seems to state one.
+    """
+    stated = [freqs_in(name) for name in names]
+    if all(len(found) == 1 for found in stated):
+        if not in_headers:
+            return {"freqs": np.array([name.freq for (name,) in stated]), "freqs_from": called}
+        both = zip(stated, in_headers, paths, strict=True)
+        return {
+            "freqs": np.array([agreed(*name, freq, path) for name, freq, path in both]),
+            "freqs_from": called,
+        }
+    if in_headers and None not in in_headers:
+        return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
+    without = [name for name, found in zip(names, stated, strict=True) if not found]
+    if 0 < len(without) < len(names) / 2:
+        listing = ", ".join(without[:LISTED])
+        return {"nearly": f"Most of {called} state one, but not {listing}: rename these, or move them away."}
+    for name, found in zip(names, stated, strict=True):
+        if "hz" in name.lower() and len(found) != 1:
+            return {
+                "nearly": f"The name {name!r} is not taken for one: it must have one number in MHz or GHz "
+                "that stands by itself, such as map_950.5MHz.fits."
+            }
+    return {}

@@ -8,7 +8,6 @@ from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.layout import by_channel, check_cube_room, check_order, is_seen, same_freqs
-from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
@@ -38,8 +37,11 @@ def weight_datasets(path, weights, flags):
     return {name for name, file in {"weights": weights, "flags": flags}.items() if same_file(file)}
 
 
-def voxel_weights(maps, layout, *, weights=None, flags=None):
-    """Weights of the voxels of a cube, (n_in_file, n_pix) float64, in its order; 0 where missing.
+def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):
+    """Weights of the voxels of a cube, (n_in_file, n_pix) float64, in its order, and its `Layout`.
+
+    Weights are 0 where a voxel is missing. The layout has the frame of the weights where it had none, and
+    says so.
 
     Parameters
     ----------
@@ -49,6 +51,8 @@ def voxel_weights(maps, layout, *, weights=None, flags=None):
         Each an array of the pixels, (n_pix,), or of the voxels, (n_channels, n_pix), in the order of those in
         the file of the cube; of images (n_y, n_x) or (n_channels, n_y, n_x); or the path of one. Of flags
         True (or 1) is bad, and missing.
+    rotate
+        Whether those of another frame of coordinates are rotated; each pixel takes the value where it lies.
 
     Raises
     ------
@@ -60,24 +64,25 @@ def voxel_weights(maps, layout, *, weights=None, flags=None):
     for word, given in {"weights": weights, "flags": flags}.items():
         if given is None:
             continue
-        values, (is_right, right) = _values(given, word, layout, maps.shape), _RIGHT[word]
+        values, layout = _values(given, word, layout, maps.shape, rotate)
+        is_right, right = _RIGHT[word]
         n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
         if n_bad:
             raise InputError(f"the {word} must be {right}; {n_bad} are not.")
         out *= values if word == "weights" else values == 0
     for row, pixels in zip(out, maps, strict=True):
         row[~is_seen(pixels)] = 0
-    return out
+    return out, layout
 
 
-def _values(given, word, layout, shape):
-    """Checked numbers (n_channels or 1, n_pix) in the order of the cube, of an array or a path."""
-    label, freqs, nested = f"the {word}", None, None
+def _values(given, word, layout, shape, rotate):
+    """Checked numbers (n_channels or 1, n_pix) in the order of the cube, of an array or path; the layout."""
+    label, frame = f"the {word}", layout.pixels.frame
     if is_path(given):
         label = f"the {word} {given}"
-        values, freqs, nested = _read(given, word, layout.pixels)
+        values, freqs, nested, frame = _read(given, word, layout.pixels)
     else:
-        values = by_channel(label, given, layout.pixels)
+        values, freqs, nested = by_channel(label, given, layout.pixels), None, None
     if values.shape not in ((1, shape[1]), shape):
         raise InputError(
             f"{label} must be of the pixels of the cube, ({shape[1]},), or of its voxels, "
@@ -85,20 +90,22 @@ def _values(given, word, layout, shape):
         )
     if len(values) > 1 and freqs is not None and not same_freqs(freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
-    if nested is not None and nested != layout.pixels.nested:
-        ring = sphere.nest_to_ring(sphere.nside_of(values))
-        values = np.array([to_ring(row) if nested else row[ring] for row in values])
-    return values
+    layout = layout.in_frame_of(label, frame, rotate=rotate)
+    if (nested is None or nested == layout.pixels.nested) and frame in (None, layout.pixels.frame):
+        return values, layout
+    pixels = layout.pixels
+    in_ring = (to_ring(row) if nested or (nested is None and pixels.nested) else row for row in values)
+    return np.array([pixels.as_given(pixels.rotated(row, frame)) for row in in_ring]), layout
 
 
 def _read(path, word, pixels):
-    """(numbers (n_channels or 1, n_pix), frequencies, whether NESTED) of a file, None if not stated."""
+    """Numbers (n_channels or 1, n_pix) of a file, frequencies, whether NESTED, frame; None if not stated."""
     file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
-    form, freqs, nested = format_of(file), None, None
+    form, freqs, nested, frame = format_of(file), None, None, pixels.frame
     if form == "npy":
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        return by_channel(label, read_array(path), pixels), freqs, nested
+        return by_channel(label, read_array(path), pixels), freqs, nested, frame
     if on_sphere and form == "HDF5":
         values, *stated = hdf5.read_dataset(path, word, held=_HELD)
         return by_channel(f"{word} in {path}", values, pixels), *stated
@@ -107,7 +114,7 @@ def _read(path, word, pixels):
         raise InputError(f"{label} {kinds} .fits or .npy file.")
     if on_sphere:
         maps, layout = fits.read_fits(file, held=_HELD, logical=True)
-        freqs, nested = layout.freqs, layout.pixels.nested
+        freqs, nested, frame = layout.freqs, layout.pixels.nested, layout.pixels.frame
         check_order(label, nested)
     elif not fits.holds_image(file, frequencies=True):  # one image for all channels
         maps = pixels.one_image(file, f"file of {word}")[None]
@@ -120,4 +127,4 @@ def _read(path, word, pixels):
                 "coordinates; reproject them to the header of the cube."
             )
     unseen = 0.0 if word == "weights" else 1.0  # what FITS marks as not seen has no weight, and is bad
-    return np.nan_to_num(maps, nan=unseen), freqs, nested
+    return np.nan_to_num(maps, nan=unseen), freqs, nested, frame

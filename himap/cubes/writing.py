@@ -148,7 +148,9 @@ def write_cleaned(cleaned, paths, *, said=None):
             parameters = json.dumps(asdict(cleaned.method))
             about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
             about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
-            file.attrs.update(layout.pixels.attributes() | about | _restarts(cleaned))
+            for name, values in layout.pixels.datasets(layout).items():
+                file.create_dataset(name, data=values)
+            file.attrs.update(layout.about | layout.pixels.attributes() | about | _restarts(cleaned))
         return
     *targets, table = paths
     for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):

@@ -17,6 +17,7 @@ from himap.core.errors import InputError
 from himap.core.memory import check_room
 from himap.core.reading import regular_file
 from himap.maps import sphere
+from himap.maps.frames import frame_cards, frame_of, is_nested
 
 MILLIKELVIN = {"K": 1e3, "mK": 1.0, "uK": 1e-3}
 """mK in one of each unit of brightness temperature."""
@@ -47,19 +48,19 @@ class HealpixFile:
         TTYPE and TUNIT of the column of each map, (n,).
     nested
         Whether pixels are in NESTED order.
-    coordinates
-        COORDSYS as text: G or GALACTIC, for instance.
+    frame
+        Of its coordinates, as of `himap.maps.frames.frame_of`.
     partial
         Whether the file is of a part of the sky: its first column has the pixel numbers, and is no map.
     header
-        All its cards, a dict.
+        All cards of its table, and those of the file before it that the table does not have, a dict.
     """
 
     maps: np.ndarray
     names: tuple[str, ...]
     units: tuple[str | None, ...]
     nested: bool | None
-    coordinates: str | None
+    frame: str | None
     partial: bool
     header: dict
 
@@ -87,10 +88,10 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
         with warnings.catch_warnings(), fits.open(path, memmap=False) as file:
             warnings.simplefilter("ignore", AstropyWarning)  # of what is an error a line below, or harmless
             table = _only_table(file, first=n_maps is not None)
-            header = dict(table.header)
-            partial = _text(header, "INDXSCHM") == "EXPLICIT" or _text(header, "OBJECT") == "PARTIAL"
+            header = {**file[0].header, **table.header}
+            partial = _is_partial(header)
             columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
-            maps = _maps_of(table, columns, partial, held, _NUMBERS + "L" * logical)
+            maps = _maps_of(table, header, columns, partial, held, _NUMBERS + "L" * logical)
     except Exception as error:  # astropy raises nearly anything for a file that is something else
         reason = f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole."
         raise InputError(
@@ -100,9 +101,9 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     return HealpixFile(
         maps=maps,
         names=tuple(str(header.get(f"TTYPE{column}")) for column in columns),
-        units=tuple(_text(header, f"TUNIT{column}") for column in columns),
+        units=tuple(_text(header, f"TUNIT{column}") or _text(header, "BUNIT") for column in columns),
         nested=is_nested(_text(header, "ORDERING"), f"ORDERING in {path}"),
-        coordinates=_text(header, "COORDSYS"),
+        frame=frame_of(_text(header, "COORDSYS"), header.get("EQUINOX")),
         partial=partial,
         header=header,
     )
@@ -111,6 +112,15 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
 def _text(header, key):
     """The text of a card, None where there is none."""
     return str(header.get(key) or "").strip() or None
+
+
+def _is_partial(header):
+    """Whether the first column of a table has the numbers of its pixels, by what its header says."""
+    keys = "PIXTYPE", "INDXSCHM", "OBJECT"
+    pixels, scheme, sky = (str(_text(header, key) or "").upper() for key in keys)
+    if pixels not in ("", "HEALPIX") or scheme not in ("", "IMPLICIT", "EXPLICIT"):
+        raise InputError(f"PIXTYPE = {pixels}, INDXSCHM = {scheme}: pixels must be those of HEALPix.")
+    return scheme == "EXPLICIT" or sky == "PARTIAL"
 
 
 def _only_table(file, *, first):
@@ -133,8 +143,8 @@ def _lengths(hdu):
     return {int(repeat or 1) * hdu.header["NAXIS2"] for repeat in repeats if not repeat or repeat.isdecimal()}
 
 
-def _maps_of(hdu, columns, partial, held, letters):
-    """The maps in some columns of a table, (n, n_pix) float32 or float64.
+def _maps_of(hdu, header, columns, partial, held, letters):
+    """The maps in some columns of a table, (n, n_pix) float32 or float64; `header` as of `HealpixFile`.
 
     NaN where a pixel is UNSEEN, the TNULL of its column or BAD_DATA, or has no value.
     """
@@ -145,17 +155,17 @@ def _maps_of(hdu, columns, partial, held, letters):
             raise InputError(
                 f"maps are real numbers, and the column {column.name} has TFORM {column.format}."
             )
-    n_pix = _n_pix(hdu, columns, partial)
+    n_pix = _n_pix(hdu, header.get("NSIDE"), columns, partial)
     check_room("it", hdu.size + 8 * held * len(columns) * n_pix)
     rows = hdu.data.view(np.ndarray)  # as they are stored: markers of missing pixels are not scaled
     stored = [_numbers(hdu.columns[n - 1], rows[rows.dtype.names[n - 1]].ravel()) for n in columns]
     floats = [np.result_type(values.dtype.newbyteorder("="), np.float32) for values in stored]
-    if any(f"{key}{column}" in hdu.header for key in ("TSCAL", "TZERO") for column in columns):
+    if any(f"{key}{column}" in header for key in ("TSCAL", "TZERO") for column in columns):
         floats.append(np.float64)
-    pixels = _pixel_numbers(rows, hdu.header, n_pix) if partial else slice(None)
+    pixels = _pixel_numbers(rows, header, n_pix) if partial else slice(None)
     maps = np.full((len(columns), n_pix), np.nan, dtype=np.result_type(*floats))
     for out, column, values in zip(maps, columns, stored, strict=True):
-        out[pixels] = _scaled(values, hdu.header, column, maps.dtype)
+        out[pixels] = _scaled(values, header, column, maps.dtype)
     return maps
 
 
@@ -166,15 +176,22 @@ def _numbers(column, stored):
     return np.where(stored == 0, np.float32(np.nan), (stored == ord("T")).astype(np.float32))
 
 
-def _n_pix(hdu, columns, partial):
-    """Pixels of the sphere, by what the header says."""
-    lengths = {int(hdu.columns[n - 1].format[:-1] or 1) * hdu.header["NAXIS2"] for n in columns}
+def _n_pix(hdu, nside, columns, partial):
+    """Pixels of the sphere, by NSIDE in the header and the length of the columns."""
+    n_rows = hdu.header["NAXIS2"]
+    lengths = {int(hdu.columns[n - 1].format[:-1] or 1) * n_rows for n in columns}
     if len(lengths) > 1:
         raise InputError(f"its columns must have one length, got {sorted(lengths)}.")
-    nside = hdu.header.get("NSIDE")
     if partial and not isinstance(nside, int):
         raise InputError(f"with the pixels of a part of the sky it must say NSIDE, got {nside!r}.")
     n_pix = 12 * nside**2 if partial else lengths.pop()
+    in_rows = n_pix // n_rows if n_rows and not partial else 1  # HEALPix's own programs write 1024
+    rows_are_pixels = n_rows == 12 * nside**2 if isinstance(nside, int) else sphere.is_n_pix(n_rows)
+    if in_rows not in (1, 1024) and rows_are_pixels:
+        raise InputError(
+            f"it has {n_rows} rows of {in_rows} numbers, which may be the spectra of pixels; write a column "
+            "for each channel, as healpy.write_map(path, maps) does of (channels, pixels)."
+        )
     sphere.nside_of(np.broadcast_to(0, n_pix))
     if isinstance(nside, int) and nside > 0 and n_pix != 12 * nside**2:
         raise InputError(f"it says NSIDE = {nside}, but its columns have {n_pix} pixels.")
@@ -211,7 +228,7 @@ def _scaled(stored, header, column, dtype):
     return values
 
 
-def write_maps(path, maps, *, names, unit, nested, partial=False, cards=()):
+def write_maps(path, maps, *, names, unit, nested, partial=False, frame=None, cards=()):
     """Write maps (n, n_pix), a column each in their precision; what is not finite becomes UNSEEN.
 
     Parameters
@@ -222,11 +239,14 @@ def write_maps(path, maps, *, names, unit, nested, partial=False, cards=()):
         The columns, (n,), their one unit (None where they have none), and whether pixels are in NESTED order.
     partial
         Whether to write only the pixels that a map has a value in, with their numbers (explicit indexing).
+    frame
+        As of `himap.maps.frames.frame_of`.
     cards
         Further cards of the header, (key, value) or (key, value, comment).
     """
     seen = np.flatnonzero(np.isfinite(maps).any(axis=0))
     maps[~np.isfinite(maps)] = hp.UNSEEN
+    cards = [*frame_cards(frame), *cards]
     if not partial:
         columns = {"column_names": names, "column_units": unit, "dtype": maps.dtype}
         hp.write_map(path, maps, nest=nested, extra_header=cards, **columns)
@@ -238,27 +258,11 @@ def write_maps(path, maps, *, names, unit, nested, partial=False, cards=()):
         for name, pixels in zip(names, maps, strict=True)
     ]
     table = fits.BinTableHDU.from_columns(columns)
-    order, nside = "NESTED" if nested else "RING", sphere.nside_of(maps)
-    words = {
-        "PIXTYPE": "HEALPIX",
-        "ORDERING": order,
-        "NSIDE": nside,
-        "INDXSCHM": "EXPLICIT",
-        "OBJECT": "PARTIAL",
-    }
+    words = {"PIXTYPE": "HEALPIX", "INDXSCHM": "EXPLICIT", "OBJECT": "PARTIAL"}
+    words |= {"ORDERING": "NESTED" if nested else "RING", "NSIDE": sphere.nside_of(maps)}
     for key, *value in [*words.items(), *cards]:
         table.header[key] = tuple(value)
     table.writeto(path)
-
-
-def is_nested(order, name="the order of pixels"):
-    """Whether a text means NESTED order; None where there is none. `name` is what an error calls it."""
-    if order is None:
-        return None
-    nested = {"RING": False, "NEST": True, "NESTED": True}.get(order.strip().upper())
-    if nested is None:
-        raise InputError(f"{name} must be RING or NESTED, got {order!r}.")
-    return nested
 
 
 def to_ring(pixels):

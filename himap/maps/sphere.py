@@ -279,6 +279,28 @@ def change_resolution(pixels, nside):
     return hp.ud_grade(pixels, nside, power=0)
 
 
+def pixels_in_frame(nside, frame, other):
+    """RING index of the pixel of `other` that the centre of every pixel of `frame` lies in, (n_pix,).
+
+    Frames are letters of `himap.maps.frames.FRAMES`. So ``pixels[pixels_in_frame(...)]`` is a map of
+    `other` as one of `frame`, with the values that it has and no others: of a mask, or hits.
+    """
+    vectors = hp.Rotator(coord=[frame, other])(pixel_vectors(nside).T)
+    return hp.vec2pix(nside, *vectors)
+
+
+def rotate_maps(maps, frame, other):
+    """Maps (n, n_pix) of `frame` as ones of `other`, by their multipoles to 3 nside - 1.
+
+    Frames are letters of `himap.maps.frames.FRAMES`. Unlike a mean of the pixels nearby this keeps C_l.
+    """
+    rotator, out = hp.Rotator(coord=[frame, other]), np.empty_like(maps)
+    for row, turned in zip(maps, out, strict=True):
+        alm = rotator.rotate_alm(analyse(row.astype(np.float64), n_iter=N_ITER))
+        turned[:] = synthesise(alm, nside_of(maps))
+    return out
+
+
 def coupling_matrix(mask_cl, lmax):
     """Mode coupling of a mask, (lmax + 1, lmax + 1): <pseudo C_l> = sum_l' M_ll' C_l'.
 

@@ -148,8 +148,8 @@ def _read_map(path):
             f"{path.name} must say ORDERING = RING or NESTED in its header. Write it again with "
             "healpy.write_map."
         )
-    frame = (file.coordinates or "G").upper()
-    if frame not in ("G", "GAL", "GALACTIC"):
+    frame = file.frame or "G"
+    if frame != "G":
         raise InputError(
             f"{path.name} must be in Galactic coordinates (COORDSYS = G), got COORDSYS = {frame!r}. Rotate "
             f"it first: healpy.Rotator(coord=[{frame[:1]!r}, 'G']).rotate_map_pixel(pixels), and "
@@ -316,11 +316,11 @@ def write_templates(folder, nside):
         freq = template.freq_ref
         stated = f"{freq:.10g}MHz" if freq < 1e3 else f"{freq / 1e3:.10g}GHz"
         files[f"{name}_{stated}_K_nside{nside}.fits"] = (template.amplitude / MILLIKELVIN["K"], "T", "K_RJ")
-    cards = [("COORDSYS", "G"), ("PYSM3", pysm_version(), "version that the maps are from")]
+    cards = [("PYSM3", pysm_version(), "version that the maps are from")]
     with whole_files(*(folder / name for name in files)) as temporary:
         for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
             maps = pixels[None].astype(np.float32)
-            write_maps(target, maps, names=[column], unit=unit, nested=False, cards=cards)
+            write_maps(target, maps, names=[column], unit=unit, nested=False, frame="G", cards=cards)
     return [folder / name for name in files]
 
 

@@ -46,12 +46,14 @@ _COMMON = (
     option("--freqs", metavar="FILE", help="Channel centres, MHz; --axes: as in numpy."),
     option("--axes", metavar="NAMES", hidden=True),
     option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
-    option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
-    option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5."),
-    option("--freqs-name", metavar="NAME", help="Dataset of the frequencies in HDF5."),
+    option("--order", metavar="NAME", help="RING or NESTED; --frame: G, C or E, if no file says."),
+    option("--frame", metavar="NAME", hidden=True),
+    option("--rotate", is_flag=True, help="Rotate masks and the like of another frame to CUBE's."),
+    option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5; --freqs-name: theirs."),
+    option("--freqs-name", metavar="NAME", hidden=True),
     debug,
 )
-_READING = ("freqs", "unit", "order", "maps_name", "freqs_name", "axes")
+_READING = ("freqs", "unit", "order", "frame", "maps_name", "freqs_name", "axes")
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 
 
@@ -133,10 +135,11 @@ def _cube_and_beams(asked, remover):
     if asked.weighed:
         remover.check_weights()
     scattered = "weights" in remover.uses
-    cube = read_cube(asked.path, **asked.reading, **asked.weighed, scattered=scattered)
+    options = {"scattered": scattered, "rotate": asked.rotate}
+    cube = read_cube(asked.path, **asked.reading, **asked.weighed, **options)
     check_pixels(cube, remover)
     if asked.mask is not None:
-        cube = cube.within(cube.layout.pixels.read_mask(asked.mask))
+        cube = cube.masked(asked.mask, rotate=asked.rotate)
     if cube.weights is not None:
         cube = with_enough_channels(cube, remover, peaks=asked.peaks)
     _tell(asked, *cube.said)
@@ -222,7 +225,8 @@ def _cleaned(asked):
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
             "`himap suggest` says how many this cube asks for.",
         )
-    true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
+    reading = {"cube": cube, "rotate": asked.rotate, **asked.reading}
+    true = None if asked.truth is None else read_truth(asked.truth, **reading)
     if true is not None:
         _tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
         check_truth(cube, true)  # before the work
@@ -272,7 +276,8 @@ def _mocks(cube, beams, asked):
     for word in words:
         if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    return read_mocks(cube, words, tell=functools.partial(_tell, asked), **asked.reading)
+    tell = functools.partial(_tell, asked)
+    return read_mocks(cube, words, tell=tell, rotate=asked.rotate, **asked.reading)
 
 
 @_command(

@@ -1,0 +1,284 @@
+"""Image cubes in FITS with world coordinates, read.
+
+Images have two axes of the sky in any projection, and one of frequency. Axes may come in any order,
+frequencies may descend, and axes of length one (Stokes) are kept for the way back. Several images, in one
+file or in a folder, are the channels of one cube if they share the axes of the sky and no range of
+frequencies.
+"""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from astropy import units as u
+from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
+
+from himap.core.errors import InputError
+from himap.cubes.axes import check_world_axes, turn_of
+from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, only_value
+from himap.cubes.names import stated_freqs
+from himap.maps.healpix_io import freq_in_header
+
+_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
+_BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
+_COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
+
+
+def holds_image(path, *, frequencies=False):
+    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read.
+
+    With `frequencies` whether the first image has an axis of these.
+    """
+    try:
+        with _quiet(), fits.open(path, memmap=False) as file:
+            if frequencies:
+                first = next(hdu for hdu in file if has_image(hdu))
+                return world_of(first.header, file).wcs.spec >= 0
+            return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
+    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
+        return False
+
+
+def _quiet():
+    """Without astropy's warnings: of what is mended, or an error a line below."""
+    return warnings.catch_warnings(action="ignore", category=AstropyWarning)
+
+
+def read_image_fits(paths, *, axes=None, held=1):
+    """The channels of all image cubes in some files.
+
+    Parameters
+    ----------
+    paths
+        The files.
+    axes
+        Those of the arrays, in the order of numpy, where they are not those of the headers turned round: such
+        as "ra,dec,freq".
+    held
+        Cubes in float32 that the caller will hold at once: they must fit into memory.
+
+    Returns
+    -------
+    (ndarray, Layout)
+        Maps (n_channels, n_pix) as they are in the files, NaN where blank.
+
+    Raises
+    ------
+    InputError
+        A file without such an image, axes of the sky that differ, frequencies that overlap, other units than
+        of temperature, or too large a cube.
+    """
+    remarks, parts = [], []
+    for path in paths:
+        parts += _read(path, lambda file, path=path: _parts(path, file, axes, remarks))
+    _check_alike(parts)
+    if len(paths) > 1:  # whose tables may have one name
+        parts = [_without_tables(part, remarks) for part in parts]
+    where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
+    units = [str(part.header.get("BUNIT") or "").strip() or None for part in parts]
+    pixels = ImagePixels(parts=tuple(parts))
+    ends = np.cumsum([part.n_channels for part in parts])
+    frames = [str(part.header.get("SPECSYS") or "").strip() or None for part in parts]
+    frame = only_value(where, "spectral frame", frames, names)
+    dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
+    n_pix = int(np.prod(pixels.shape))
+    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
+    maps = np.empty((ends[-1], n_pix), dtype=dtype)
+    for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
+        out[:] = _read(part.path, part.read)
+    stated = {"unit": only_value(where, "unit", units, names), "remarks": tuple(remarks)}
+    stated["about"] = {"SPECSYS": frame} if frame else {}
+    return maps, Layout(pixels=pixels, **stated, **_freqs_of_images(parts))
+
+
+def _freqs_of_images(parts):
+    """What a `Layout` has of frequencies, a dict: those of the axes, or in the names of files of one each."""
+    several = len(parts) > 1
+    if parts[0].freqs is not None:
+        stated_by = "the axis FREQ" + (" of each image" if several else "")
+        return {"freqs": np.concatenate([part.freqs for part in parts]), "freqs_from": stated_by}
+    paths, stated, nearly = [part.path for part in parts], {}, "Its images have no axis FREQ."
+    if several and len(set(paths)) == sum(part.n_channels for part in parts):
+        in_headers = [freq_in_header(part.header, part.path) for part in parts]
+        names = [path.name for path in paths]
+        stated = stated_freqs(names, "the names of its files", in_headers, paths) | {"names": tuple(names)}
+    return stated if "freqs" in stated else stated | {"nearly": f"{nearly} {stated.get('nearly', '')}"}
+
+
+def _read(path, read):
+    """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
+    kind = "an image cube in FITS"
+    with as_input_error(path, kind), _quiet(), fits.open(path, memmap=False) as file:
+        return read(file)
+
+
+def _parts(path, file, axes, remarks):
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
+    images = [n for n, hdu in enumerate(file) if has_image(hdu) and len(hdu.shape) > 1]
+    if not images:
+        raise InputError(f"{path} holds no image cube.")
+    worlds = {n: world_of(file[n].header, file) for n in images}
+    cubes = [n for n in images if worlds[n].wcs.spec >= 0]
+    cubes = cubes or [n for n in images if len(file[n].shape) > 2] or images[:1]
+    tables = [hdu for hdu in file if _belongs_to(hdu, [file[n].header for n in cubes])]
+    parts = [_part(path, n, file[n].header, file[n].shape, worlds[n], axes) for n in cubes]
+    parts[0] = replace(parts[0], tables=tuple(hdu.copy() for hdu in tables))
+    rest = [(n, hdu) for n, hdu in enumerate(file) if n not in cubes and hdu not in tables]
+    others = [hdu.name or f"HDU {n}" for n, hdu in rest if not isinstance(hdu, IMAGES) or hdu.shape]
+    if others:
+        remarks.append(f"{path} holds {', '.join(others)} beside the cube, which is left out.")
+    if _BEAMS in [table.name for table in tables]:
+        remarks.append(f"{path} holds {_BEAMS} beside the cube, which is not used, but written again.")
+    return parts
+
+
+def _belongs_to(hdu, headers):
+    """Whether it is a table that gives the numbers of images meaning: of the beam of each channel, as CASA
+    writes it, or of world coordinates (-TAB)."""
+    tables = {str(value) for header in headers for value in header["PS*_0"].values()} | {_BEAMS}
+    return isinstance(hdu, fits.BinTableHDU) and not isinstance(hdu, IMAGES) and hdu.name in tables
+
+
+def _without_tables(part, remarks):
+    """An `ImagePart` that needs none of its tables, which is said."""
+    if any(table.name != _BEAMS for table in part.tables):
+        raise InputError(
+            f"{part} has coordinates in a table (-TAB), as of several files none may: write linear axes, or "
+            "all channels to one file."
+        )
+    if part.tables:
+        remarks.append(f"The table {_BEAMS} in {part.path} is left out.")
+        part.header.remove("CASAMBM", ignore_missing=True)
+    return replace(part, tables=())
+
+
+def parts_of_headers(path, headers):
+    """The `ImagePart` of each header, as text, of the images that a file in HDF5 has as one array."""
+    parts = []
+    with _quiet():
+        for index, text in enumerate(headers):
+            header = fits.Header.fromstring(text)
+            shape = [header[f"NAXIS{axis}"] for axis in range(header["NAXIS"], 0, -1)]
+            parts.append(_part(path, index, header, shape, world_of(header)))
+    _check_alike(parts)
+    return tuple(parts)
+
+
+def _part(path, index, header, shape, wcs, axes=None):
+    name = image_name(path, index, header)
+    if axes is None:
+        check_world_axes(header, shape, name)
+    spectral = _spectral_axis(wcs, name)
+    n_axes = max(wcs.naxis, len(shape), 3)
+    stored = (1,) * (n_axes - len(shape)) + tuple(shape)
+    typed = {axis for axis in range(wcs.naxis) if not _has_no_type(wcs, axis)}
+    free = [axis for axis in range(n_axes) if axis not in typed]
+    if spectral is None:  # the first axis without type, of those that are longer than one if it can be
+        long = [axis for axis in free if stored[n_axes - 1 - axis] > 1]
+        spectral, given_freqs = (long if long and axes is None else free)[0], False
+    else:
+        given_freqs = True
+    turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
+    shape = tuple(stored[axis] for axis in turn)
+    _check_axes(wcs, shape, spectral, name)
+    unit = str(header.get("BUNIT") or "")
+    if "jy" in unit.lower():
+        raise InputError(
+            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel with the area of "
+            "its beam, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)) in "
+            "astropy, and write BUNIT = 'K'."
+        )
+    sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
+    first = n_axes - 1 - spectral
+    rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
+    freqs = _freqs_along(wcs, spectral, shape[first], name) if given_freqs else None
+    order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
+    where = {"path": path, "index": index, "header": header.copy()}
+    return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+
+
+def _freqs_along(wcs, spectral, n_channels, name):
+    """MHz of the channels, by the axis FREQ."""
+    line = wcs.sub([spectral + 1])
+    (values,) = line.wcs_pix2world(np.arange(n_channels), 0)
+    freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
+    if not freqs.min() > _LOWEST:
+        raise InputError(
+            f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
+            f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
+        )
+    return freqs
+
+
+def _has_no_type(wcs, axis):
+    """Whether an axis of the world says nothing of what it is."""
+    return wcs.wcs.ctype[axis].strip() in ("", "LINEAR", "CHANNEL", "CHAN")
+
+
+def _spectral_axis(wcs, name):
+    """Which axis of the world is that of frequency, None where it may be one that has no type."""
+    types = [text.strip() for text in wcs.wcs.ctype]
+    listing = ", ".join(text or "one without CTYPE" for text in types)
+    if not wcs.has_celestial:
+        raise InputError(
+            f"{name} must have two axes of the sky (CTYPE such as RA---SIN and DEC--SIN), got {listing}. For "
+            "HEALPix maps write a table, as healpy.write_map does."
+        )
+    axis = wcs.wcs.spec
+    if axis >= 0 and not types[axis].startswith("FREQ"):
+        raise InputError(
+            f"{name} has the spectral axis {types[axis]}, and FREQ is needed: convert it with the rest "
+            "frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package spectral-cube "
+            "does."
+        )
+    if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
+        raise InputError(
+            f"{name} has no axis FREQ, which tells the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
+            "CDELT and CUNIT of the frequencies into its header, or make the CTYPE of channels that are "
+            "numbered blank and give --freqs."
+        )
+    return axis if axis >= 0 else None
+
+
+def _check_axes(wcs, shape, spectral, name):
+    """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
+    celestial = {wcs.wcs.lng, wcs.wcs.lat}
+    for axis in set(range(len(shape))) - celestial - {spectral}:
+        length = shape[len(shape) - 1 - axis]
+        if length > 1:
+            text = (axis < wcs.naxis and wcs.wcs.ctype[axis]) or f"axis {axis + 1}"
+            raise InputError(
+                f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
+                "the first, and write it to a file of its own."
+            )
+    matrix = np.abs(wcs.pixel_scale_matrix)
+    for world, pixel in np.argwhere(matrix > 0):
+        both_on_sky = {world, pixel} <= celestial
+        if world != pixel and not both_on_sky and matrix[world, pixel] > _COUPLED * matrix[world].max():
+            raise InputError(
+                f"{name}: {wcs.wcs.ctype[world]} changes along axis {pixel + 1} too (PC or CD in the "
+                "header): such a rotated or sheared cube must be regridded to one whose channels are images."
+            )
+
+
+def _check_alike(parts):
+    """Refuse images that do not share the axes of the sky, or do share a range of frequencies."""
+    first, *others = (ImagePixels(parts=(part,)) for part in parts)
+    for part, pixels in zip(parts[1:], others, strict=True):
+        if not first.same(pixels):
+            raise InputError(
+                f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
+                f"{pixels}, or other coordinates; reproject them to one header."
+            )
+    unstated = [part for part in parts if part.freqs is None]
+    if unstated and len(unstated) < len(parts):
+        raise InputError(f"{unstated[0]} has no axis FREQ, and other images have; write it into its header.")
+    ordered = [] if unstated else sorted(parts, key=lambda part: part.freqs.min())
+    for low, high in zip(ordered, ordered[1:], strict=False):
+        if high.freqs.min() <= low.freqs.max():
+            raise InputError(
+                f"the frequencies of {low} and {high} overlap, from {high.freqs.min():.10g} to "
+                f"{low.freqs.max():.10g} MHz; cut one of them, or write what is to be cleaned alone."
+            )

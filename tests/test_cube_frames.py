@@ -1,0 +1,255 @@
+"""The frame of coordinates, and what else gives numbers meaning: read, compared, said, and written again."""
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+from cube_files import himap
+from image_files import FREQ, SKY, power_law_images, write_image
+
+from himap.core.errors import InputError
+from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes.files import read_truth
+from himap.cubes.spectra import check_truth
+from himap.maps import sphere
+from himap.maps.frames import frame_of
+from himap.maps.healpix_io import read_maps, write_maps
+
+NSIDE = 8
+N_PIX = 12 * NSIDE**2
+FREQS = 950 + 1.0 * np.arange(10)
+NAMES = [f"{freq:g} MHz" for freq in FREQS]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def maps(rng):
+    sky = 1e3 * np.exp(rng.standard_normal(N_PIX))
+    return ((FREQS / 950)[:, None] ** -2.7 * sky + rng.standard_normal((10, N_PIX))).astype(np.float32)
+
+
+def write(name, maps, frame, **options):
+    options = {"column_units": "mK", "column_names": NAMES if np.ndim(maps) == 2 else None} | options
+    hp.write_map(name, maps, coord=frame, dtype=np.float32, **options)
+    return name
+
+
+def write_hdf5(name, maps, on=None, dataset="maps", **attributes):
+    with h5py.File(name, "w") as file:
+        file.create_dataset(f"sky/{dataset}", data=maps)
+        file.create_dataset("sky/freqs", data=FREQS)
+        file["sky"].attrs.update(unit="mK", order="RING")
+        (file[on] if on else file).attrs.update(attributes)
+    return name
+
+
+@pytest.mark.parametrize(
+    ("frame", "spellings"),
+    [
+        ("G", ["G", "galactic", " GAL "]),
+        ("C", ["C", "Q", "CEL", "Equatorial", "ICRS", "FK5", "J2000"]),
+        ("E", ["E", "ecliptic"]),
+        (None, [None, "", "unknown", "NONE"]),
+        ("FK4", ["fk4"]),
+    ],
+)
+def test_spellings(frame, spellings):
+    assert {frame_of(text) for text in spellings} == {frame}
+
+
+def test_another_equinox_is_another_frame(maps):
+    assert frame_of("C", 2000.0) == frame_of("C", float("nan")) == "C" and frame_of("C", 1950) == "C1950"
+    write_maps("a.fits", maps, names=NAMES, unit="mK", nested=False, frame="C1950")
+    header = fits.getheader("a.fits", 1)
+    assert (header["COORDSYS"], header["EQUINOX"]) == ("C", 1950) and read_maps("a.fits").frame == "C1950"
+
+
+class TestReadAndWritten:
+    @pytest.mark.parametrize("frame", ["G", "C", None])
+    @pytest.mark.parametrize("ending", ["fits", "h5"])
+    @pytest.mark.parametrize("partial", [False, True])
+    def test_fits(self, frame, ending, partial, maps):
+        if partial:
+            maps[:, :99] = hp.UNSEEN
+        cube = read_cube(write("a.fits", maps, frame, partial=partial))
+        assert cube.layout.pixels.frame == frame
+        assert {"G": "Galactic", "C": "celestial", None: "frame not stated"}[frame] in cube.summary
+        save_cleaned(clean_cube(cube, "pca", n_sources=1), f"c.{ending}")
+        assert read_cube(f"c.{ending}").layout.pixels.frame == frame
+        if ending == "fits":
+            assert fits.getheader("c.fits", 1).get("COORDSYS") == frame
+
+    @pytest.mark.parametrize("on", [None, "sky", "sky/maps"])
+    @pytest.mark.parametrize("name", ["COORDSYS", "coord", "frame", "coordinates"])
+    def test_hdf5(self, on, name, maps):
+        """Of the dataset, its group or the file."""
+        cube = read_cube(write_hdf5("a.h5", maps, on, **{name: "Equatorial"}))
+        assert cube.layout.pixels.frame == "C"
+
+    def test_coordinates_of_netcdf_are_no_frame(self, maps):
+        cube = read_cube(write_hdf5("a.h5", maps, coordinates="lat lon"))
+        assert cube.layout.pixels.frame is None
+
+    def test_a_card_of_the_file_before_the_table(self, maps):
+        write("a.fits", maps, None)
+        with fits.open("a.fits", mode="update") as file:
+            file[0].header.update(COORDSYS="E", BUNIT="K")
+            for n in range(1, 11):
+                del file[1].header[f"TUNIT{n}"]
+        cube = read_cube("a.fits")
+        assert (cube.layout.pixels.frame, cube.layout.unit) == ("E", "K")
+
+    def test_a_folder_has_one(self, maps, tmp_path):
+        for name, row, frame in zip(NAMES, maps, "CCCCCCCCCG", strict=True):
+            write(tmp_path / f"map_{name.replace(' ', '')}.fits", row, frame, column_names=None)
+        with pytest.raises(InputError, match=r"one frame of coordinates, got .*G \(map_959MHz.fits\)"):
+            read_cube(tmp_path)
+
+    def test_it_can_be_given(self, maps):
+        np.save("a.npy", maps)
+        given = {"freqs": FREQS, "unit": "mK", "order": "RING"}
+        assert read_cube("a.npy", frame="galactic", **given).layout.pixels.frame == "G"
+        with pytest.raises(InputError, match="the frame of coordinates must be one of G, C, E, got 'X'"):
+            read_cube("a.npy", frame="X", **given)
+        with pytest.raises(InputError, match="the file says C, but the frame given is G"):
+            read_cube(write("a.fits", maps, "C"), frame="G")
+
+    def test_other_cards_are_kept(self, maps):
+        cards = [("SPECSYS", "TOPOCENT"), ("TELESCOP", "MeerKAT"), ("FREQRES", 1.5)]
+        cube = read_cube(write("a.fits", maps, "C", extra_header=cards))
+        assert "SPECSYS = TOPOCENT" in cube.summary
+        save_cleaned(clean_cube(cube, "pca", n_sources=1), "c.fits")
+        save_cleaned(clean_cube(read_cube("c.fits"), "pca", n_sources=1), "d.h5")
+        save_cleaned(clean_cube(read_cube("d.h5"), "polynomial", order=1), "e.fits")
+        header = fits.getheader("e.fits", 1)
+        assert {key: header[key] for key, _ in cards} == dict(cards) and header["METHOD"] == "polynomial"
+
+
+class TestDiffer:
+    """Of a cube in C and others in G: refused, or rotated."""
+
+    @pytest.fixture
+    def cube(self, maps):
+        return write("cube.fits", maps, "C")
+
+    @pytest.fixture
+    def latitudes(self):
+        """Those of the pixels in their own frame, and Galactic ones of those of the cube, by the angles."""
+        lon, lat = hp.pix2ang(NSIDE, np.arange(N_PIX), lonlat=True)
+        return np.abs(lat), np.abs(hp.Rotator(coord=["C", "G"])(lon, lat, lonlat=True)[1])
+
+    @pytest.fixture
+    def files(self, maps, latitudes):
+        given = latitudes[0] > 20
+        write("mask.fits", given.astype("f4"), "G")
+        write("weights.fits", hp.reorder(latitudes[0], r2n=True), "G", nest=True)
+        write_hdf5("flags.h5", (~given).astype("u1"), dataset="flags", coordsys="G")
+        write("truth.fits", maps, "G")
+
+    @pytest.mark.parametrize("name", ["mask", "weights", "flags", "truth", "mocks"])
+    def test_refused(self, name, cube, files):
+        file = {"flags": "flags.h5", "mocks": "truth.fits"}.get(name, f"{name}.fits")
+        common = ["--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.fits"]
+        done = himap("clean", cube, f"--{name}", file, *common)
+        said = f"{file} is Galactic (COORDSYS = G), of the cube celestial"
+        assert done.exit_code != 0 and said in done.output and "--rotate" in done.output
+
+    def test_a_mask_is_rotated(self, cube, latitudes, files):
+        """The kept pixels are those of |b| > 20 deg, but for a pixel at the edge, of 7 deg."""
+        mask, galactic = read_cube(cube).masked("mask.fits", rotate=True), latitudes[1]
+        sure = np.abs(galactic - 20) > 6
+        assert sure.mean() > 0.7 and np.array_equal(mask.mask[sure], galactic[sure] > 20)
+        assert "rotated, Galactic to celestial" in mask.remarks[-1]
+
+    @pytest.mark.parametrize("nest", [False, True])
+    def test_weights_and_flags_are_rotated(self, nest, maps, latitudes, files):
+        given = np.array([hp.reorder(row, r2n=True) for row in maps]) if nest else maps
+        cube = read_cube(
+            write("n.fits", given, "C", nest=nest), weights="weights.fits", flags="flags.h5", rotate=True
+        )
+        mask = read_cube("n.fits").masked("mask.fits", rotate=True).mask
+        assert np.array_equal(cube.mask, mask)
+        assert np.abs(cube.weights - latitudes[1][mask]).max() < 6
+        assert sum("rotated, Galactic to celestial" in remark for remark in cube.remarks) == 2
+
+    def test_a_truth_is_rotated(self, cube, rng):
+        """Maps of multipoles up to 2 nside, which healpy rotates as coefficients."""
+        alms = [hp.synalm(np.ones(2 * NSIDE + 1), new=True) for _ in FREQS]
+        write("t.fits", [hp.alm2map(alm, NSIDE) for alm in alms], "G")
+        rotator = hp.Rotator(coord=["G", "C"])
+        expected = [hp.alm2map(rotator.rotate_alm(alm), NSIDE) for alm in alms]
+        truth = read_truth("t.fits", cube=read_cube(cube), rotate=True)
+        assert np.std(truth.maps - expected) < 0.03 * np.std(expected)
+        check_truth(read_cube(cube), truth)
+        with pytest.raises(InputError, match="of the truth is Galactic"):
+            check_truth(read_cube(cube), read_truth("t.fits"))
+
+    def test_a_truth_of_a_part_of_the_sky(self, cube, maps):
+        maps[:, :9] = hp.UNSEEN
+        with pytest.raises(InputError, match="a part of the sky cannot be rotated"):
+            read_truth(write("t.fits", maps, "G"), cube=read_cube(cube), rotate=True)
+
+    def test_what_no_rotation_is_known_for(self, cube, maps):
+        write("m.fits", np.ones(N_PIX), "FK4")
+        with pytest.raises(InputError, match="only G, C, E can be rotated"):
+            read_cube(cube).masked("m.fits", rotate=True)
+
+    def test_unknown_ones_are_said(self, cube, maps):
+        """That of the cube counts for a mask that states none, and that of a mask for such a cube."""
+        write("m.fits", np.ones(N_PIX), None)
+        assert (
+            "m.fits does not state its frame: taken as that of the cube, celestial"
+            in (read_cube(cube).masked("m.fits").remarks[-1])
+        )
+        write("g.fits", np.ones(N_PIX), "G")
+        masked = read_cube(write("none.fits", maps, None)).masked("g.fits")
+        assert "the cube does not state its frame" in masked.remarks[-1] and masked.layout.pixels.frame == "G"
+        with pytest.raises(InputError, match="is celestial .* of the cube Galactic"):
+            masked.masked(write("c.fits", np.ones(N_PIX), "C"))
+
+    def test_spectral_frames(self, cube, maps):
+        topocentric = read_cube(write("a.fits", maps, "C", extra_header=[("SPECSYS", "TOPOCENT")]))
+        truth = read_truth(write("t.fits", maps / 2, "C", extra_header=[("SPECSYS", "LSRK")]))
+        with pytest.raises(InputError, match="SPECSYS = TOPOCENT, and has LSRK"):
+            check_truth(topocentric, truth)
+
+
+def test_pixels_in_another_frame():
+    """The values of the pixels that healpy's angles say, for each pair of frames."""
+    ids = np.arange(N_PIX)
+    for one, other in ("CG", "GC", "EG", "CE"):
+        theta, phi = hp.Rotator(coord=[one, other])(*hp.pix2ang(NSIDE, ids))
+        assert np.array_equal(sphere.pixels_in_frame(NSIDE, one, other), hp.ang2pix(NSIDE, theta, phi))
+
+
+class TestImages:
+    @pytest.mark.parametrize("cards", [{"RADESYS": "FK5"}, {"EQUINOX": 2000.0}, {"RADESYS": "ICRS"}, {}])
+    def test_masks_within_a_milliarcsecond_of_j2000(self, cards, rng):
+        maps = power_law_images(rng)
+        cube = read_cube(write_image("a.fits", maps))
+        write_image("m.fits", np.ones_like(maps[0]), axes=SKY["SIN"], BUNIT="", **cards)
+        assert cube.masked("m.fits").mask.all() and "RA---SIN and DEC--SIN (ICRS)" in cube.summary
+
+    def test_galactic_axes_have_no_radesys(self, rng):
+        maps = power_law_images(rng)
+        cube = read_cube(write_image("a.fits", maps, axes=(*SKY["CAR"], FREQ), RADESYS="FK5"))
+        write_image("m.fits", np.ones_like(maps[0]), axes=SKY["CAR"], BUNIT="")
+        assert cube.masked("m.fits").mask.all()
+
+    def test_another_equinox(self, rng):
+        maps = power_law_images(rng)
+        cube = read_cube(write_image("a.fits", maps))
+        write_image("m.fits", np.ones_like(maps[0]), axes=SKY["SIN"], BUNIT="", EQUINOX=1950.0)
+        with pytest.raises(InputError, match="reproject"):
+            cube.masked("m.fits")
+
+    def test_nothing_is_rotated(self, rng):
+        maps = power_law_images(rng)
+        cube = read_cube(write_image("a.fits", maps))
+        with pytest.raises(InputError, match="only HEALPix maps are rotated"):
+            cube.masked(write_image("m.fits", np.ones_like(maps[0]), axes=SKY["SIN"], BUNIT=""), rotate=True)
