@@ -244,18 +244,18 @@ class TestLogical:
         given = hp.reorder(self.kept.astype("f4"), r2n=True) > 0 if nest else self.kept
         hp.write_map("m.fits", given, nest=nest, dtype=bool, column_units=None)
         assert fits.getheader("m.fits", 1)["TFORM1"].endswith("L")
-        assert np.array_equal(pixels.read_mask("m.fits"), self.kept)
+        assert np.array_equal(pixels.read_mask("m.fits")[0], self.kept)
         for dtype in (bool, np.uint8, float):
             np.save("m.npy", self.kept.astype(dtype))
-            assert np.array_equal(pixels.read_mask("m.npy"), self.kept)
+            assert np.array_equal(pixels.read_mask("m.npy")[0], self.kept)
         np.save("m.npy", np.ones((24, N_PIX), bool))
         with pytest.raises(InputError, match="m.npy must be one map"):
-            pixels.read_mask("m.npy")
+            pixels.read_mask("m.npy")[0]
 
     def test_a_mask_in_the_order_of_a_nested_cube(self):
         write_hdf5("a.h5", said={"unit": "mK", "order": "NESTED"})
         np.save("m.npy", hp.reorder(self.kept.astype("f4"), r2n=True) > 0)
-        assert np.array_equal(read_cube("a.h5").layout.pixels.read_mask("m.npy"), self.kept)
+        assert np.array_equal(read_cube("a.h5").layout.pixels.read_mask("m.npy")[0], self.kept)
 
     def test_flags_and_no_maps(self):
         write_hdf5("a.h5")
@@ -271,10 +271,10 @@ class TestLogical:
         kept = np.arange(N_Y * N_X).reshape(N_Y, N_X) % 3 > 0
         np.save("m.npy", kept)
         pixels = read_cube("a.fits").layout.pixels
-        assert np.array_equal(pixels.read_mask("m.npy"), kept.ravel())
+        assert np.array_equal(pixels.read_mask("m.npy")[0], kept.ravel())
         np.save("m.npy", kept.T)
         with pytest.raises(InputError, match="m.npy must have the shape"):
-            pixels.read_mask("m.npy")
+            pixels.read_mask("m.npy")[0]
 
 
 def test_every_error_names_the_file():
