@@ -53,7 +53,7 @@ _COMMON = (
     option("--freqs-name", metavar="NAME", hidden=True),
     debug,
 )
-_READING = ("freqs", "unit", "order", "frame", "maps_name", "freqs_name", "axes")
+_READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_name", "axes")
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 
 
@@ -135,8 +135,7 @@ def _cube_and_beams(asked, remover):
     if asked.weighed:
         remover.check_weights()
     scattered = "weights" in remover.uses
-    options = {"scattered": scattered, "rotate": asked.rotate}
-    cube = read_cube(asked.path, **asked.reading, **asked.weighed, **options)
+    cube = read_cube(asked.path, **asked.reading, **asked.weighed, scattered=scattered)
     check_pixels(cube, remover)
     if asked.mask is not None:
         cube = cube.masked(asked.mask, rotate=asked.rotate)
@@ -225,8 +224,7 @@ def _cleaned(asked):
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
             "`himap suggest` says how many this cube asks for.",
         )
-    reading = {"cube": cube, "rotate": asked.rotate, **asked.reading}
-    true = None if asked.truth is None else read_truth(asked.truth, **reading)
+    true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
     if true is not None:
         _tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
         check_truth(cube, true)  # before the work
@@ -276,8 +274,7 @@ def _mocks(cube, beams, asked):
     for word in words:
         if not there_is(word):
             raise InputError(f"--mocks: there is no file {word}.")
-    tell = functools.partial(_tell, asked)
-    return read_mocks(cube, words, tell=tell, rotate=asked.rotate, **asked.reading)
+    return read_mocks(cube, words, tell=functools.partial(_tell, asked), **asked.reading)
 
 
 @_command(
