@@ -132,7 +132,7 @@ plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 Markdown(growth_table(scaling))
 
 # %% [markdown]
-# CRIME, the simulator of the paper, was run beside the light cone, with the same cosmology and Fourier modes ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85 with 1024³: for twice the cells along a side it grew by a factor of 8.4,
+# CRIME, the simulator of the paper, was run for comparison with the light cone, with the same cosmology and Fourier modes ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85 with 1024³: for twice the cells along a side it grew by a factor of 8.4,
 # that of CRIME by a factor of 9.2. Memory is alike. CRIME is not part of himap, so these ratios are cited from that comparison and are not measured again.
 
 # %% [markdown]

@@ -93,7 +93,8 @@ study = Study(
 table = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method without a beam does better. An error that oscillates with frequency costs far more than one that all channels share.
+# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method without a beam does better. An error that oscillates with frequency costs far more than one that all channels share: it gives bright pixels spectra that no
+# fitted spectrum describes.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. The horizontal curve is a method without a beam; the grey line is 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
@@ -253,23 +254,14 @@ quote(
 # himap clean cube.h5 --method beam_subspace --beam misjudged:beam=meerkat,width=0.01 -p n_sources=4 -o cleaned.h5
 # ```
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** The foreground is 10 K, the HI 0.1 mK. How accurately must a method predict the foreground if the residual may have 1 % of the power of HI?
+# The foreground is 10 K, the HI 0.1 mK. How accurately must a method predict the foreground if the residual may have 1 % of the power of HI?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
 # 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well; but an error that is smooth in frequency acts like one more spectrum, which can be fitted.
-#
-# </details>
-#
-# **2.** Why does an error of the width of all channels cost so much less than a ripple of the same size?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# It changes smooth foregrounds smoothly with frequency, which the fitted spectra mostly absorb. A ripple gives every bright pixel a spectrum that none of them has.
 #
 # </details>
 #

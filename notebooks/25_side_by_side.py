@@ -281,7 +281,7 @@ quote(
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
-# | maps of one resolution in all channels | PCA, the simplest; BeamSubspace gives the same | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
+# | maps of one resolution in all channels | PCA, the simplest; beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
 # | known beam, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
@@ -302,18 +302,9 @@ quote(
 # himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
 # ```
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** All maps have the same resolution. Does a method gain from knowing the beam?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# No: through the degraded beam the curves of PCA and BeamSubspace coincide. Each source has the same map in all channels, as PCA assumes.
-#
-# </details>
-#
-# **2.** A corrected spectrum is too high at small $k_\nu$ and at one narrow $k_\nu$. What is the likely cause?
+# A corrected spectrum is too high at small $k_\nu$ and at one narrow $k_\nu$. What is the likely cause?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
