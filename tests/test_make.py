@@ -33,6 +33,7 @@ class Workshop:
         for name in (
             "Makefile",
             "requirements.txt",
+            "requirements.lock",
             "pyproject.toml",
             "_config.yml",
             "_toc.yml",
@@ -46,11 +47,11 @@ class Workshop:
         (folder / "fake-python").write_text(FAKE_PYTHON)
         (folder / "fake-python").chmod(0o755)
 
-    def make(self, target):
+    def make(self, target, *more):
         """Exit code of make, and the programs it ran."""
         (self.folder / "log").write_text("")
         quiet = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-        make = ["make", target, "PYTHON=./fake-python"]
+        make = ["make", target, "PYTHON=./fake-python", *more]
         code = subprocess.run(make, cwd=self.folder, env=quiet, capture_output=True).returncode
         lines = (self.folder / "log").read_text().splitlines()
         return code, [re.sub(r" -[qW-].*| \..*| -r.*", "", line) for line in lines]
@@ -66,7 +67,7 @@ def workshop(tmp_path):
 
 
 SETUP = ["fake-python -m venv", "python -m pip install"]
-REFRESH = ["himap run", "python book/readme_figure.py"]
+REFRESH = ["himap run", "python book/readme_figure.py", "python book/metadata.py"]
 TESTS = ["python -m pytest -n 2"]
 
 
@@ -75,6 +76,11 @@ def test_make_sets_up_once(workshop):
     assert workshop.make("setup") == (0, [])
     workshop.edit("requirements.txt")
     assert workshop.make("setup") == (0, SETUP)
+
+
+def test_make_sets_up_what_the_lock_names(workshop):
+    assert workshop.make("setup", "LOCK=1") == (0, [*SETUP, SETUP[1]])
+    assert workshop.make("setup", "LOCK=1") == (0, [])
 
 
 def test_failed_install_is_tried_again(workshop):
