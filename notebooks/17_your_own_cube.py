@@ -150,7 +150,8 @@ study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# Residual foreground would appear in the rms as structure along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input.
+# Residual foreground would appear in the rms as structure along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input,
+# in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")
