@@ -1,7 +1,9 @@
 """Which axis, file and format is which: said by the files, by the caller, or refused, and never guessed."""
 
 import fcntl
+import gzip
 import os
+from pathlib import Path
 
 import h5py
 import healpy as hp
@@ -62,6 +64,26 @@ class TestAxes:
         if len(axes) == 2:  # where the file itself says too little of its axes
             truth = read_truth("turned.fits", axes="ra,dec,freq", freqs=MHZ)
             assert np.array_equal(truth.maps, cube.maps)
+
+    def test_a_header_that_fits_the_array_turned_round_is_doubted(self, images, rng):
+        """Where foregrounds dominate; neither for them in the right order nor for noise in any."""
+        doubt = "--axes ra,dec,freq"
+        self.write(images, (*SKY["ZEA"], FREQ))
+        assert doubt in " ".join(read_cube("turned.fits").remarks)
+        assert doubt not in " ".join(read_cube("turned.fits", axes="ra,dec,freq").remarks)
+        images[:, :3] = np.nan
+        write_image("right.fits", images)
+        noise = rng.standard_normal(images.shape).astype("f4")
+        for n, order in enumerate(((0, 1, 2), (2, 1, 0))):
+            write_image(f"noise{n}.fits", noise.transpose(order))
+        for name in ("right.fits", "noise0.fits", "noise1.fits"):
+            assert doubt not in " ".join(read_cube(name).remarks)
+
+    @pytest.mark.parametrize("name", ["FREQ-XYZ", "FREQ-TAB", "VELO"])
+    def test_coordinates_that_nobody_understands(self, images, name):
+        write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
+        with pytest.raises(InputError, match="a.fits: the world coordinates .* correct CTYPE"):
+            read_cube("a.fits")
 
     def test_with_stokes_that_the_header_alone_has(self, images):
         self.write(images, (*SKY["ZEA"], STOKES, FREQ), WCSAXES=4)
@@ -187,6 +209,11 @@ class TestFormats:
         write_image("a.fits", images)
         fits.writeto("b.fits.gz", images, fits.getheader("a.fits"))
         os.rename("b.fits.gz", "b.cube")
+        with h5py.File("d.h5", "w") as file:
+            file["maps"] = good_maps()
+        Path("d.h5.gz").write_bytes(gzip.compress(Path("d.h5").read_bytes()))
+        with pytest.raises(InputError, match="d.h5.gz: a cube is .*unpack archives"):
+            read_cube("d.h5.gz")
         np.save("c.npy", good_maps())
         os.rename("c.npy", "c.dat")
         assert np.array_equal(read_cube("b.cube").maps, images.reshape(N_CHANNELS, -1))

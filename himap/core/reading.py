@@ -74,6 +74,8 @@ def format_of(path):
             if first[:2] == b"\x1f\x8b":
                 with gzip.open(path) as unpacked:
                     first = unpacked.read(9)
+                if not first.startswith(_FORMATS["FITS"][0]):  # no other is read where it is packed
+                    return None
             for name, (magic, _) in _FORMATS.items():
                 if first.startswith(magic):
                     return name

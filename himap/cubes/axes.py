@@ -1,8 +1,14 @@
 """Which axis of an array is which: by names that the caller gives, by sizes, or as a header says."""
 
+import numpy as np
+
 from himap.core.errors import InputError
+from himap.cubes.layout import is_seen
 from himap.maps.sphere import pixels_last, sphere_sizes
 
+_MODES = 3
+_DOMINATED = 1e-3  # of the power, that a few modes leave along an axis that looks like frequency
+_LESS = 0.01  # of what they leave along the axis that is said to be
 _AXES = {
     **dict.fromkeys(("ra", "lon", "glon", "l", "x"), "lon"),
     **dict.fromkeys(("dec", "lat", "glat", "b", "y"), "lat"),
@@ -45,6 +51,29 @@ def pixels_by_axes(maps, axes=None):
     return pixels_last(maps), (
         f"both axes, {maps.shape[0]} and {maps.shape[1]}, could be pixels of a sphere: the {which} one was "
         "assumed to be (--axes freq,pixel or pixel,freq says it).",
+    )
+
+
+def remark_on_axes(maps, shape):
+    """A sentence on channels, (n_channels, n_pix) of images of this shape, that look like a line of the sky.
+
+    Foregrounds hardly change their shape with frequency: of a cube that is dominated by them a few spectra
+    hold nearly everything, and what a few modes leave is larger along the axes of the sky. Of 48 places along
+    each axis.
+    """
+    cube = maps.reshape(-1, *shape)[tuple(slice(None, None, -(-n // 48)) for n in (len(maps), *shape))]
+    cube = np.where(is_seen(cube), cube, 0).astype(float)
+    left = []
+    for axis in range(3):
+        lines = np.moveaxis(cube, axis, 0).reshape(cube.shape[axis], -1)
+        power = np.linalg.eigvalsh(lines @ lines.T)[::-1]
+        left.append(power[_MODES:].sum() / power.sum() if len(power) > 2 * _MODES and power.sum() else np.nan)
+    along_sky = np.nanmin(left[1:]) if np.isfinite(left[1:]).any() else np.nan
+    if not (along_sky < _DOMINATED and along_sky < _LESS * left[0]):
+        return ()
+    return (
+        "The channels are less alike than the lines along an axis of the sky, as of an array that is not "
+        "turned round for its header: if it is (RA, Dec, channel) in numpy, give --axes ra,dec,freq.",
     )
 
 

@@ -10,7 +10,7 @@ from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.axes import pixels_by_axes
+from himap.cubes.axes import pixels_by_axes, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.layout import Layout, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, unlike_names
@@ -95,6 +95,8 @@ def read_cube(
     with naming(path):
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
+        if not layout.pixels.whole_sky and axes is None:
+            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels.shape)))
         if weighed:
             weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):

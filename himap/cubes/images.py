@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from astropy.io import fits
-from astropy.wcs import WCS
+from astropy.wcs import WCS, WcsError
 
 from himap.core.errors import InputError
 from himap.core.reading import format_of, regular_file
@@ -305,7 +305,14 @@ def world_of(header, file=None):
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
         header[key] = _FREQ.sub("FREQ", name)
-    world = WCS(header, fobj=file)
+    try:
+        world = WCS(header, fobj=file)
+    except (WcsError, MemoryError) as error:  # no memory for a table (-TAB) that is not there
+        why = " ".join(str(error).split())
+        raise InputError(
+            f"the world coordinates of an image cannot be understood ({why}): correct CTYPE, CUNIT and the "
+            "like in its header."
+        ) from None
     world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
     return world
 
