@@ -82,8 +82,8 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.
     n_cells, box_size, rng, model, rsd
         As of `hi_maps` and `gaussian_modes`.
     r_smooth
-        Mpc/h: the modes of delta_G are multiplied by exp(-k^2 r_smooth^2 / 2), after the option of that name
-        of CRIME. Velocities are those of the matter before it; CRIME takes them from what is smooth.
+        Mpc/h: the modes of the matter, from which delta_G and the velocities follow, are multiplied by
+        exp(-k^2 r_smooth^2 / 2), as with the option of that name of CRIME.
 
     Returns
     -------
@@ -92,10 +92,12 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.
     displacement
         f D psi_r, (n, n, n) float32, Mpc/h; None without `rsd`.
     """
-    modes = gaussian_modes(model.cosmology.linear_power, n_cells, box_size, rng)
+
+    def power(k):
+        return model.cosmology.linear_power(k) * np.exp(-((k * r_smooth) ** 2))
+
+    modes = gaussian_modes(power, n_cells, box_size, rng)
     displacement = radial_displacement(modes, box_size) if rsd else None
-    if r_smooth:
-        _scale_modes(modes, box_size, lambda k: np.exp(-0.5 * (k * r_smooth) ** 2))
     density = real_field(modes)
     del modes
     # Growth and bias against distance, out to the corner of the box.
@@ -145,19 +147,14 @@ def gaussian_modes(power, n_cells, box_size, rng):
         list(pool.map(draw, zip(noise, rng.spawn(n_cells), strict=True)))
     modes = fft.rfftn(noise, workers=-1)
     del noise
-    _scale_modes(modes, box_size, lambda k: np.sqrt(power(k) / (box_size / n_cells) ** 3))
+    k_max = np.sqrt(3) * np.pi * n_cells / box_size
+    table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
+    _scale_modes(modes, table.astype(np.float32), 2 * np.pi / box_size, k_max)
     return modes
 
 
-def _scale_modes(modes, box_size, amplitude):
-    """Multiply `modes` in place by a function of |k| (h/Mpc), which is tabulated."""
-    k_max = np.sqrt(3) * np.pi * len(modes) / box_size
-    table = amplitude(np.linspace(0, k_max, _TABLE_SIZE)).astype(np.float32)
-    _scale_by_table(modes, table, 2 * np.pi / box_size, k_max)
-
-
 @njit(parallel=True, cache=True)
-def _scale_by_table(modes, table, k_unit, k_max):
+def _scale_modes(modes, table, k_unit, k_max):
     """Multiply `modes` in place by the amplitude at |k|, interpolated in `table`."""
     n = modes.shape[0]
     step = k_max / (len(table) - 1)
