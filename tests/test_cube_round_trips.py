@@ -1,5 +1,6 @@
 """What is written of a cleaned cube is read again by himap, astropy, h5py and healpy, and means the same."""
 
+import tempfile
 import warnings
 from pathlib import Path
 
@@ -10,9 +11,14 @@ import pytest
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
+from cube_files import himap
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from image_files import SKY, STOKES, header_of
 
 from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.maps.frames import frame_of
+from himap.maps.healpix_io import MILLIKELVIN
 
 NSIDE, N_CHANNELS, SHAPE = 4, 9, (5, 6)
 N_PIX = 12 * NSIDE**2
@@ -177,3 +183,86 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     save_cleaned(second, tmp_path / "d.fits")
     check_written(target, read_cube(target), second, tmp_path / "d.fits")
     assert meaning(read_cube(tmp_path / "d.fits")) == meaning(cube)
+
+
+FEW = settings(deadline=None, derandomize=True, database=None, max_examples=8)
+UNITS, ENDINGS = st.sampled_from([*MILLIKELVIN]), st.sampled_from(["fits", "h5"])
+FRAMES = st.sampled_from(["G", "galactic", "C", "ICRS", "E", "FK4", None])
+SPECTRAL = st.sampled_from([None, "TOPOCENT", "LSRK", "BARYCENT"])
+
+
+def check_round_trip(folder, write, ending, expected, maps):
+    """A file says what it was given, `expected` of `meaning`, with `maps` in mK; so does what is written."""
+    path, target = Path(folder) / "a.fits", Path(folder) / f"c.{ending}"
+    write(path)
+    cube = read_cube(path)
+    assert meaning(cube)[2:] == expected
+    assert cube.freqs == pytest.approx(FREQS, rel=1e-12) and cube.maps == pytest.approx(maps, rel=1e-6)
+    cleaned = clean_cube(cube, "pca", n_sources=1, peaks=False)
+    save_cleaned(cleaned, target)
+    check_written(path, cube, cleaned, target)
+
+
+@FEW
+@given(FRAMES, UNITS, SPECTRAL, ENDINGS, st.booleans(), st.booleans(), st.permutations(range(N_CHANNELS)))
+def test_any_table_of_maps(frame, unit, spectral, ending, nest, partial, order):
+    maps = sky(N_PIX)
+    seen = np.arange(N_PIX) >= 9 * partial
+    columns = np.where(seen, maps / MILLIKELVIN[unit], hp.UNSEEN)[order]
+    columns = np.array([hp.reorder(row, r2n=True) for row in columns]) if nest else columns
+    options = {
+        "column_units": unit,
+        "column_names": [f"{float(FREQS[n])!r} MHz" for n in order],
+        "coord": frame,
+    }
+    options["extra_header"] = [("SPECSYS", spectral)] if spectral else []
+
+    def write(path):
+        hp.write_map(path, columns, nest=nest, partial=partial, dtype=np.float64, **options)
+
+    with tempfile.TemporaryDirectory() as folder:
+        check_round_trip(folder, write, ending, (frame_of(frame), unit, spectral), maps[:, seen])
+
+
+@FEW
+@given(
+    st.sampled_from([*SKY]),
+    st.permutations(range(3)),
+    st.integers(-5, 12),
+    st.sampled_from([("Hz", 1e6), ("kHz", 1e3), ("MHz", 1.0), ("GHz", 1e-3)]),
+    st.sampled_from([1, -1]),
+    st.sampled_from(["f4", "f8", ">f4"]),
+    UNITS,
+    SPECTRAL,
+    st.sampled_from(["ICRS", "FK5", "FK4"]),
+    ENDINGS,
+)
+def test_any_image(projection, order, place, spelled, sign, dtype, unit, spectral, radesys, ending):
+    (name, scale), step = spelled, 1.25 * sign
+    first = FREQS[0] if sign > 0 else FREQS[-1]
+    freq = ("FREQ", (first + step * (place - 1)) * scale, float(place), step * scale, name)
+    axes = [(*SKY[projection], freq)[n] for n in order]  # in the order of FITS
+    cube = sky(30)[::sign].reshape(-1, *SHAPE) / MILLIKELVIN[unit]
+    array = cube.transpose([[2, 1, 0][n] for n in order[::-1]]).astype(dtype)
+    more = {"BUNIT": unit, "RADESYS": radesys} | ({"SPECSYS": spectral} if spectral else {})
+    frame = "G" if projection == "CAR" else frame_of(radesys)
+    rows = order.index(0) > order.index(1)  # the sky comes transposed
+    maps = sky(30).reshape(-1, *SHAPE)
+    maps = (maps.transpose(0, 2, 1) if rows else maps).reshape(N_CHANNELS, -1)
+
+    def write(path):
+        fits.PrimaryHDU(array, header_of(axes, **more)).writeto(path)
+
+    with tempfile.TemporaryDirectory() as folder:
+        check_round_trip(folder, write, ending, (frame, unit, spectral), maps)
+
+
+def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
+    """By the command on what it wrote, in every format that says all of itself."""
+    write_images(tmp_path / "a.fits")
+    write_table(tmp_path / "b.fits")
+    for name, ending in (("a", "fits"), ("a", "h5"), ("b", "fits"), ("b", "h5")):
+        target = tmp_path / f"c_{name}.{ending}"
+        save_cleaned(clean_cube(read_cube(tmp_path / f"{name}.fits"), "pca", n_sources=1), target)
+        done = himap("suggest", target, "--to", 3)
+        assert done.exit_code == 0 and "eigenvalues stand above HI and noise" in done.output, done.output

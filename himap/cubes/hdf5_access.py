@@ -65,9 +65,11 @@ def unpacked(item, label, stored, *, unsigned=False):
     `label` is what errors call it; `unsigned` whether its integers are, though their type is not.
     """
     stated = {key: _numbers(item, key, f"{key} of {label}") for key in PACKING}
-    for key in _SCALE:
-        if stated[key].size > 1 or not np.isfinite(stated[key]).all():
-            raise InputError(f"{key} of {label} must be one number, got {stated[key]}.")
+    for key, numbers in stated.items():
+        n_right = {"valid_range": 2, "missing_value": numbers.size}.get(key, 1)
+        if numbers.size not in (0, n_right) or (key in _SCALE and not np.isfinite(numbers).all()):
+            how_many = "two numbers" if n_right == 2 else "one number"
+            raise InputError(f"{key} of {label} must be {how_many}, got {numbers}.")
     scale, offset = (next(iter(stated[key]), None) for key in _SCALE)
     if scale == 0:
         raise InputError(f"scale_factor of {label} must be a number other than 0, got 0.")

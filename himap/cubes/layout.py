@@ -330,9 +330,9 @@ def only_value(path, what, values, names=()):
 
     `what` it is, and the `names` of the maps, are for the InputError where they differ.
     """
-    first = dict(zip(reversed(values), reversed(names or values), strict=True))
+    first = {value: n for n, value in reversed([*enumerate(values)])}
     if len(first) > 1:
-        each = (f"{value} ({name})" if names else str(value) for value, name in first.items())
+        each = (f"{values[n]} ({names[n]})" if names else str(values[n]) for n in sorted(first.values()))
         raise InputError(f"the maps in {path} must have one {what}, got {', '.join(each)}.")
     return values[0]
 

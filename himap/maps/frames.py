@@ -31,7 +31,8 @@ def frame_of(text, equinox=None):
 
 def frame_name(frame):
     """A frame of coordinates as of `frame_of`, for a sentence."""
-    return FRAMES.get(frame, f"{frame}") if frame else "frame not stated"
+    match = _OF_EQUINOX.fullmatch(frame or "")
+    return f"celestial of {match[2]}" if match else FRAMES.get(frame, frame or "frame not stated")
 
 
 def frame_cards(frame):
