@@ -149,7 +149,9 @@ def by_other_readers(path, layout):
             line = wcs.sub([wcs.wcs.spec + 1])
             n = 1 if wcs.naxis > len(hdu.shape) else hdu.shape[wcs.naxis - 1 - wcs.wcs.spec]
             freqs = line.wcs_pix2world(np.arange(n), 0)[0]
-            parts.append((freqs / 1e6, hdu.data.reshape(n, -1)))
+            axis = wcs.naxis - 1 - wcs.wcs.spec
+            data = np.moveaxis(hdu.data, axis, 0) if wcs.naxis == hdu.data.ndim else hdu.data
+            parts.append((freqs / 1e6, data.reshape(n, -1)))
     freqs, maps = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     assert freqs == pytest.approx(layout.freqs, rel=1e-12)
     return maps
