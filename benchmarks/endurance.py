@@ -115,10 +115,13 @@ def share(trial, n_processes, chance):
 
 
 def fill_disk(trial, n_times, chance):
-    """No file may grow beyond a random size, which stands for the end of the disk."""
+    """No file may grow beyond a random size, which stands for the end of the disk.
+
+    Standard error goes to a file too, and what is said before the disk is full has to fit.
+    """
     for _ in range(n_times):
         place = trial.place()
-        process = place.start(trial.words, largest=int(10 ** chance.uniform(2, 6)))
+        process = place.start(trial.words, largest=int(10 ** chance.uniform(3, 6)))
         code = process.wait()
         said = place.errors.read_text(errors="replace")
         trial.counts["full_disks"] += 1

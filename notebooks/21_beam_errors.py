@@ -165,13 +165,13 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 # the same FWHM in every channel (`meerkat`).
 
 # %% tags=["hide-input"]
-shown = [case.survey.freqs[i] for i in (0, -1)]
+shown = case.survey.freqs[[0, -1]]
 curves = []
-for colour, freq in zip((styles.BLUE, styles.VERMILION), shown, strict=True):
-    for name, dashes, label in (("meerkat_lobes", "-", "with side lobes"), ("meerkat", "--", "Gaussian")):
-        windows = named(name).windows(np.array([freq]), lmax=400).total[0]
+for name, dashes, label in (("meerkat_lobes", "-", "with side lobes"), ("meerkat", "--", "Gaussian")):
+    windows = named(name).windows(shown, lmax=400).total
+    for colour, freq, row in zip((styles.BLUE, styles.VERMILION), shown, windows, strict=True):
         style = {"color": colour, "linestyle": dashes, "label": f"{freq:.0f} MHz, {label}"}
-        curves.append((np.arange(len(windows)), windows, style))
+        curves.append((np.arange(len(row)), row, style))
 panel = {
     "curves": curves,
     "xlabel": r"multipole $\ell$",

@@ -115,8 +115,11 @@ class TestReading:
         gaps = np.arange(24)[:, None] == np.arange(N_PIX) % 24
         maps[gaps] = np.nan
         write_hdf5("gaps.h5", maps, **SAID)
-        with pytest.raises(InputError, match="no pixel is seen in every .* or give weights or flags"):
+        with pytest.raises(
+            InputError, match="no pixel is seen in every .* or clean with a method that takes weights"
+        ):
             read_cube("gaps.h5")
+        assert np.array_equal(read_cube("gaps.h5", scattered=True).missing, gaps)
         cube = read_cube("gaps.h5", weights=np.ones(N_PIX))
         assert np.array_equal(cube.missing, gaps) and cube.whole_sky
 

@@ -36,7 +36,7 @@ def test_a_killed_command_loses_nothing(trial):
 def test_a_full_disk_is_counted(trial):
     class Small(random.Random):
         def uniform(self, *ends):
-            return 2  # 100 bytes
+            return 3  # 1000 bytes: more than is said, less than a cube
 
     endurance.fill_disk(trial, 1, Small())
     assert trial.counts["full_disks"] == trial.counts["told_in_a_sentence"] == trial.counts["finished"] == 1

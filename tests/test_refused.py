@@ -84,7 +84,7 @@ TABLE = [
         named,
         "text",
         "square",
-        "unknown beam 'square': it is neither one of degraded, evolving, .* nor a file",
+        "unknown beam 'square'; there are degraded, evolving, file, .*",
     ),
     (named, "text", "evolving:width=3", "evolving has no parameter 'width'; its parameters are none"),
     (named, "text", "oscillating:riple=additive", r"did you mean ripple\?"),
