@@ -216,7 +216,7 @@ def test_same_bits_whatever_the_number_of_threads():
 
 
 def test_unknown_method_and_parameter():
-    with pytest.raises(InputError, match="unknown method 'pcs'; there are .*pca"):
+    with pytest.raises(InputError, match=r"unknown method 'pcs' \(did you mean pca\?\); there are .*pca"):
         removal.create("pcs")
     with pytest.raises(InputError, match="did you mean n_sources.*number of components"):
         removal.create("pca", n_sorces=3)
