@@ -72,7 +72,7 @@ Markdown(f"*{made.footer()}*")
 # It was measured by
 #
 # ```sh
-# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_restarts=3 -p n_sources_max=7 --jobs 2
+# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_restarts=1 -p n_sources_min=4 -p n_sources_max=6 --jobs 2
 # ```
 
 # %% [markdown]

@@ -185,7 +185,7 @@ def test_numbers_change_with_size_and_galaxy(played):
 def test_a_slider_goes_through_the_numbers_of_sources(played):
     page, figure = played("fig-ns-scan-mse")
     figure.locator("input[type=range]").focus()
-    scan = numbers("fig-ns-scan-mse")["all of it"]
+    scan = numbers("fig-ns-scan-mse")["full range"]
     for _ in range(3):
         page.keyboard.press("ArrowRight")
     assert figure.locator("output").text_content() == "5"

@@ -35,7 +35,7 @@ SPECTRA = {
 _SKY = "across the sky"
 LINES = {
     "fig-ns-scan-mse": {
-        "only": ["all of it"],
+        "n_panels": 1,  # the other is a part of it
         "axes": {"x": "number of sources nₛ", "y": "total MSE", "y_log": True},
         "slider": "x",
     },
@@ -95,7 +95,7 @@ def _content(app, figure):
         sources.append(play_data.of_stored(path, figure.name))
     views = []
     for made, panels in filter(None, sources):
-        chosen = {title: panels[title] for title in about.get("only", panels)}
+        chosen = dict(list(panels.items())[: about.get("n_panels")])
         if about.get("slider") == "curve":
             chosen = {title: play_data.medians(curves) for title, curves in chosen.items()}
         label = play_data.size_and_galaxy(made)
