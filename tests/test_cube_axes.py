@@ -152,7 +152,7 @@ class TestOrderOfFiles:
         write_folder("folder", names)
         cube = read_cube("folder", freqs=950 + np.arange(24) / 4)
         assert np.array_equal(cube.maps, good_maps())
-        assert "map_950.0.fits is 950 MHz, the last, map_955.75.fits is 955.75 MHz" in cube.remarks[0]
+        assert "map_950.0.fits (950 MHz), the last map_955.75.fits (955.75 MHz)" in cube.remarks[0]
 
     @pytest.mark.parametrize("form", ["{:.1f}", "{:g}GHz", "nside4_{:g}_a", "{:g}"])
     def test_names_are_checked_against_the_frequencies(self, form):

@@ -94,7 +94,7 @@ TABLE = [
     (named, "text", "misjudged:width=0.6", "width .* must be .* at most 0.5, got 0.6"),
     (named, "text", "misjudged:period=0", "period .* must be above 0, got 0"),
     (named, "text", "misjudged:width=wide", "width .* must be a number, got 'wide'"),
-    (named, "text", 3, "a beam is told by its name or the path of a file, got 3"),
+    (named, "text", 3, "a beam is a name or the path of a file, got 3"),
     (method("parametric"), "beta_min", -7, "beta_min .* must be at least -6"),
     (method("parametric"), "beta_max", -2.13, "beta_max .* must be at most -2.14"),
     (method("parametric", beta_max=-2.5), "beta_min", -2.5, "beta_min must be below beta_max"),

@@ -109,7 +109,7 @@ def write_cora(maps, pols=STOKES, told="S"):
 def test_crime(columns, names, maps):
     write_crime(maps, names)
     write_crime_table("test_nuTable.dat", columns)
-    said = ["24 channels from 902.5 to 1017.5 MHz, told by the edges of"]
+    said = ["24 channels from 902.5 to 1017.5 MHz, given by the edges of"]
     said += ["Stokes Q and U in 24 of its files are left out."] * (len(names) - 1)
     check_read("crime", maps, *said, given_freqs="test_nuTable.dat", exact=True)
 
@@ -122,7 +122,7 @@ def test_colore(maps):
 @pytest.mark.parametrize("names", [None, ["I_STOKES", "Q_STOKES", "U_STOKES"]])
 def test_pysm(names, maps):
     write_pysm(maps, names)
-    check_read("pysm", maps, "told by the names of its files", "Stokes Q and U")
+    check_read("pysm", maps, "given by the names of its files", "Stokes Q and U")
 
 
 class TestContainers:
@@ -136,7 +136,7 @@ class TestContainers:
     @pytest.mark.parametrize("told", ["S", "O"])
     def test_map(self, told, maps):
         write_cora(maps, told=told)
-        said = ("24 channels from 902.5 to 1017.5 MHz, told by index_map/freq", "polarisations Q, U, V are")
+        said = ("24 channels from 902.5 to 1017.5 MHz, given by index_map/freq", "polarisations Q, U, V are")
         check_read("map.h5", maps, *said, unit="K")
 
     @pytest.mark.parametrize("pols", [["Q", "I"], ["I"]])

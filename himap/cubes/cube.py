@@ -57,7 +57,7 @@ class Cube:
         frame = self.layout.spectral_frame
         frame = f" (SPECSYS = {frame})" if frame else ""
         return (
-            f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, told by "
+            f"{len(self.freqs)} channels from {self.freqs[0]:.10g} to {self.freqs[-1]:.10g} MHz, given by "
             f"{self.layout.freqs_from}{frame}; {self.layout.pixels.described(self.layout.unit)}."
         )
 

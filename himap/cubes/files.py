@@ -236,8 +236,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     if layout.names:
         if layout.freqs is None:
             check_names(layout.names, freqs)
-        ends = (f"{layout.names[n]} is {freqs[n]:.10g} MHz" for n in (0, -1))
-        sentence = f"The first of its files, {', the last, '.join(ends)}. {unlike_names(layout.names)}"
+        ends = (f"{layout.names[n]} ({freqs[n]:.10g} MHz)" for n in (0, -1))
+        sentence = f"The first of its files is {', the last '.join(ends)}. {unlike_names(layout.names)}"
         remarks = (sentence.strip(), *remarks)
     where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
     stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]

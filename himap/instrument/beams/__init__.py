@@ -43,7 +43,7 @@ def named(text):
     Oscillating(ripple='additive')
     """
     if not isinstance(text, str | Path):
-        raise InputError(f"a beam is told by its name or the path of a file, got {text!r}.")
+        raise InputError(f"a beam is a name or the path of a file, got {text!r}.")
     name, _, parameters = str(text).partition(":")
     if not is_file(text):
         name = _BEAMS.find(name)
