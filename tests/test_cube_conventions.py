@@ -126,8 +126,8 @@ class TestSaid:
     def test_what_was_taken(self, maps):
         write_folder("folder", ["bw20MHz_900MHz", "bw20MHz_910MHz"])
         done = himap("clean", "folder", "--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.h5")
-        said = "2 channels from 900 to 910 MHz, given by the names of its files; maps of nside 4 in mK, RING, "
-        assert done.exit_code == 0 and said + "frame not stated." in done.output
+        said = "2 channels from 900 to 910 MHz, given by the names of its files; maps of nside 4 in mK, "
+        assert done.exit_code == 0 and said + "RING, frame not stated." in done.output
 
     def test_remarks_on_truth_and_mocks(self, maps):
         write_hdf5("a.h5")
