@@ -126,7 +126,7 @@ def test_a_head_with_verdicts_says_that_the_ledger_is_stale(tmp_path, monkeypatc
     (tmp_path / "source" / "notebooks").mkdir(parents=True)
     nbformat.write(nbformat.v4.new_notebook(), tmp_path / "source" / "notebooks" / f"{name}.ipynb")
     page, errors = small_page(tmp_path, f"{{cost}}`{name}`")
-    assert page.count("1 of its 1 stored results are stale") == n_stale and not errors
+    assert page.count("stale stored results: 1 of 1") == n_stale and not errors
 
 
 def test_folders_of_figures_are_no_records(monkeypatch):

@@ -21,6 +21,7 @@ from made_up_sky import (
     both,
     first_share,
     item,
+    nearer,
     scan_best,
     set_to,
 )
@@ -396,3 +397,19 @@ def test_the_claim_that_the_book_adds(monkeypatch):
     assert [name for name, held in holding(added.check(world), main=True).items() if not held] == [
         "GMCA above the truth"
     ]
+
+
+def test_the_peak_masking_is_judged_with_the_sigma_with_which_each_part_holds_best():
+    """No part holds with the sigma of the line, all hold with that of the cube, and so the main parts do."""
+    world = World()
+    world.clipped[CLIPPED["cube"]] = world.oscillating
+    world.clipped[CLIPPED["channel"]] = world.oscillating = nearer(
+        world.oscillating, dict.fromkeys(METHODS, 0)
+    )
+    world.voxels["oscillating"] = {"HI": 85, "noise": 0, "foreground": 15}
+    world.voxels[CLIPPED["cube"]] = {"HI": 60, "noise": 5, "foreground": 35}
+    found = CLAIMS["O8"].check(world)
+    assert set(holding(found, main=True).values()) == {True}
+    others = holding(found, main=False)
+    assert others == {name: True if "the cube" in name else None for name in others}
+    assert found.value == 0.35

@@ -74,9 +74,7 @@ class Cost(SphinxRole):
             files.append(f"{VERDICTS}.json")  # the head has them
         states = _commits(results, files)
         n_stale = sum(map(bool, states.values()))
-        said = (
-            f"; {n_stale} of its {len(states)} stored results are stale (page on status)" if n_stale else ""
-        )
+        said = f"; stale stored results: {n_stale} of {len(states)} (page on status)" if n_stale else ""
         return [nodes.Text(cost(path, results) + said)], []
 
 
