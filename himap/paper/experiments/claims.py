@@ -1,19 +1,19 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.survey import Survey
-from himap.instrument.beams.paper import Oscillating
 from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
+from himap.paper.grid import cases_and_methods
 from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
-from himap.sky.galaxy import Dimming, Galaxy
+from himap.removal.restarts import has_restarts
+from himap.sky.galaxy import Dimming
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
 _UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V6", "V7")  # claims on multipoles near it
@@ -32,22 +32,21 @@ class JudgedSky:
     realisations: dict
 
     @property
+    def members(self):
+        """All `Realisation`, a list."""
+        return [one for members in self.realisations.values() for one in members]
+
+    @property
     def survey(self):
-        return next(iter(self.realisations.values()))[0].survey
+        return self.members[0].survey
 
     @property
     def galaxy(self):
-        return next(iter(self.realisations.values()))[0].galaxy
+        return self.members[0].galaxy
 
 
 def realisations(
     *,
-    preset="quick",
-    survey=None,
-    galaxy="synthetic",
-    template_dir=None,
-    small_scales=True,
-    ripple="bracket",
     plane_weight=0.1,
     plane_edge=15.0,
     n_sources_min=2,
@@ -55,15 +54,12 @@ def realisations(
     n_realisations=5,
     reading="default",
     method="sdecgmca",
+    **settings,
 ):
     """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
 
     Parameters
     ----------
-    preset, survey, galaxy, template_dir, small_scales
-        As in `himap.paper.study.Study`.
-    ripple
-        Reading of the ripple of the oscillating beam.
     plane_weight, plane_edge
         Of the `Dimming`.
     n_sources_min, n_sources_max
@@ -74,24 +70,32 @@ def realisations(
         Of the open choices of SDecGMCA, or "default".
     method
         What is put in the place of SDecGMCA, as in `Realisation`.
+    settings
+        As of `himap.paper.grid.cases_and_methods`: sky, survey, and reading of the ripple.
 
     Raises
     ------
     InputError
         A bad value of any of them.
     """
-    whole_number("n_realisations", n_realisations, 1, 1000)
-    first = Realisation(
-        survey=Survey.preset(preset, **(survey or {})),
-        galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        oscillating=Oscillating(ripple=ripple),
-        dimming=Dimming(weight=plane_weight, edge=plane_edge),
-        n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
-        method=method,
-        options=() if reading == "default" else (("reading", reading),),
-    )
-    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
-    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+    cases, _ = cases_and_methods(methods=(), n_realisations=n_realisations, **settings)
+    return [
+        Realisation(
+            survey=case.survey,
+            galaxy=case.galaxy,
+            oscillating=case.beam,
+            dimming=Dimming(weight=plane_weight, edge=plane_edge),
+            n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
+            method=method,
+            options=options_of(reading),
+        )
+        for case in cases
+    ]
+
+
+def options_of(reading):
+    """Options of the reading of SDecGMCA with a name, as of `Realisation`."""
+    return () if reading == "default" else (("reading", reading),)
 
 
 def restarts(realisation, n_restarts):
@@ -100,14 +104,23 @@ def restarts(realisation, n_restarts):
     There is one for a method that has no restarts.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    chaotic = "restart" in {field.name for field in fields(BEAM_AWARE[realisation.method][0])}
-    return [replace(realisation, restart=k) for k in range(n_restarts if chaotic else 1)]
+    n_restarts = n_restarts if has_restarts(BEAM_AWARE[realisation.method][0]) else 1
+    return [replace(realisation, restart=k) for k in range(n_restarts)]
+
+
+def judged_skies(several, options, n_restarts):
+    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every {reading: options}."""
+    return [
+        JudgedSky(
+            {label: restarts(replace(sky, options=given), n_restarts) for label, given in options.items()}
+        )
+        for sky in several
+    ]
 
 
 def skies(*, n_restarts=2, reading="default", **settings):
     """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
-    several = realisations(reading=reading, **settings)
-    return [JudgedSky({reading: restarts(one, n_restarts)}) for one in several]
+    return judged_skies(realisations(**settings), {reading: options_of(reading)}, n_restarts)
 
 
 def judge(realisation):
@@ -126,17 +139,12 @@ def judge(realisation):
 
 def measure(sky):
     """Findings on every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
-    return [
-        row
-        for several in sky.realisations.values()
-        for one in several
-        for row in finding_rows(judge(one), one.restart)
-    ]
+    return [row for one in sky.members for row in finding_rows(judge(one), one.restart)]
 
 
 def prepare(several):
     """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
-    make([one for sky in several for members in sky.realisations.values() for one in members])
+    make([one for sky in several for one in sky.members])
 
 
 def _summary(rows):
