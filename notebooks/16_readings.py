@@ -155,7 +155,7 @@ Table(["claim", "statement", *READINGS, "choices that change the default's verdi
 # (readings-claims)=
 # ## All claims under all readings
 #
-# A row of a single shade is a claim that no reading changes; rows of claims about other methods must be such. A column that differs from the first is a choice that matters.
+# A row of a single shade is a claim that no reading changes, as those about other methods. A column that differs from the first is a choice that matters.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns), grouped by robustness. The default is at the left, then the other named readings, then the default with a single choice changed. Darker is nearer to reproduced; the signs are those of the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
@@ -165,8 +165,6 @@ plotting.stamp(claims_figure(outcomes), made)
 # ## Spectra under each reading
 #
 # The distance of the points from the line is the bias; their spread is the scatter over restarts and skies.
-#
-# In the curves, compare the named readings with the truth, and their bands with each other.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows; named readings first): mean C/C0 in bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky, the line the truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are drawn at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
