@@ -355,7 +355,7 @@ show(
 )
 
 # %% [markdown]
-# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the widened range of the stored ensemble (false alarms: less than one in ten thousand).
+# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
