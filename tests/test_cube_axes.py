@@ -79,6 +79,20 @@ class TestAxes:
         for name in ("right.fits", "noise0.fits", "noise1.fits"):
             assert doubt not in " ".join(read_cube(name).remarks)
 
+    @pytest.mark.parametrize("gain", [0, 0.05])
+    def test_of_a_smooth_sky_too(self, gain, rng):
+        """Whose lines a few modes would hold; neither growing gaps nor gains of channels are doubted."""
+        y, x = np.mgrid[:N_Y, :N_X]
+        sky, spectrum = 4 + np.sin(x / 3) + np.cos(y / 3), (MHZ / 1e3) ** -2.7
+        spectrum = spectrum * (1 + gain * rng.standard_normal(N_CHANNELS))
+        images = 1e3 * spectrum[:, None, None] * sky + 0.3 * rng.standard_normal((N_CHANNELS, N_Y, N_X))
+        self.write(images, (*SKY["ZEA"], FREQ))
+        assert "--axes ra,dec,freq" in " ".join(read_cube("turned.fits").remarks)
+        for n, image in enumerate(images):
+            image[:, : 1 + (N_CHANNELS - n) // 4] = np.nan
+        write_image("right.fits", images)
+        assert "--axes" not in " ".join(read_cube("right.fits").remarks)
+
     @pytest.mark.parametrize("name", ["FREQ-XYZ", "FREQ-TAB", "VELO"])
     def test_coordinates_that_nobody_understands(self, images, name):
         write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
