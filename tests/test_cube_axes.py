@@ -185,6 +185,22 @@ class TestOrderOfFiles:
         check_names([f"map_{freq - 0.5}.fits" for freq in freqs], freqs)
         check_names([f"map_{n}.fits" for n in range(12)], freqs[::-1])
 
+    def test_names_of_redshifts(self):
+        """Which rise where frequencies fall."""
+        freqs = 950 + 1.0 * np.arange(12)
+        names = sorted(f"map_z{1420.406 / freq - 1:.3f}.fits" for freq in freqs)
+        check_names(names, freqs[::-1])
+        with pytest.raises(InputError, match=r"map_z0.478.fits would have 950 MHz"):
+            check_names(names, freqs)
+
+    def test_two_numbers_that_say_two_orders(self):
+        """A date that several share comes first, and the number of the channel behind it."""
+        freqs = 950 + 1.0 * np.arange(12)
+        names = sorted(f"2024{1 + n % 9:02d}01_ch{n:02d}.fits" for n in range(12))
+        with pytest.raises(InputError, match="says another order: rename the files"):
+            check_names(names, freqs)
+        check_names(sorted(f"2024{1 + n // 4:02d}01_ch{n:02d}.fits" for n in range(12)), freqs)
+
     def test_numbers_that_may_be_decimals_or_not(self):
         names = sorted((f"run_1.{n}.fits" for n in range(1, 13)), key=lambda name: float(name[4:-5]))
         with pytest.raises(InputError, match="as many digits"):
