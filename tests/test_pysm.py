@@ -159,7 +159,7 @@ class TestCommand:
 
     def test_the_page_on_data_has_such_checksums(self):
         page = (Path(__file__).parents[1] / "book" / "data.md").read_text()
-        assert len(re.findall(r"`[0-9a-f]{64}`", page)) == 4  # three files, and all together
+        assert len(re.findall(r"\b[0-9a-f]{64}\b", page)) == 4  # three files, and all together
 
     def test_without_pysm3(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "pysm3", None)
