@@ -4,16 +4,17 @@ from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
+from himap.core.survey import Survey
+from himap.instrument.beams.paper import Oscillating
 from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
-from himap.paper.grid import cases_and_methods
 from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
 from himap.removal.restarts import has_restarts
-from himap.sky.galaxy import Dimming
+from himap.sky.galaxy import Dimming, Galaxy
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
 _UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V6", "V7")  # claims on multipoles near it
@@ -47,6 +48,12 @@ class JudgedSky:
 
 def realisations(
     *,
+    preset="quick",
+    survey=None,
+    galaxy="synthetic",
+    template_dir=None,
+    small_scales=True,
+    ripple="bracket",
     plane_weight=0.1,
     plane_edge=15.0,
     n_sources_min=2,
@@ -54,12 +61,15 @@ def realisations(
     n_realisations=5,
     reading="default",
     method="sdecgmca",
-    **settings,
 ):
     """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
 
     Parameters
     ----------
+    preset, survey, galaxy, template_dir, small_scales
+        As in `himap.paper.study.Study`.
+    ripple
+        Reading of the ripple of the oscillating beam.
     plane_weight, plane_edge
         Of the `Dimming`.
     n_sources_min, n_sources_max
@@ -70,27 +80,24 @@ def realisations(
         Of the open choices of SDecGMCA, or "default".
     method
         What is put in the place of SDecGMCA, as in `Realisation`.
-    settings
-        As of `himap.paper.grid.cases_and_methods`: sky, survey, and reading of the ripple.
 
     Raises
     ------
     InputError
         A bad value of any of them.
     """
-    cases, _ = cases_and_methods(methods=(), n_realisations=n_realisations, **settings)
-    return [
-        Realisation(
-            survey=case.survey,
-            galaxy=case.galaxy,
-            oscillating=case.beam,
-            dimming=Dimming(weight=plane_weight, edge=plane_edge),
-            n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
-            method=method,
-            options=options_of(reading),
-        )
-        for case in cases
-    ]
+    whole_number("n_realisations", n_realisations, 1, 1000)
+    first = Realisation(
+        survey=Survey.preset(preset, **(survey or {})),
+        galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
+        oscillating=Oscillating(ripple=ripple),
+        dimming=Dimming(weight=plane_weight, edge=plane_edge),
+        n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
+        method=method,
+        options=options_of(reading),
+    )
+    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
+    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
 
 
 def options_of(reading):
