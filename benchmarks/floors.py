@@ -31,8 +31,8 @@ def light_cone(survey, _):
 def _n_ray_steps(survey):
     """Steps of all rays through the box."""
     far, near = Cosmology().comoving_distance(redshift(survey.freq_edges[[0, -1]]))
-    rays = plan_rays(survey.nside, survey.box_size / survey.box_cells, near, far)
-    lengths = np.diff(rays.bounds) / rays.step
+    bounds, step = plan_rays(survey.nside, survey.box_size / survey.box_cells, near, far)
+    lengths = np.diff(bounds) / step
     return survey.n_pix * float(lengths @ 4.0 ** np.arange(len(lengths)))
 
 

@@ -49,9 +49,15 @@ def codemeta(citation, project):
         "keywords": citation["keywords"],
         "programmingLanguage": "Python",
         "runtimePlatform": f"Python {project['requires-python']}",
-        "softwareRequirements": project["dependencies"],
+        "softwareRequirements": [requirement(line) for line in project["dependencies"]],
         "referencePublication": citation["references"][0]["url"],
     }
+
+
+def requirement(line):
+    """A dependency such as "numpy>=2.1,<3" as an entity; a text would be read as an address."""
+    name, versions = re.fullmatch(r"([\w.-]+)(.*)", line).groups()
+    return {"@type": "SoftwareApplication", "name": name, "version": versions}
 
 
 def zenodo(citation):
@@ -105,7 +111,8 @@ def crate(citation, root):
         {"@id": whole["license"]["@id"], "@type": "CreativeWork", "name": f"{citation['license']} License"},
         {"@id": paper["url"], "@type": "ScholarlyArticle", "name": paper["title"]},
     ]
-    return {"@context": f"{CRATE}/context", "@graph": [about, whole, *folders, *files, *others]}
+    context = [f"{CRATE}/context", {"sha256": "http://schema.org/sha256"}]  # younger than the context
+    return {"@context": context, "@graph": [about, whole, *folders, *files, *others]}
 
 
 def stored(path, root):

@@ -26,7 +26,7 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. The following holds nevertheless: on the real Galaxy, at half the paper's resolution (`laptop`) and in the provisional default reading, chosen by charity to the paper ({doc}`16_readings`), of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
+# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. On the real Galaxy, at half the paper's resolution (`laptop`) and in the provisional default reading, chosen by charity to the paper ({doc}`16_readings`), of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. **For your data** use a method that does not depend on its start, such as BeamSubspace
 # ([a table by what you have](what-to-use)); if you use SDecGMCA, run restarts and compare them (`himap clean --restarts`).
 #
@@ -120,7 +120,7 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# The frequency power spectra of the same run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$. All curves are divided by the truth at all multipoles; a method that ends at some $\ell$ lacks the power beyond.
+# The frequency power spectra of the same run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))

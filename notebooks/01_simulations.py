@@ -23,8 +23,7 @@
 # > - **Time and memory**: {cost}`01_simulations`.
 #
 # The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one
-# distance. Between 900 and 1400 MHz this is $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Each component has a random
-# stream of its own, so that one can be changed and the others stay.
+# distance. Between 900 and 1400 MHz this is $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Each component has a separate random stream: changing it does not affect the others.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -152,7 +151,7 @@ Table(head, CRIME, align="l" + 5 * "r")
 # Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6 %.
 # CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, as differences of neighbouring cells; himap has neither.
 #
-# CRIME's option `r_smooth` multiplies the modes of the matter, from which density and velocities follow, by $e^{-k^2 r^2/2}$. Its sample file has 2 Mpc/h, its script with the paper's cosmology no smoothing, and the paper does not mention it. In himap it is the Survey field `r_smooth`, 0 by default.
+# CRIME's option `r_smooth` multiplies the modes of the matter, from which density and velocities follow, by $e^{-k^2 r^2/2}$. Its sample file has 2 Mpc/h, its script with the paper's cosmology no smoothing, and the paper does not mention it. In himap it is a field of the survey, 0 by default.
 # In a smaller box with cells of {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
 # {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam it leaves {glue:text}`simulations_smooth_low` of $P(k_\nu)$ at $k_\nu < 0.3$, and {glue:text}`simulations_smooth_small` of $C_\ell$ at {glue:text}`simulations_small`.
 
@@ -250,7 +249,7 @@ Table(head, CHOICES, align="ll" + 4 * "r")
 # - `templates`, FITS maps, if need be with a Gaussian field that continues their spectrum to smaller scales {cite:p}`miville2007,thorne2017`;
 # - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
 #
-# As the synchrotron index varies over the sky, the foregrounds are more than one spectrum times one map.
+# As the synchrotron index varies over the sky, the foregrounds have more than one spectrum.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
@@ -511,7 +510,6 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The means stay within their scatter, since formulas give them. The contrast along the two lines of sight changes, as the synthetic Galaxy is drawn from
-# the seed.
+# The means stay within their scatter. The contrast along the two lines of sight changes, as the synthetic Galaxy is drawn from the seed.
 #
 # </details>

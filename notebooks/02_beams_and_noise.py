@@ -23,7 +23,7 @@
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
 # A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while
-# their separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three beams of rising realism, and the noise of a survey with the dishes of SKA-Mid. This chapter makes them.
+# their separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three beams of rising realism, and the noise of a survey with the dishes of SKA-Mid.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -23,7 +23,7 @@
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
 # A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any method runs, and call this step essential.
-# Here the foreground is estimated from the masked maps and subtracted from the **original** ones, so that the peaks stay in the cleaned maps ([conventions](../book/conventions.md)). This chapter follows the line of sight with the brightest HI, then tests on all lines of sight what is masked and how that changes a cleaning.
+# Here the foreground is estimated from the masked maps and subtracted from the **original** ones, so that the peaks stay in the cleaned maps ([conventions](../book/conventions.md)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -245,7 +245,7 @@ quote(
 #
 # PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6, $5\,\sigma$).
 #
-# Without masking power is lost, mostly in $P$ at the smallest $k_\nu$. The paper reports a bias of $P$ on all scales and worse results for all methods.
+# Without masking power is lost, mostly in $P$ at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the spectra of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams). Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
 angular, frequency, numbers, changes = [], [], {}, {}
@@ -300,7 +300,7 @@ quote(
 # - A clip at $5\,\sigma$ of each line flags HI peaks and practically nothing else.
 # - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest $k_\nu$ falls by
 #   {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and
-#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step prevents a small signal loss and is not essential; the paper, at a resolution four times finer, reports that it is.
+#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step prevents a small signal loss and is not essential; the paper, at a resolution four times finer, reports that it is, and a bias of $P$ on all scales.
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
 # ## Exercise

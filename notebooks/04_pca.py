@@ -67,7 +67,6 @@ study.check(removers)
 remover = removers[selected][0]
 
 # %% [markdown]
-# Components are estimated from maps with masked peaks and removed from the maps as observed ({doc}`03_peak_masking`).
 
 # %% [markdown]
 # ## The method

@@ -129,7 +129,7 @@ study.stamped(plotting.lines(panels))
 # %% [markdown]
 # ## The parameters
 #
-# Compare the map of $\alpha_1$ with the true free-free emission.
+# Compare $\alpha_1$ with the true free-free emission.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
 result = study.separation(selected, remover)

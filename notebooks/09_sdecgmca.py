@@ -31,7 +31,7 @@
 # \hat{\mathbf{X}}^{\ell m} = \mathrm{diag}(\hat H^\ell)\,\mathbf{A}\,\hat{\mathbf{S}}^{\ell m} + \hat{\mathbf{N}}^{\ell m} .
 # ```
 #
-# This chapter has the steps of the method, its results for the three beams, the effect of its last step beyond $\ell = 200$, and its sensitivity to the start of the iteration. Starts that differ by $10^{-10}$ give different
+# Starts that differ by $10^{-10}$ give different
 # results ({doc}`27_restarts`), so figures show an ensemble of restarts (median, 16 to 84 % band, each restart as a thin line), and maps the {term}`medoid`.
 
 # %% tags=["parameters"]
@@ -174,7 +174,7 @@ sources_figure(study, selected, medoid)
 # %% [markdown]
 # ## The residual
 #
-# In the maps, foreground residual would show as a ridge in the difference along the Galactic plane.
+# Foreground residual would be a ridge along the Galactic plane.
 #
 # In the spectra, compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess at low $\ell$ and low $k_\nu$, and a small peak at the ripple.
 
@@ -266,8 +266,7 @@ show(numbers)
 # %% [markdown]
 # ## Sensitivity to the start
 #
-# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter, in the reading of this chapter (left) and in another (middle). BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Where the curves of a panel coincide the result does not depend on the change; where they differ, each is one
-# of many possible results.
+# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter, in the reading of this chapter (left) and in another (middle). BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Curves that differ are possible results of the same data.
 
 # %% tags=["hide-input"]
 other = "letter" if reading != "letter" else "default"
@@ -359,7 +358,7 @@ both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 # ## Conclusions
 #
 # - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
-# - The text leaves choices; captions state the reading. The treatment beyond the last multipole alone changes $P(k_\nu)$.
+# - The treatment beyond the last multipole alone changes $P(k_\nu)$.
 # - The iteration is chaotic: quote results with their scatter over restarts, and the number that failed.
 #
 # ## Exercise

@@ -138,7 +138,7 @@ comparisons = {  # of all restarts
 # ```
 #
 # The total is that of the channel-averaged $C_\ell$ for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$ plus that of $P(k_\nu)$ for $k_\nu > 0$. The first is dominated by foreground residual, since a loss cannot exceed 1; the second is symmetric in excess and loss; the third is dominated by low $\ell$ and low $k_\nu$, where the spectra are
-# largest. The default (parameter `definition`) is the first, since the paper discusses ratios.
+# largest. The default (`definition`) is the first, since the paper discusses ratios.
 
 # %% tags=["hide-input"]
 LMAX = 200
@@ -271,7 +271,7 @@ quote(
 # In the paper the error falls steeply to its minimum at 5 and rises slowly beyond. Here the first method has its minimum at {glue:text}`scan_best` sources. Relative to it, the error is {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and at least {glue:text}`scan_ten` times from 10 on (SDecGMCA: medians of the
 # restarts, with their 16 to 84 %). The total exceeds 1 for {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. The second method has its minimum at {glue:text}`scan_best_beside`.
 #
-# The next figure compares the minima for the other two definitions.
+# The minima for the other two definitions:
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum; curves are cut off at the top."}}
 panels = [
@@ -451,7 +451,7 @@ show(unconverged)
 # - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria without it.
 # - A method without knowledge of the beam needs more sources to describe its effect: with {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times the minimum of the first.
 # - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$ and low $\ell$.
-# - These are results for one sky. {doc}`15_claims` judges N1 to N5 on the real Galaxy, {doc}`18_paper_size` at the paper's size, {doc}`16_readings` in other readings.
+# - These are results for a single sky.
 #
 # ## Exercises
 #

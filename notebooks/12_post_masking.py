@@ -453,14 +453,14 @@ quote(
 )
 
 # %% [markdown]
-# Under the two masks that are independent of HI the decoupled spectrum is accurate to {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. More than the former number is not an error of the decoupling: a mask made from errors can select HI. Masked spectra are therefore compared with a truth under the same mask.
+# Under the two masks that are independent of HI the decoupled spectrum is accurate to {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A larger difference is not due to the decoupling: a mask made from errors can select HI. Masked spectra are therefore compared with a truth under the same mask.
 
 # %% [markdown]
 # ## Conclusions
 #
 # - The rule flags what a method gets wrong: the Galactic plane where foreground remains, bright HI where that was removed.
 # - The improvement has to be weighed against the excluded sky. A real survey cannot apply the rule; it can cut in latitude ({doc}`24_masks`).
-# - This is one sky. {doc}`15_claims` judges M1 to M5 and V2 on the real Galaxy at `laptop`, where the share in the plane (M1) can differ; M4 also requires that SDecGMCA improve most.
+# - This is a single sky; on the real Galaxy the share in the plane (M1) can differ.
 #
 # ## Exercises
 #

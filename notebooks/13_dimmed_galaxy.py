@@ -129,7 +129,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 #
-# The first figure has all six methods on the dimmed sky. The second compares three of them with the full Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. For SDecGMCA, overlapping bands show no change.
+# The first figure has all six methods on the dimmed sky. The second compares three of them with the full Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. Overlapping bands show no change.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
@@ -360,7 +360,7 @@ quote(
 # - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit (below 1: it grows).
 # - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA.
 # - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within 10 % with the dimmed Galaxy; the table has the others.
-# - A method without foreground residual has nothing to gain. {doc}`15_claims` judges these claims on the real Galaxy, {doc}`18_paper_size` at the paper's size.
+# - A method without foreground residual cannot improve.
 #
 # ## Exercises
 #

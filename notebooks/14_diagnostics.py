@@ -400,8 +400,7 @@ quote(
 #
 # - **Correlation** (A1): the mean $r$ is {glue:text}`diagnostics_r_sd` for SDecGMCA, {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA. SDecGMCA is highest in {glue:text}`diagnostics_highest` of the channels.
 # - **Variance** (A2): SDecGMCA is lowest at {glue:text}`diagnostics_smallest` of the multipoles.
-# - Regression on the truth separates foreground residual from signal loss, which neither diagnostic does. $r$ is insensitive to a factor, and the variance to an error that all channels share: compare both with the mean ratios of {doc}`10_results`.
-# - {doc}`15_claims` judges A1 and A2 over skies and restarts on the real Galaxy, {doc}`18_paper_size` at the paper's size.
+# - Regression on the truth separates foreground residual from signal loss, which neither diagnostic does.
 #
 # ## Exercises
 #

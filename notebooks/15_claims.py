@@ -142,7 +142,7 @@ quote(
 
 # %% [markdown]
 # The last column has the measured cause of each verdict that is not *reproduced*: the stored records in which the claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA fails, the methods that fail. SD is SDecGMCA, POL and PAR are the polynomial and the
-# parametric fit. $C/C_0$ or $P/P_0$ below 1 is lost HI and noise, above 1 foreground residual.
+# parametric fit.
 
 # %% tags=["hide-input"]
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
@@ -150,7 +150,7 @@ others = other_records(about)
 LedgerTable(recorded, links, others)
 
 # %% [markdown]
-# A part that fails for another method points to the simulation, the size, or choices such as the average over channels, the sigma of the clipping, or the variable of the polynomial. For SDecGMCA, {doc}`16_readings` has the dependence on the reading, and {doc}`27_restarts` that on the start.
+# A part that fails for another method points to the simulation, the size, or choices such as the average over channels, the sigma of the clipping, or the variable of the polynomial.
 #
 # ## What is not tested
 #
@@ -208,7 +208,7 @@ show_table(rows, head="claims")
 # %% [markdown]
 # ## Conclusions
 #
-# - A verdict can depend on what differs from the paper here: half its resolution, templates of nside 64, a lognormal HI sky, and the reading of its text. {doc}`18_paper_size` has the paper's resolution, {doc}`16_readings` the other readings.
+# - A verdict can depend on what differs from the paper here: half its resolution ({doc}`18_paper_size`), templates of nside 64, a lognormal HI sky, the reading of its text ({doc}`16_readings`), and for SDecGMCA the start ({doc}`27_restarts`).
 #
 # ## Exercises
 #

@@ -114,7 +114,7 @@ except InputError as error:
 # ## How many sources?
 #
 # Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise (dashed), the minimum of an information criterion, and the number after which one more source changes the spectra little. {doc}`22_how_many` measures
-# how often each is right. Compare the number that each panel gives.
+# how often each is right.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
@@ -150,7 +150,7 @@ study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# Residual foreground would appear in the rms as structure along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input,
+# Foreground residual would appear in the rms along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input,
 # in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
 
 # %%

@@ -65,7 +65,7 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 Markdown(steps_table(paper))
 
 # %% [markdown]
-# What the floors count, and why some steps are far above theirs:
+# What the floors count:
 #
 # - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per step of each ray, whose sixteen numbers are scattered over the box; gathering them takes most of the time and is not in the floor.
 # - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
@@ -73,7 +73,7 @@ Markdown(steps_table(paper))
 # - **PCA, FastICA**: one covariance of the channels and two products with the cube.
 # - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared and interpolated.
 # - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back.
-# - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two products with the coefficients, and every scale of every source there and back. These two and GMCA have no usual alternative.
+# - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two products with the coefficients, and every scale of every source there and back.
 # - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight, from transforms of the few spectra times maps by which the residual differs from the truth.
 
 # %% [markdown]
@@ -89,7 +89,7 @@ rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 
 # %% [markdown]
-# The claims measure 80 separations (six methods in seven cases, four in two with another $\sigma$ of the peak masking, SDecGMCA beyond $\ell = 200$ with three beams, 8 with other regularisations and restarts of it, and 19 of the scan of $n_s$), where Figs. 1 and 2 have 18.
+# The claims measure 80 separations, where Figs. 1 and 2 have 18: six methods in seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan of $n_s$.
 
 # %% [markdown]
 # ## The same at half that size
@@ -104,7 +104,7 @@ Markdown(steps_table(laptop))
 # The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`. On a shared machine the pace varies within minutes: a fixed piece of work is timed before and after
 # each measurement, and all times are scaled to the quickest pace.
 #
-# The slope of a line is the exponent. The highest line at the right end is the step that limits a larger survey.
+# The slope of a line is the exponent.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-scale-growth", "caption": "Time of every step against nside (100 channels, left) and against the number of channels (nside 128, right), at three sizes each."}}
 looks = [("black", "-"), (styles.BLUE, "--"), (styles.VERMILION, "-.")]  # of neighbours
@@ -133,7 +133,7 @@ Markdown(growth_table(scaling))
 
 # %% [markdown]
 # CRIME, the simulator of the paper, was run for comparison with the light cone, with the same cosmology and Fourier modes ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85 with 1024³: for twice the cells along a side it grew by a factor of 8.4,
-# that of CRIME by a factor of 9.2. Memory is alike. CRIME is not part of himap, so these ratios are cited from that comparison and are not measured again.
+# that of CRIME by a factor of 9.2. Memory is alike. These ratios are not measured again, as CRIME is not part of himap.
 
 # %% [markdown]
 # ## Long runs
@@ -192,7 +192,7 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # (cluster)=
 # ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
 #
-# For Figs. 1 and 2: six methods, three beams, both spectra. *Times* is how often a step runs in each realisation; *memory* is the estimate of himap. The ledger has 80 separations for each realisation where these figures have 18.
+# For Figs. 1 and 2: six methods, three beams, both spectra. *Times* is how often a step runs in each realisation; *memory* is the estimate of himap.
 
 # %% tags=["hide-input"]
 rows = [
@@ -210,12 +210,10 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels, are uncertain by
-# a factor of two: the exponents with channels are of small maps, the pace of the machine varies by tens of percent, the methods were timed on the oscillating beam only, and with two cores. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
+# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels, are uncertain by a factor of two: they are from small maps, the oscillating beam, and two cores of a shared machine. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
 # of the paper's size.
 #
-# Dask distributes products and does not divide one: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size, so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. The layout is therefore one worker per node, with `cores=1`,
-# `memory` and `HIMAP_MAX_MEMORY` above that, and the cores of the node in the variables of the prologue. There are two stages, the second of which begins when the first has ended everywhere: {glue:text}`scale_cases` observations, of which those of the same sky wait for its light cone, and
+# Dask distributes products and does not divide one: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size, so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Take one worker per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the prologue. There are two stages, the second of which begins when the first has ended everywhere: {glue:text}`scale_cases` observations, of which those of the same sky wait for its light cone, and
 # {glue:text}`scale_cleanings` cleanings, all independent. With {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk keeps up; with more cores for each worker they take less.
 
 # %% tags=["hide-input"]
@@ -242,8 +240,8 @@ quote(
 # %% [markdown]
 # ## What follows
 #
-# - At the paper's size every step fits a machine with two cores; the light cone and the observations are made once and shared by all methods.
-# - Most steps are near or faster than the usual tools, and above their floor for the reasons given under the first table.
+# - At the paper's size every step fits a machine with two cores.
+# - Most steps are near or faster than the usual tools.
 #
 # ## Exercise
 #

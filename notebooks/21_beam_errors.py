@@ -36,7 +36,7 @@
 # | amplitude, phase, period | that of the beam's ripple, which is 0.14 % of the FWHM ({doc}`02_beams_and_noise`), is wrong |
 #
 # Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$. A projection recovers a mode completely or not at all, so
-# that the excess of $P/P_0$ over this share is **foreground residual**. A transfer function ({doc}`20_transfer_function`) corrects the first and not the second.
+# that the excess of $P/P_0$ over this share is **foreground residual**. Mocks ({doc}`20_transfer_function`) correct the first.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -245,7 +245,7 @@ quote(
 # - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which mocks can correct. Not so for the smallest ripples with the real Galaxy.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right
 #   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
-# - **Where the beam is less well known than that**, PCA with enough components is no worse, and simpler.
+# - **Where the beam is less well known**, PCA with enough components is no worse, and simpler.
 #
 # For a cube of your own, without the truth:
 #

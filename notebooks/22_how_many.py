@@ -233,7 +233,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# BIC and the eigenvalues, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried. Try a few more than you expect to need.
+# BIC and the eigenvalues, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried.
 #
 # </details>
 #

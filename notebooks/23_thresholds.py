@@ -27,7 +27,7 @@
 # \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground residual} - \underbrace{\mathcal{P} t}_\text{signal loss} ,
 # ```
 #
-# where $\mathcal P$ is what the method, with the spectra that it found, removes from any maps. It compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources; and **SmoothSpectra**, which has no thresholds.
+# where $\mathcal P$ is what the method, with the spectra that it estimated, removes from any maps. It compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources; and **SmoothSpectra**, which has no thresholds.
 #
 # Signal is lost in two ways:
 #
@@ -259,7 +259,7 @@ quote(
 # |---|---|---|---|---|
 # | {glue:text}`thresholds_paper` | {glue:text}`thresholds_beam` | {glue:text}`thresholds_cube` | {glue:text}`thresholds_corrected` | {glue:text}`thresholds_more` |
 #
-# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with that much HI, however they are found.
+# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with that much HI.
 # - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace {glue:text}`thresholds_kept_beam`, SDecGMCA
 #   {glue:text}`thresholds_kept_paper`. Its corrected spectrum changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and {glue:text}`thresholds_many` sources.
 # - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
@@ -270,23 +270,14 @@ quote(
 # himap clean cube.h5 --method smooth_spectra --beam oscillating -p n_sources=5 -o cleaned.h5
 # ```
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter remove if $S \gg N$, if $S = N$, and if $S = 0$?
+# A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter remove if $S \gg N$, if $S = N$, and if $S = 0$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
 # $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so that an excess source costs the HI that it overlaps with.
-#
-# </details>
-#
-# **2.** A method preserves $0.9$ of the power of HI and has a foreground residual of $0.1$ of it. What are $C/C_0$ and the error of the maps?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $C/C_0 = 1$. If the loss is a projection, the mean squared error of the maps is $0.1 + 0.1 = 0.2$ of the power of HI.
 #
 # </details>
 #

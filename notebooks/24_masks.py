@@ -20,8 +20,7 @@
 # > - **Read first**: {doc}`12_post_masking`, {doc}`13_dimmed_galaxy`.
 # > - **Time and memory**: {cost}`24_masks`.
 #
-# Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as future work. Surveys of a part of the sky need
-# them as well.
+# Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as future work. Surveys of a part of the sky need them too.
 #
 # For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and on the kept pixels $p$ should solve
 #
@@ -30,7 +29,7 @@
 # ```
 #
 # with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. So the few bright maps are continued smoothly over the masked sky, and the method works on the full sky; sources within two beam widths of the edge, where
-# the continuation is uncertain, have low weight in the fit of $A$. (Conjugate gradients on the sources do not converge: the foregrounds are brighter by five orders of magnitude.)
+# the continuation is uncertain, have low weight in the fit of $A$.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

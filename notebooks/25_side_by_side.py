@@ -111,7 +111,7 @@ study.stamped(methods_figure({"": first}, "frequency"))
 # himap measure methods --preset quick --jobs 2
 # ```
 #
-# and again with `-p galaxy=templates -p template_dir=FOLDER`. These are Figs. 1 and 2 of the paper with the scatter over skies, and with further methods.
+# and again with `-p galaxy=templates -p template_dir=FOLDER`.
 
 # %% tags=["hide-input"]
 GALAXIES = ("synthetic", "templates")
@@ -143,7 +143,7 @@ def in_short(made):
 records = stored(results, "quick")
 
 # %% [markdown]
-# Compare the width of the bands: narrow ones are methods that give the same on every sky. Compare the rows for the effect of the Galaxy.
+# A narrow band is a method that gives the same on every sky. Compare the rows for the effect of the Galaxy.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom)."}}
 figure_of(records, "angular")
@@ -286,7 +286,7 @@ quote(
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
 # | known beam, number of sources uncertain | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
-# | number of sources not wanted | GNILC | {glue:text}`side_gnilc` | – |
+# | number of sources unknown | GNILC, which determines it | {glue:text}`side_gnilc` | – |
 # | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | – | – |
 #
 # - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near ({glue:text}`side_unknown`). Through the evolving beam

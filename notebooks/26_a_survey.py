@@ -20,7 +20,7 @@
 # > - **Read first**: {doc}`17_your_own_cube`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`26_a_survey`.
 #
-# The other chapters have skies that are observed everywhere, equally long, in all channels. A survey observes a patch, its middle longer than its edge, and loses channels and voxels to interference. This chapter simulates one about as large as a field of
+# A survey observes a patch, its middle longer than its edge, and loses channels and voxels to interference. This chapter simulates one about as large as a field of
 # MeerKLASS, in its band ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`) and through the beam of MeerKAT, and cleans it by PCA and polynomials: with weights and flags, with flags alone, and with neither, where gaps are interpolated linearly. On the command
 # line:
 #
@@ -139,7 +139,7 @@ show(
 # %% [markdown]
 # ## The files, and the cube
 #
-# Hits are one HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed. Values in flagged voxels are ignored; here they are bright.
+# Hits are one HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed.
 
 # %%
 folder = Path(tempfile.mkdtemp())

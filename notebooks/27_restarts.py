@@ -187,8 +187,7 @@ show_table(rows, head="variant")
 #
 # Beyond the first iterations, {ref}`where they agree <readings-code>`, two codes for a chaotic iteration can only be compared as distributions: here of the residual at $\ell \leq 64$, from at least {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on each Galaxy.
 #
-# The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The public code raises those below $10^{-9}$ of the largest to that floor; the same $\mathbf{A}$ with a floor at rounding ($10^{-14}$) is compared. A run *fails* if its mean $|C/C_0 - 1|$ exceeds 10 %, twice the 5 % of the paper. Most failures are due
-# to the floor, which leaves foreground in the residual.
+# The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The public code raises those below $10^{-9}$ of the largest to that floor; the same $\mathbf{A}$ with a floor at rounding ($10^{-14}$) is compared. A run *fails* if its mean $|C/C_0 - 1|$ exceeds 10 %, twice the 5 % of the paper.
 
 # %% tags=["hide-input"]
 FLOORS = {1e-9: "floor of the code", 1e-14: "floor at rounding"}
@@ -232,7 +231,7 @@ Table(
 )
 
 # %% [markdown]
-# The smallest $p$ of the last row is {glue:text}`restarts_p_least`. Where it is not small, the residuals of the two codes are consistent, and what follows is no error of himap.
+# The smallest $p$ of the last row is {glue:text}`restarts_p_least`. Where it is not small, the residuals of the two codes are consistent.
 
 # %% [markdown]
 # (restarts-failures)=
@@ -356,7 +355,7 @@ show(
 )
 
 # %% [markdown]
-# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the range of the stored ensemble, widened by half on a logarithmic axis (false alarms: less than once in ten thousand times).
+# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -382,7 +381,7 @@ else:
 # - The iteration of SDecGMCA is chaotic in its authors' code as in himap, which agree as distributions. A result should be quoted with its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources, through $K$ and through thresholds from the MAD.
 # - Most failures disappear without the eigenvalue floor of $10^{-9}$ in the last step.
-# - The stopping rules are not met, which is visible without the truth and deserves a warning.
+# - The stopping rules are not met, which is visible without the truth.
 #
 # ## Exercise
 #

@@ -7,6 +7,7 @@ import runpy
 from fnmatch import fnmatch
 from pathlib import Path
 
+import jsonschema
 import pytest
 import yaml
 from test_project import bibliography, blocks, requirements
@@ -14,6 +15,7 @@ from test_project import bibliography, blocks, requirements
 ROOT = Path(__file__).resolve().parents[1]
 METADATA = runpy.run_path(str(ROOT / "book" / "metadata.py"))
 RECORDS = sorted((ROOT / "book" / "results").glob("**/*.json"))
+FORMATS = ROOT / "tests" / "data" / "metadata"
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
 
 
@@ -27,32 +29,78 @@ def test_descriptions_are_up_to_date(name):
     assert (ROOT / name).read_text() == expected, "run `python book/metadata.py`"
 
 
-def test_citation_is_as_the_format_has_it():
-    """The keys and forms of version 1.2.0 of the format, as far as they are used."""
-    required = {"cff-version", "message", "title", "authors"}
-    known = required | {
-        "abstract",
-        "date-released",
-        "doi",
-        "keywords",
-        "license",
-        "license-url",
-        "references",
-    }
-    known |= {"repository", "repository-code", "type", "url", "version"}
-    assert required <= set(CITATION) <= known
-    assert CITATION["cff-version"] == "1.2.0" and CITATION["type"] == "software"
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d", str(CITATION["date-released"]))
-    persons = {"family-names", "given-names", "orcid", "affiliation"}
-    for author in CITATION["authors"]:
-        assert set(author) <= persons or set(author) <= {"name", "website", "email"}
-    for reference in CITATION["references"]:
-        assert {"authors", "title", "type"} <= set(reference) and isinstance(reference["year"], int)
-        assert all(set(author) <= persons for author in reference["authors"])
-        assert reference["status"] in {"in-preparation", "in-press", "preprint", "submitted"}
-    assert all(
-        isinstance(CITATION[key], str) for key in ("message", "title", "abstract", "version", "license")
-    )
+def validate_citation(text):
+    """Check a CITATION.cff against the schema of its format; dates are texts there."""
+    content = yaml.safe_load(text)
+    content["date-released"] = str(content["date-released"])
+    schema = json.loads((FORMATS / "cff-1.2.0.schema.json").read_text())
+    jsonschema.Draft7Validator(schema).validate(content)
+
+
+def test_citation_fits_the_schema_of_its_format():
+    validate_citation((ROOT / "CITATION.cff").read_text())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [("license: MIT", "license: ours"), ("2026-", "26-"), ("type: software", "kind: software")],
+)
+def test_a_citation_that_does_not_fit_is_refused(change):
+    text = (ROOT / "CITATION.cff").read_text()
+    with pytest.raises(jsonschema.ValidationError):
+        validate_citation(text.replace(*change))
+
+
+def entities_of(value):
+    """All objects of a JSON-LD document, at any depth."""
+    if isinstance(value, dict):
+        yield value
+        value = [item for key, item in value.items() if key != "@context"]
+    if isinstance(value, list):
+        for item in value:
+            yield from entities_of(item)
+
+
+def check_linked_data(document, context):
+    """Every key and type is a term of the context, so that it has an address, and addresses are such."""
+    terms = json.loads((FORMATS / context).read_text())["@context"]
+    stated = document["@context"] if isinstance(document["@context"], list) else [document["@context"]]
+    assert re.match("https://", stated[0])
+    terms |= {key: value for extra in stated[1:] for key, value in extra.items()}
+    for entity in entities_of(document):
+        for key, value in entity.items():
+            if key == "@type":
+                assert value in terms, f"{value} is no type of {stated[0]}"
+            elif not key.startswith("@"):
+                assert key in terms, f"{key} is no term of {stated[0]}"
+                address = isinstance(terms[key], dict) and terms[key].get("@type") == "@id"
+                texts = [
+                    one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)
+                ]
+                assert not address or all(re.match(r"https?://", one) for one in texts), f"{key}: {texts}"
+
+
+LINKED = [
+    ("codemeta.json", "codemeta-2.0.context.json"),
+    ("ro-crate-metadata.json", "ro-crate-1.1.terms.json"),
+]
+
+
+@pytest.mark.parametrize("name, context", LINKED)
+def test_descriptions_are_linked_data(name, context):
+    check_linked_data(read(name), context)
+
+
+@pytest.mark.parametrize("name, context", LINKED)
+@pytest.mark.parametrize("key, value", [("colour", "red"), ("license", [{"@type": "Licence"}])])
+def test_what_the_context_does_not_have_is_refused(name, context, key, value):
+    with pytest.raises(AssertionError, match="no t"):
+        check_linked_data(read(name) | {key: value}, context)
+
+
+def test_a_text_is_no_address():
+    with pytest.raises(AssertionError, match="softwareRequirements"):
+        check_linked_data(read("codemeta.json") | {"softwareRequirements": ["numpy"]}, LINKED[0][1])
 
 
 def test_the_three_say_the_same():
@@ -93,7 +141,8 @@ def test_the_crate_is_whole():
 
 
 def test_every_stored_result_is_on_the_page_on_data():
-    rows = [line for line in (ROOT / "book" / "data.md").read_text().splitlines() if line.startswith("| `")]
+    stored = (ROOT / "book" / "data.md").read_text().split("## Stored")[1]
+    rows = [line for line in stored.splitlines() if line.startswith("| `")]
     patterns = [name for row in rows for name in re.findall(r"`([^`]+)`", row.split("|")[1])]
     names = [path.relative_to(ROOT / "book" / "results").with_suffix("").as_posix() for path in RECORDS]
     for name in names:
@@ -145,6 +194,10 @@ def test_a_container_with_the_lock_runs_both_commands():
         {setup, json.loads(re.search(r"^CMD (.*)$", text, re.M)[1])[1]} == {"setup", "book"} <= set(targets)
     )
     assert text.index("COPY . .") < text.index("RUN make")
+    known = {"FROM", "RUN", "WORKDIR", "COPY", "CMD"}
+    lines = re.sub(r"\\\n", " ", re.sub(r"(?m)^#.*\n", "", text)).splitlines()
+    assert {line.split()[0] for line in lines if line.strip()} <= known
+    assert set(re.findall(r"make (\w+)", text)) <= set(targets)
     assert {".venv", "_build", "results"} <= set((ROOT / ".dockerignore").read_text().splitlines())
 
 

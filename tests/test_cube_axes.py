@@ -79,6 +79,20 @@ class TestAxes:
         for name in ("right.fits", "noise0.fits", "noise1.fits"):
             assert doubt not in " ".join(read_cube(name).remarks)
 
+    @pytest.mark.parametrize("gain", [0, 0.05])
+    def test_of_a_smooth_sky_too(self, gain, rng):
+        """Whose lines a few modes would hold; neither growing gaps nor gains of channels are doubted."""
+        y, x = np.mgrid[:N_Y, :N_X]
+        sky, spectrum = 4 + np.sin(x / 3) + np.cos(y / 3), (MHZ / 1e3) ** -2.7
+        spectrum = spectrum * (1 + gain * rng.standard_normal(N_CHANNELS))
+        images = 1e3 * spectrum[:, None, None] * sky + 0.3 * rng.standard_normal((N_CHANNELS, N_Y, N_X))
+        self.write(images, (*SKY["ZEA"], FREQ))
+        assert "--axes ra,dec,freq" in " ".join(read_cube("turned.fits").remarks)
+        for n, image in enumerate(images):
+            image[:, : 1 + (N_CHANNELS - n) // 4] = np.nan
+        write_image("right.fits", images)
+        assert "--axes" not in " ".join(read_cube("right.fits").remarks)
+
     @pytest.mark.parametrize("name", ["FREQ-XYZ", "FREQ-TAB", "VELO"])
     def test_coordinates_that_nobody_understands(self, images, name):
         write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
@@ -170,6 +184,22 @@ class TestOrderOfFiles:
         freqs = 950 + np.arange(12.0)
         check_names([f"map_{freq - 0.5}.fits" for freq in freqs], freqs)
         check_names([f"map_{n}.fits" for n in range(12)], freqs[::-1])
+
+    def test_names_of_redshifts(self):
+        """Which rise where frequencies fall."""
+        freqs = 950 + 1.0 * np.arange(12)
+        names = sorted(f"map_z{1420.406 / freq - 1:.3f}.fits" for freq in freqs)
+        check_names(names, freqs[::-1])
+        with pytest.raises(InputError, match=r"map_z0.478.fits would have 950 MHz"):
+            check_names(names, freqs)
+
+    def test_two_numbers_that_say_two_orders(self):
+        """A date that several share comes first, and the number of the channel behind it."""
+        freqs = 950 + 1.0 * np.arange(12)
+        names = sorted(f"2024{1 + n % 9:02d}01_ch{n:02d}.fits" for n in range(12))
+        with pytest.raises(InputError, match="says another order: rename the files"):
+            check_names(names, freqs)
+        check_names(sorted(f"2024{1 + n // 4:02d}01_ch{n:02d}.fits" for n in range(12)), freqs)
 
     def test_numbers_that_may_be_decimals_or_not(self):
         names = sorted((f"run_1.{n}.fits" for n in range(1, 13)), key=lambda name: float(name[4:-5]))

@@ -10,7 +10,7 @@ from image_files import FREQ, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
-from himap.cubes.files import read_truth
+from himap.cubes.files import frames_in, read_truth
 from himap.cubes.spectra import check_truth
 from himap.maps import sphere
 from himap.maps.frames import frame_of
@@ -217,6 +217,59 @@ class TestDiffer:
         truth = read_truth(write("t.fits", maps / 2, "C", extra_header=[("SPECSYS", "LSRK")]))
         with pytest.raises(InputError, match="SPECSYS = TOPOCENT, and has LSRK"):
             check_truth(topocentric, truth)
+
+
+class TestOfOneAnother:
+    """A cube that states no frame has that of its truth or mocks, which may not differ from each other."""
+
+    clean = ("--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.fits")
+
+    def run(self, maps, *, cube=None, truth=(), mocks=()):
+        """``himap clean`` of a cube, with files of these cards, or frames for short."""
+        given = []
+        for option, cards in (("--truth", truth), *(("--mocks", each) for each in mocks)):
+            if cards:
+                name = f"{len(given)}.fits"
+                frame, *more = cards
+                given += [option, write(name, maps / (2 + len(given)), frame, extra_header=more)]
+        return himap("clean", write("cube.fits", maps, cube), *given, *self.clean)
+
+    @pytest.mark.parametrize("mocks", [("C",), ("E",)])
+    def test_truth_and_mocks_differ(self, mocks, maps):
+        done = self.run(maps, truth=("G",), mocks=[mocks])
+        assert done.exit_code == 2 and "that of 2.fits is" in done.output and "cube Galactic" in done.output
+
+    def test_mocks_differ(self, maps):
+        done = self.run(maps, mocks=[("C",), ("G",)])
+        assert done.exit_code == 2 and "that of 2.fits is Galactic" in done.output
+
+    def test_spectral_frames_differ(self, maps):
+        mocks = [(None, ("SPECSYS", "LSRK")), (None, ("SPECSYS", "BARYCENT"))]
+        done = self.run(maps, mocks=mocks)
+        assert done.exit_code == 2 and "SPECSYS = LSRK, and has BARYCENT" in done.output
+
+    def test_the_cube_gets_what_its_truth_states(self, maps):
+        done = self.run(maps, truth=("G", ("SPECSYS", "LSRK")))
+        assert done.exit_code == 0, done.output
+        said = "the cube does not state its frame: taken as that of 0.fits, Galactic."
+        assert done.output.count(said) == 1 and "spectral frame: taken as that of 0.fits, LSRK" in done.output
+        header = fits.getheader("c.fits", 1)
+        assert (header["COORDSYS"], header["SPECSYS"]) == ("G", "LSRK")
+
+    def test_spectral_frames_of_weights(self, maps):
+        write("a.fits", maps, "C", extra_header=[("SPECSYS", "TOPOCENT")])
+        write("w.fits", np.ones_like(maps), "C", extra_header=[("SPECSYS", "LSRK")])
+        with pytest.raises(InputError, match="w.fits must have the spectral frame .*TOPOCENT, and has LSRK"):
+            read_cube("a.fits", weights="w.fits")
+
+    @pytest.mark.parametrize(
+        ("name", "stated"), [("a.h5", ("G", "LSRK")), ("b.fits", ("C", None)), ("c.npy", (None, None))]
+    )
+    def test_of_a_header_alone(self, name, stated, maps):
+        write_hdf5("a.h5", maps, coordsys="galactic", specsys="LSRK")
+        write("b.fits", maps, "C")
+        np.save("c.npy", maps)
+        assert frames_in(name) == stated
 
 
 def test_pixels_in_another_frame():

@@ -268,3 +268,15 @@ def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
         save_cleaned(clean_cube(read_cube(tmp_path / f"{name}.fits"), "pca", n_sources=1), target)
         done = himap("suggest", target, "--to", 3)
         assert done.exit_code == 0 and "eigenvalues stand above HI and noise" in done.output, done.output
+
+
+def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):
+    """12 of them: the mixing matrix could be maps too, and is not taken for these."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["maps"] = 1e3 + rng.standard_normal((12, N_PIX))
+        file["freqs"] = 950 + np.arange(12.0)
+        file.attrs.update(unit="mK", order="RING")
+    cleaned = clean_cube(read_cube(path), "pca", n_sources=1)
+    save_cleaned(cleaned, tmp_path / "c.h5")
+    assert np.allclose(read_cube(tmp_path / "c.h5").maps, cleaned.residual, atol=1e-6)

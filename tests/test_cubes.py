@@ -11,6 +11,7 @@ from astropy.io import fits
 from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap import removal
+from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube, save_cleaned
 from himap.instrument import beams
@@ -237,6 +238,9 @@ def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(m
 def test_the_help_lists_what_there_is():
     out = " ".join(himap("clean", "--help").output.split())
     assert all(name in out for name in (*beams.available(), *METHODS))
+    more = himap("clean", "--help-files").output
+    hidden = [option.opts[0] for option in main.commands["clean"].params if getattr(option, "hidden", False)]
+    assert "--help-files" in out and hidden and all(f"{name} NAME" in more for name in hidden)
 
 
 def test_frequencies_in_a_text_as_others_write_them(maps, tmp_path):

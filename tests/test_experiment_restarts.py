@@ -5,6 +5,7 @@ import pytest
 
 from himap.core.errors import InputError
 from himap.paper.experiments import restarts
+from himap.paper.experiments.claims import JudgedSky
 from himap.paper.readings import DIAGNOSTICS, candidates
 from himap.removal.sdecgmca.readings import READINGS, resolved
 
@@ -76,7 +77,7 @@ def test_a_member_is_what_its_assessment_says(sky, table):
 def test_many_readings_have_claims_and_numbers_but_no_curves(sky, monkeypatch):
     monkeypatch.setattr(restarts, "judge", lambda member: {})
     members = sky.realisations["code"][:1]
-    several = restarts.JudgedSky({"code": members, "letter": members})
+    several = JudgedSky({"code": members, "letter": members})
     rows = restarts.measure(several)
     assert {row["reading"] for row in rows} == {"code", "letter"}
     assert not [row for row in rows if row["quantity"] == "C/C0"]

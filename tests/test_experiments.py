@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
 
 from himap.core.errors import InputError
 from himap.instrument.noise import noise_sigma
@@ -159,8 +161,26 @@ class TestTransfer:
 
     def test_summary(self, table):
         first, second = transfer.EXPERIMENT.summary(table).to_numpy().tolist()
-        assert first == ["PCA 5", BANDS[0], "0.9000", "1.0300", "1.0200", "0.0283", "0.0200", "1 of 2"]
-        assert second[2:] == ["0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1"]
+        assert first == [
+            "PCA 5",
+            BANDS[0],
+            "0.9000",
+            "1.0300",
+            "1.0200",
+            "0.0283",
+            "0.0200",
+            "1 of 2 (1 to 99 %)",
+        ]
+        assert second[2:] == ["0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1 (0 to 98 %)"]
+
+    @pytest.mark.parametrize("hits", [0, 4, 28])
+    def test_coverage_has_the_interval_of_its_tails(self, hits):
+        """At the ends of the interval 2.5 % of binomial draws are as far out, or it ends at 0 or 1."""
+        table = pd.DataFrame({"corrected": [1.01] * hits + [1.1] * (28 - hits), "error_bar": 0.02})
+        found, trials, low, high = transfer.coverage(table)
+        assert (found, trials) == (hits, 28)
+        assert low == 0 if hits == 0 else stats.binom.sf(hits - 1, 28, low) == pytest.approx(0.025)
+        assert high == 1 if hits == 28 else stats.binom.cdf(hits, 28, high) == pytest.approx(0.025)
 
     def test_figure_has_a_panel_for_each_kind(self, table):
         figure = transfer_figure({"one Galaxy": table, "another": table[:1]})

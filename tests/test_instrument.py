@@ -12,6 +12,7 @@ from himap.instrument.beams import Degraded, Evolving
 from himap.instrument.noise import noise_maps, noise_sigma, system_temperature
 from himap.instrument.observe import observe
 from himap.maps import sphere
+from himap.maps.low_rank import HarmonicModes
 from himap.paper.methods import paper_beams
 
 SURVEY = Survey(nside=16, n_channels=4, box_cells=16)
@@ -65,11 +66,18 @@ def cubes(rng):
     return [scale * rng.standard_normal(shape).astype(np.float32) for scale in (0.1, 1e4, 0.03)]
 
 
+def of_maps(hi, foregrounds, noise, windows, survey=SURVEY):
+    """The observation of a sky that is given by its maps."""
+    bright = HarmonicModes(spectra=np.eye(len(hi)), alms=sphere.analyse(foregrounds.astype(float)))
+    noise = noise if windows.resmoothing is None else sphere.analyse(noise.astype(float))
+    return observe(sphere.analyse(hi.astype(float)), bright, noise, windows, survey)
+
+
 @pytest.mark.parametrize("beam", BEAMS, ids=str)
 def test_observation(cubes, beam):
     hi, foregrounds, noise = cubes
     windows = beam.of_survey(SURVEY)
-    seen = observe(hi, foregrounds, noise, windows, SURVEY)
+    seen = of_maps(hi, foregrounds, noise, windows)
     assert seen.maps.dtype == seen.truth.dtype == np.float32
     smoothed = noise if windows.resmoothing is None else convolve(noise, windows.resmoothing)
     assert seen.truth == pytest.approx(convolve(hi, windows.total) + smoothed, abs=1e-6)
@@ -85,7 +93,7 @@ def test_noise_of_the_degraded_case(reading, rng):
     survey = Survey(nside=16, n_channels=60, box_cells=16)
     nothing = np.zeros((survey.n_channels, survey.n_pix), dtype=np.float32)
     windows, noise = Degraded(noise=reading).of_survey(survey), noise_maps(survey, rng)
-    seen = observe(nothing, nothing, noise, windows, survey)
+    seen = of_maps(nothing, nothing, noise, windows, survey)
     white = noise_sigma(survey)[:, None] ** 2 * 4 * np.pi / survey.n_pix
     resmoothing = Degraded().of_survey(survey).resmoothing
     expected = white * (resmoothing**2 if reading == "smoothed" else np.ones_like(resmoothing))
@@ -103,28 +111,20 @@ def test_foregrounds_as_spectra_times_maps(cubes, rng):
     hi, _, noise = cubes
     spectra, maps = 1 + rng.random((SURVEY.n_channels, 2)), 1e4 * rng.random((2, SURVEY.n_pix))
     beam = Evolving().of_survey(SURVEY)
-    alms = sphere.analyse(maps)
-    one = observe(hi, (spectra, alms), noise, beam, SURVEY)
-    two = observe(hi, (spectra @ maps).astype(np.float32), noise, beam, SURVEY)
+    alms, hi_alms = sphere.analyse(maps), sphere.analyse(hi.astype(float))
+    one = observe(hi_alms, HarmonicModes(spectra=spectra, alms=alms), noise, beam, SURVEY)
+    two = of_maps(hi, (spectra @ maps).astype(np.float32), noise, beam)
     assert one.maps == pytest.approx(two.maps, abs=0.01)  # float32 of 1e4 mK has 1e-3
     for bad in [(spectra[:2], alms), (spectra[:, :1], alms), (spectra, alms[:, 1:]), (spectra, maps)]:
-        with pytest.raises(InputError, match="foregrounds must have shapes"):
-            observe(hi, bad, noise, beam, SURVEY)
-
-
-@pytest.mark.parametrize("beam", [Evolving(), Degraded()], ids=str)
-def test_coefficients_at_hand(cubes, beam):
-    hi, foregrounds, noise = cubes
-    beam = beam.of_survey(SURVEY)
-    alms = sphere.analyse(hi), sphere.analyse(foregrounds.astype(float))
-    one = observe(*alms, noise, beam, SURVEY, noise_alms=sphere.analyse(noise))
-    two = observe(*cubes, beam, SURVEY)
-    assert one.truth == pytest.approx(two.truth, abs=1e-6)
-    assert one.maps == pytest.approx(two.maps, abs=0.01)
-    with pytest.raises(InputError, match=r"hi must have shape \(n_channels, n_alm\)"):
-        observe(alms[0][:, 1:], foregrounds, noise, beam, SURVEY)
+        modes = HarmonicModes(spectra=bad[0], alms=bad[1])
+        with pytest.raises(InputError, match="of the foregrounds must have shape"):
+            observe(hi_alms, modes, noise, beam, SURVEY)
 
 
 def test_cubes_of_the_wrong_shape(cubes):
-    with pytest.raises(InputError, match="noise must have shape"):
-        observe(cubes[0], cubes[1], cubes[2][:2], Evolving().of_survey(SURVEY), SURVEY)
+    hi, foregrounds, noise = cubes
+    with pytest.raises(InputError, match=r"hi must have shape \(n_channels, n_alm\)"):
+        of_maps(hi[:, : 12 * 8**2], foregrounds, noise, Evolving().of_survey(SURVEY))
+    for beam, kind in ((Evolving(), "n_pix"), (Degraded(), "n_alm")):
+        with pytest.raises(InputError, match=rf"noise must have shape \(n_channels, {kind}\)"):
+            of_maps(hi, foregrounds, noise[:2], beam.of_survey(SURVEY))

@@ -1,6 +1,8 @@
 """The files that `himap templates` writes, of a PySM whose maps are known."""
 
+import re
 import sys
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -16,7 +18,7 @@ from himap.maps.healpix_io import read_maps
 from himap.sky import templates
 from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Galaxy
-from himap.sky.templates import nsides_of, write_templates
+from himap.sky.templates import digest_of, nsides_of, write_templates
 
 NSIDE = 16
 SYNCHROTRON = 20 * lognormal(NSIDE)  # K at 408 MHz
@@ -150,9 +152,14 @@ class TestCommand:
     def test_files_are_named(self, pysm3, tmp_path):
         code, out, err = self.call(tmp_path / "maps", "--nside", NSIDE)
         assert (code, err) == (0, "") and names(tmp_path / "maps") == FILES
-        *paths, last = out.splitlines()
+        *paths, checksum, last = out.splitlines()
         assert sorted(paths) == [str(tmp_path / "maps" / name) for name in FILES]
+        assert checksum == f"checksum {digest_of(tmp_path / 'maps')}"
         assert last.startswith(f"for -p galaxy=templates -p template_dir={tmp_path / 'maps'}  (")
+
+    def test_the_page_on_data_has_such_checksums(self):
+        page = (Path(__file__).parents[1] / "book" / "data.md").read_text()
+        assert len(re.findall(r"\b[0-9a-f]{64}\b", page)) == 4  # three files, and all together
 
     def test_without_pysm3(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "pysm3", None)

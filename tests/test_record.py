@@ -16,6 +16,7 @@ from himap.paper import record as record_module
 from himap.paper.experiments import EXPERIMENTS, find_experiment
 from himap.paper.record import Experiment, Record, measuring_code
 from himap.store.fingerprint import CodeTree
+from himap.store.sources import LOADED
 
 ABOUT = {
     "preset": "ci",
@@ -212,7 +213,7 @@ class TestExperiments:
     def test_each_is_found_and_knows_its_code(self, name):
         experiment = find_experiment(name)
         assert experiment.name == name and set(experiment.key) <= set(experiment.columns)
-        assert measuring_code(name) == measuring_code(name, CodeTree(loaded=True))
+        assert measuring_code(name) == measuring_code(name, CodeTree(texts=LOADED))
 
     def test_unknown(self):
         with pytest.raises(InputError, match="unknown experiment 'x'; there are authors, beam_errors"):

@@ -7,7 +7,6 @@ are stale. ``{stale}`claims_laptop methods_*``` states the last of results by na
 their names.
 """
 
-import json
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from sphinx.util.docutils import SphinxRole
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.app.notebooks import declared_parameters
 from himap.app.staleness import stale_results, stored_results
-from himap.app.stored import read_ledger
+from himap.app.stored import read_ledger, stored_figures
 from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.paper.claims import CLAIMS
@@ -123,8 +122,8 @@ def cost(path, results):
 
 def _seconds(results, names):
     """What the chapter with figures of these names took at the paper's size, shortest first."""
-    rows = [row for path in results.glob("*/figures.json") for row in json.loads(path.read_text())["figures"]]
-    return sorted({row["execution"]["seconds"] for row in rows if row["name"] in names})
+    rows = [rows[name] for rows in stored_figures(results).values() for name in rows.keys() & names]
+    return sorted({row["execution"]["seconds"] for row in rows})
 
 
 def _range(seconds):

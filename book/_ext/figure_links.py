@@ -7,7 +7,6 @@ figure; those of the paper's size ``_static/data/FOLDER.json``.
 """
 
 import html
-import json
 import shutil
 from functools import cache
 from pathlib import Path
@@ -18,6 +17,7 @@ from sphinx import addnodes
 
 from himap.app.figures import figures, plain_caption
 from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.stored import stored_figures
 
 PAPER = "Gkogkou et al. (2025), arXiv:2511.13328"
 
@@ -47,28 +47,22 @@ def add_links(app, doctree, docname):
             folder.mkdir(parents=True, exist_ok=True)
             for ending, content in figure.data.items():
                 (folder / f"{name}.{ending}").write_bytes(content)
-            stored = [path for path in _stored(app.srcdir) if name in _names(path)]
-            for path in stored:
-                shutil.copy(path, folder / f"{path.parent.name}.json")
-            line = _line(figure, "../" * docname.count("/"), docname, [path.parent.name for path in stored])
+            results = Path(app.srcdir, "book", "results")
+            stored = [one for one, rows in _stored_figures(results).items() if name in rows]
+            for one in stored:
+                shutil.copy(results / one / "figures.json", folder / f"{one}.json")
+            line = _line(figure, "../" * docname.count("/"), docname, stored)
             text = line + _citation(app, docname, figure)
             node.append(nodes.legend("", nodes.raw("", text, format="html")))
+
+
+_stored_figures = cache(stored_figures)
 
 
 @cache
 def _figures(path):
     """{name: `Figure`} of the notebook at `path`; none of a page that is no notebook."""
     return {one.name: one for one in figures(path)} if Path(path).suffix == ".ipynb" else {}
-
-
-@cache
-def _stored(root):
-    return sorted(Path(root, "book", "results").glob("*/figures.json"))
-
-
-@cache
-def _names(path):
-    return {row["name"] for row in json.loads(path.read_text())["figures"]}
 
 
 def _line(figure, up, docname, folders):

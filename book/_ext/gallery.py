@@ -27,8 +27,8 @@ class Gallery(SphinxDirective):
         for chapter in there:
             self.env.note_dependency(str(chapter.executed))
         if self.arguments[0] == "paper":
-            whole = sorted((one for many in there.values() for one in many if one.paper), key=_in_order)
-            return [self._grid(whole)]
+            shown = [one for many in there.values() for one in many if one.paper]
+            return [self._grid(sorted(shown, key=lambda figure: figure_order(figure.paper)))]
         if self.arguments[0] == "chapters":
             return [node for one, many in there.items() if many for node in self._chapter(one.title, many)]
         raise self.error(f"a gallery of `paper` or of `chapters`, not of {self.arguments[0]!r}")
@@ -63,10 +63,6 @@ def small_picture(png, path, width):
     small.thumbnail((width, 2 * width), Image.Resampling.LANCZOS)
     small.save(path, quality=42, method=6)
     return small.size
-
-
-def _in_order(figure):
-    return figure_order(figure.paper)
 
 
 def _raw(text):

@@ -16,6 +16,7 @@ from docutils import nodes
 
 from himap.app.figures import figures
 from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.stored import stored_figures
 from himap.figures import styles
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import CURVES, outcomes, readings
@@ -91,10 +92,11 @@ def _content(app, figure):
     kind = partial(_kind, about.get("kind")) if figure.name in SPECTRA else None
     parameters = read_notebook(app.env.doc2path(f"notebooks/{figure.notebook}")).metadata[STAMP]["parameters"]
     sources = [(parameters, play_data.of_notebook(figure))]
-    for path in sorted(Path(app.srcdir, "book", "results").glob("*/figures.json")):
-        sources.append(play_data.of_stored(path, figure.name))
+    for rows in stored_figures(Path(app.srcdir, "book", "results")).values():
+        if row := rows.get(figure.name):
+            sources.append((row["parameters"], play_data.of_stored(row)))
     views = []
-    for made, panels in filter(None, sources):
+    for made, panels in sources:
         chosen = dict(list(panels.items())[: about.get("n_panels")])
         if about.get("slider") == "curve":
             chosen = {title: play_data.medians(curves) for title, curves in chosen.items()}

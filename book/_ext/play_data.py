@@ -5,10 +5,8 @@ A figure has views (size and Galaxy, or noise level), a view has panels (beam, o
 curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point.
 """
 
-import json
 import math
 import re
-from pathlib import Path
 
 from matplotlib.colors import to_hex
 
@@ -48,19 +46,16 @@ def of_notebook(figure):
     }
 
 
-def of_stored(path, name):
-    """The same of a figure that is stored, with its parameters; None where there is none of that name."""
-    for row in json.loads(Path(path).read_text())["figures"]:
-        if row["name"] == name:
-            return row["parameters"], {
-                panel: [
-                    (label, dict(zip(group["x"], ys, strict=True)))
-                    for group in groups
-                    for label, ys in group["y"].items()
-                ]
-                for panel, groups in row["panels"].items()
-            }
-    return None
+def of_stored(row):
+    """The same of a figure that is stored."""
+    return {
+        panel: [
+            (label, dict(zip(group["x"], ys, strict=True)))
+            for group in groups
+            for label, ys in group["y"].items()
+        ]
+        for panel, groups in row["panels"].items()
+    }
 
 
 _OF_ENSEMBLE = re.compile(r": (\d+ %|restart \d+)$").search

@@ -66,6 +66,27 @@ def read_ledger(path=LEDGER):
     return entries(record.rows), record.about
 
 
+def stored_figures(results=None, folders=None):
+    """{folder: {name: what is stored of a figure, a dict}} of figures among the results.
+
+    Parameters
+    ----------
+    results
+        As the folder of `read_stored`.
+    folders
+        Of figures; default all that there are.
+
+    Raises
+    ------
+    InputError
+        No such folder.
+    """
+    if folders is None:
+        folders = sorted(path.parent.name for path in Path(results or RESULTS).glob("*/figures.json"))
+    rows = {folder: read_stored(f"{folder}/figures", results)["figures"] for folder in folders}
+    return {folder: {row["name"]: row for row in several} for folder, several in rows.items()}
+
+
 def stored_figure(folder, name, results=None):
     """What is stored of one figure, a dict: where it is in the paper, its provenance, and its curves.
 
@@ -81,7 +102,7 @@ def stored_figure(folder, name, results=None):
     InputError
         No such folder or figure.
     """
-    rows = {row["name"]: row for row in read_stored(f"{folder}/figures", results)["figures"]}
+    rows = stored_figures(results, [folder])[folder]
     if name not in rows:
         raise InputError(f"there is no stored figure {name} in {folder}; there are {', '.join(rows)}.")
     return rows[name]

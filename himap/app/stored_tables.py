@@ -7,7 +7,7 @@ import numpy as np
 from himap.app.causes import GALAXIES, SIZES
 from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
-from himap.app.stored import RESULTS, read_stored, stored_figure
+from himap.app.stored import RESULTS, stored_figure, stored_figures
 from himap.figures import styles
 from himap.figures.tables import Table
 from himap.paper.claims import CLAIMS, INAPPLICABLE
@@ -199,9 +199,9 @@ def pictures(folders, results=None):
     """
     chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
     stored = {}
-    for folder in folders:
-        for row in read_stored(f"{folder}/figures", results)["figures"]:
-            stored.setdefault((figure_order(row["paper"]), row["name"]), []).append((folder, row))
+    for folder, rows in stored_figures(results, folders).items():
+        for name, row in rows.items():
+            stored.setdefault((figure_order(row["paper"]), name), []).append((folder, row))
     parts = []
     for (_, name), several in sorted(stored.items()):
         chapter, caption = chapters[name]

@@ -6,9 +6,9 @@ from himap.core.errors import InputError
 from himap.cubes.layout import is_seen
 from himap.maps.sphere import pixels_last, sphere_sizes
 
-_MODES = 3
-_DOMINATED = 1e-3  # of the power, that a few modes leave along an axis that looks like frequency
-_LESS = 0.01  # of what they leave along the axis that is said to be
+_N_FITTED = 3  # numbers of a parabola
+_SMOOTH = 1e-3  # of the power, that it leaves along an axis that looks like frequency
+_LESS = 0.01  # of what it leaves along the axis that is said to be
 _AXES = {
     **dict.fromkeys(("ra", "lon", "glon", "l", "x"), "lon"),
     **dict.fromkeys(("dec", "lat", "glat", "b", "y"), "lat"),
@@ -57,24 +57,39 @@ def pixels_by_axes(maps, axes=None):
 def remark_on_axes(maps, shape):
     """A sentence on channels, (n_channels, n_pix) of images of this shape, that look like a line of the sky.
 
-    Foregrounds hardly change their shape with frequency: of a cube that is dominated by them a few spectra
-    hold nearly everything, and what a few modes leave is larger along the axes of the sky. Of 48 places along
-    each axis.
+    Foregrounds change smoothly with frequency, but for a gain that all lines of sight have: what a parabola
+    times their mean leaves is larger along the axes of the sky. Of 48 places along each axis.
     """
     cube = maps.reshape(-1, *shape)[tuple(slice(None, None, -(-n // 48)) for n in (len(maps), *shape))]
-    cube = np.where(is_seen(cube), cube, 0).astype(float)
-    left = []
-    for axis in range(3):
-        lines = np.moveaxis(cube, axis, 0).reshape(cube.shape[axis], -1)
-        power = np.linalg.eigvalsh(lines @ lines.T)[::-1]
-        left.append(power[_MODES:].sum() / power.sum() if len(power) > 2 * _MODES and power.sum() else np.nan)
-    along_sky = np.nanmin(left[1:]) if np.isfinite(left[1:]).any() else np.nan
-    if not (along_sky < _DOMINATED and along_sky < _LESS * left[0]):
+    seen = is_seen(cube)
+    cube = np.where(seen, cube, 0).astype(float)
+    turned = ([np.moveaxis(one, axis, 0) for one in (cube, seen)] for axis in range(3))
+    along_freq, *along_sky = (_roughness(*(one.reshape(len(one), -1) for one in both)) for both in turned)
+    least = min(along_sky)
+    if not (least < _SMOOTH and least < _LESS * along_freq):
         return ()
     return (
         "The channels are less alike than the lines along an axis of the sky, as of an array that is not "
         "turned round for its header: if it is (RA, Dec, channel) in numpy, give --axes ra,dec,freq.",
     )
+
+
+def _roughness(lines, seen):
+    """Share of the power of lines (n, n_lines), 0 where not seen, that their mean times a parabola leaves.
+
+    1 where there are too few places to say.
+    """
+    enough = seen.sum(axis=0) > 2 * _N_FITTED
+    lines, seen = lines[:, enough], seen[:, enough].astype(float)
+    power = np.sum(lines**2)
+    if not power:
+        return 1.0
+    both = seen @ seen.T
+    mean = np.linalg.eigh(lines @ lines.T / np.maximum(both, 1))[1][:, -1]
+    basis = mean[:, None] * np.vander(np.linspace(-1, 1, len(lines)), _N_FITTED)
+    normal = np.einsum("ki,kj,kn->nij", basis, basis, seen)
+    fitted = np.linalg.pinv(normal, hermitian=True) @ (basis.T @ lines).T[..., None]
+    return float(np.sum((lines - seen * (basis @ fitted[..., 0].T)) ** 2) / power)
 
 
 def check_world_axes(header, shape, name):

@@ -108,6 +108,12 @@ class Cube:
         cube = self.within(mask)
         return replace(cube, layout=replace(cube.layout, pixels=pixels), remarks=(*cube.remarks, *said))
 
+    def joined(self, label, frame, spectral_frame=None, **options):
+        """The same `Cube` with the frames of others; as of `himap.cubes.layout.Layout.joined`."""
+        layout = self.layout.joined(label, frame, spectral_frame, **options)
+        said = layout.remarks[len(self.layout.remarks) :]
+        return replace(self, layout=layout, remarks=(*self.remarks, *said))
+
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
 

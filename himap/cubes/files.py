@@ -1,19 +1,20 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from himap.core.checks import real_array
-from himap.core.errors import InputError
+from himap.core.errors import InputError, plain_text
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixels_by_axes, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
-from himap.cubes.layout import Layout, check_cube_room, naming, same_freqs
-from himap.cubes.names import check_names, unlike_names
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, same_freqs
+from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.frames import FRAMES, frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
@@ -30,6 +31,17 @@ _UNIT_IN = {
     **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
 }
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
+
+
+@contextmanager
+def naming(path):
+    """While a cube is read from `path`: every error of the input names it."""
+    try:
+        yield
+    except InputError as error:
+        if plain_text(str(path)) in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from None
 
 
 def read_cube(
@@ -105,19 +117,7 @@ def read_cube(
         return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(
-    path,
-    *,
-    freqs=None,
-    unit=None,
-    order=None,
-    frame=None,
-    maps_name=None,
-    freqs_name=None,
-    axes=None,
-    cube=None,
-    rotate=False,
-):
+def read_truth(path, *, cube=None, rotate=False, maps_name=None, freqs_name=None, axes=None, **given):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
@@ -131,14 +131,23 @@ def read_truth(
                 raise
             names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
             maps, layout = read_file(path, **names, held=_HELD_TRUTH)
-        given = {
-            "freqs": freqs if layout.freqs is None else None,
-            "unit": unit if layout.unit is None else None,
-            "order": order if layout.pixels.nested is None else None,
-            "frame": frame if layout.pixels.frame is None else None,
-        }
-        truth = make_cube(maps, completed(path, len(maps), layout, **given))
+        pixels = layout.pixels
+        stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
+        unsaid = {name: value for name, value in given.items() if stated[name] is None}
+        truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
+
+
+def frames_in(path):
+    """The frame of coordinates and SPECSYS that the headers of a file or folder state, without its maps.
+
+    Each None where nothing, or more than one, is stated.
+    """
+    path = fits_in(Path(path))[0][0] if Path(path).is_dir() else regular_file(path)
+    form = format_of(path)
+    with as_input_error(path, form):
+        frames = {"HDF5": hdf5.frames_in_hdf5, "FITS": fits.frames_in_fits}.get(form)
+        return (None, None) if frames is None else frames(path)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):

@@ -2,13 +2,17 @@
 
 import re
 from dataclasses import replace
+from warnings import catch_warnings
 
 import numpy as np
+from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
 from himap.cubes.image_files import holds_image, read_image_fits
 from himap.cubes.layout import Layout, check_cube_room, only_value, plain_pairs
 from himap.cubes.names import fits_in, stated_freqs
+from himap.maps.frames import frame_of
 from himap.maps.healpix_io import freq_in_header, read_maps
 
 _STRUCTURE = re.compile(  # cards of a table of maps that are written anew, by what was read, or not at all
@@ -42,6 +46,14 @@ def read_fits(path, *, axes=None, held=1, logical=False):
     stated["unit"] = only_value(path, "unit", file.units, file.names)
     pixels = {"nested": file.nested, "partial": file.partial, "frame": file.frame}
     return file.maps, Layout.of_sphere(file.maps, **pixels, **stated)
+
+
+def frames_in_fits(path):
+    """The frame and SPECSYS in the header of a file, as `himap.cubes.files.frames_in`."""
+    with catch_warnings(action="ignore", category=AstropyWarning), fits.open(path) as file:
+        first = next((hdu.header for hdu in file[1:] if hdu.header["NAXIS"]), {})
+        header = {**file[0].header, **first}
+    return frame_of(header.get("COORDSYS"), header.get("EQUINOX")), header.get("SPECSYS")
 
 
 def _about(headers):

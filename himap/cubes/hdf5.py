@@ -91,18 +91,10 @@ def _read_images(file, name, held):
 
 
 def read_dataset(path, word, *, held=1):
-    """The numbers of the one dataset that is called `word`, in any group.
+    """The numbers of the one dataset that is called `word`, in any group, in the shape that they have.
 
-    Returns
-    -------
-    (ndarray, ndarray or None, bool or None, str or None)
-        The numbers, in the shape that they have; frequencies, whether pixels are NESTED and their frame, as
-        beside maps.
-
-    Raises
-    ------
-    InputError
-        There is none, or several; and as `read_hdf5`.
+    With them, as beside maps, frequencies, whether pixels are NESTED, their frame and SPECSYS, None where not
+    stated. Raises an InputError where there is none, or several, and as `read_hdf5`.
     """
     with _opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if _last(name) == word]
@@ -113,7 +105,15 @@ def read_dataset(path, word, *, held=1):
         check_cube_room(path, item.size, item.dtype.itemsize, held)
         values = access.read_stored(item, path) if names[0] in file.masks else file.values(names[0])
         freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
-        return values, freqs, file.is_nested(item), file.frame(item)
+        return values, freqs, file.is_nested(item), file.frame(item), file.about(item).get("SPECSYS")
+
+
+def frames_in_hdf5(path):
+    """The frame and SPECSYS that all arrays of two axes or more in a file state, as `files.frames_in`."""
+    with _opened(path) as file:
+        items = [item for item in file.arrays.values() if item.ndim > 1]
+        stated = [{*map(file.frame, items)}, {file.about(item).get("SPECSYS") for item in items}]
+    return tuple(one.pop() if len(one) == 1 else None for one in stated)
 
 
 @contextmanager
@@ -192,7 +192,7 @@ class _Datasets:
 
     def only_one(self, fitting):
         """The only name of `fitting`; of a cleaned cube, the residual."""
-        if "himap" in self.file.attrs and sorted(fitting) == _WRITTEN:
+        if "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
             return _WRITTEN[1]
         if len(fitting) == 1:

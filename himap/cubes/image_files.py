@@ -170,7 +170,7 @@ def _part(path, index, header, shape, wcs, axes=None):
     name = image_name(path, index, header)
     if axes is None:
         check_world_axes(header, shape, name)
-    spectral = _spectral_axis(wcs, name)
+    spectral = _spectral_axis(wcs, header, name)
     n_axes = max(wcs.naxis, len(shape), 3)
     stored = (1,) * (n_axes - len(shape)) + tuple(shape)
     typed = {axis for axis in range(wcs.naxis) if not _has_no_type(wcs, axis)}
@@ -185,10 +185,13 @@ def _part(path, index, header, shape, wcs, axes=None):
     _check_axes(wcs, shape, spectral, name)
     unit = str(header.get("BUNIT") or "")
     if "jy" in unit.lower():
+        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
+        if "sr" in unit.lower():
+            values, how = f"values * u.Unit({unit!r})", "freq"
         raise InputError(
-            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel with the area of "
-            "its beam, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)) in "
-            "astropy, and write BUNIT = 'K'."
+            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
+            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
+            "write BUNIT = 'K'."
         )
     sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
     first = n_axes - 1 - spectral
@@ -217,7 +220,7 @@ def _has_no_type(wcs, axis):
     return wcs.wcs.ctype[axis].strip() in ("", "LINEAR", "CHANNEL", "CHAN")
 
 
-def _spectral_axis(wcs, name):
+def _spectral_axis(wcs, header, name):
     """Which axis of the world is that of frequency, None where it may be one that has no type."""
     types = [text.strip() for text in wcs.wcs.ctype]
     listing = ", ".join(text or "one without CTYPE" for text in types)
@@ -229,9 +232,9 @@ def _spectral_axis(wcs, name):
     axis = wcs.wcs.spec
     if axis >= 0 and not types[axis].startswith("FREQ"):
         raise InputError(
-            f"{name} has the spectral axis {types[axis]}, and FREQ is needed: convert it with the rest "
-            "frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package spectral-cube "
-            "does."
+            f"{name} has the spectral axis {header[f'CTYPE{axis + 1}']}, and FREQ is needed: convert it with "
+            "the rest frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package "
+            "spectral-cube does."
         )
     if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
         raise InputError(

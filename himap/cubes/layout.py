@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from himap.core.checks import real_array
-from himap.core.errors import InputError, plain_text
+from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, read_array, regular_file
 from himap.maps import sphere
@@ -247,10 +247,23 @@ class Layout:
         texts = ((key.upper(), value) for key, value in self.about.items() if _KEY.fullmatch(key))
         return [(key, value) for key, value in texts if not isinstance(value, str) or _TEXT.fullmatch(value)]
 
-    def in_frame_of(self, label, frame, **options):
-        """The same with pixels in the frame of others, and remarks; as of `SpherePixels.in_frame_of`."""
-        pixels, said = self.pixels.in_frame_of(label, frame, **options)
-        return replace(self, pixels=pixels, remarks=(*self.remarks, *said))
+    def joined(self, label, frame, spectral_frame=None, **options):
+        """The same with the frames of others, which belong to it, where it states none, and remarks.
+
+        Parameters and errors as of `SpherePixels.in_frame_of`; `spectral_frame` is SPECSYS, and may not
+        differ from that of these.
+        """
+        mine, theirs = self.spectral_frame, str(spectral_frame or "").strip().upper() or None
+        pixels, said, about = *self.pixels.in_frame_of(label, frame, **options), self.about
+        if mine != theirs and None not in (mine, theirs):
+            raise InputError(
+                f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
+                "convert one of them, or mend the card that is wrong."
+            )
+        if mine is None and theirs is not None:
+            about = about | {"SPECSYS": theirs}
+            said = (*said, f"the cube does not state its spectral frame: taken as that of {label}, {theirs}.")
+        return replace(self, pixels=pixels, about=about, remarks=(*self.remarks, *said))
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
@@ -273,17 +286,6 @@ def as_input_error(path, kind):
         raise InputError(
             f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it whole?"
         ) from None
-
-
-@contextmanager
-def naming(path):
-    """While a cube is read from `path`: every error of the input names it."""
-    try:
-        yield
-    except InputError as error:
-        if plain_text(str(path)) in str(error):
-            raise
-        raise InputError(f"{path}: {error}") from None
 
 
 def is_seen(pixels):

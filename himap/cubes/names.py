@@ -7,6 +7,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.reading import format_of
 from himap.maps.healpix_io import agreed, freqs_in
+from himap.removal.gnilc import LINE
 
 _DIGITS = re.compile(r"([0-9]+)")
 _DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
@@ -57,8 +58,9 @@ def unlike_names(names):
 def check_names(names, freqs):
     """Refuse frequencies (n,), MHz, that are given to files in another order than their names have.
 
-    Names that have a number each near the frequencies, in any unit of these, must have that of their own;
-    names whose order depends on how decimals are written must have such numbers.
+    Names that have a number each near the frequencies, in any unit of these or as redshifts, must have that
+    of their own; names whose order depends on how decimals are written, or on which of several numbers
+    counts, must have such numbers.
 
     Raises
     ------
@@ -69,19 +71,28 @@ def check_names(names, freqs):
     alike = len({tuple(parts[::2]) for parts in split}) == 1
     step = np.median(np.abs(np.diff(np.sort(freqs)))) if len(freqs) > 1 else 0.0
     near = []
-    for column in np.array([parts[1::2] for parts in split]).T if alike else ():
-        for factor in _IN_NAMES:
-            numbers = factor * column
-            if np.median(np.abs(np.sort(numbers) - np.sort(freqs))) <= step:
-                near.append(numbers)
-    for numbers in near:
-        other = (np.argsort(numbers) != np.argsort(freqs)) | (np.abs(numbers - freqs) > _SHARE * step)
+    columns = np.array([parts[1::2] for parts in split]).T if alike else ()
+    for column in columns:
+        may_be = [(factor * column, _SHARE * step) for factor in _IN_NAMES]
+        for numbers, reach in (*may_be, (LINE / (1 + column), np.inf)):  # redshifts are rounded more
+            if len({*numbers}) == len(names) and np.median(np.abs(np.sort(numbers) - np.sort(freqs))) <= step:
+                near.append((numbers, reach))
+    for numbers, reach in near:
+        other = (np.argsort(numbers) != np.argsort(freqs)) | (np.abs(numbers - freqs) > reach)
         if other.any():
             n = int(other.argmax())
             raise InputError(
                 f"--freqs are given to the files in the order of their names, and {names[n]} would have "
                 f"{freqs[n]:.10g} MHz: sort --freqs as the numbers in the names are, or rename the files."
             )
+    of_each = [column for column in columns if len({*column}) == len(names)]
+    varying = next((column for column in columns if len({*column}) > 1), ())
+    if not near and 1 < len({*varying}) < len(names) and not all((np.diff(one) > 0).all() for one in of_each):
+        raise InputError(
+            f"the files would be in the order {', '.join(names[:3])}, ..., by the first number that differs, "
+            "and another, which each has its own of, says another order: rename the files, or move what is "
+            "alike in several to the end of their names."
+        )
     pairs = sorted(names, key=lambda name: _numbers_in(name, _DIGITS))
     if not near and pairs != list(names):
         n = next(n for n, name in enumerate(names) if name != pairs[n])

@@ -174,13 +174,7 @@ def check_truth(cube, truth):
             f"the truth must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
             f"that has {cube.freqs[channel]:.10g}."
         )
-    truth.in_frame_of(cube)  # refuses another
-    mine, theirs = cube.layout.spectral_frame, truth.layout.spectral_frame
-    if mine != theirs and None not in (mine, theirs):
-        raise InputError(
-            f"the truth must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
-            "convert one of them, or mend the card that is wrong."
-        )
+    cube.joined("the truth", others.frame, truth.layout.spectral_frame)  # refuses others
     if (cube.mask & ~truth.mask).any():
         raise InputError("the truth must see all pixels of the cube.")
     seen = cube.mask[truth.mask]

@@ -77,10 +77,10 @@ def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):
 
 def _values(given, word, layout, shape, rotate):
     """Checked numbers (n_channels or 1, n_pix) in the order of the cube, of an array or path; the layout."""
-    label, frame = f"the {word}", layout.pixels.frame
+    label, frame, spectral_frame = f"the {word}", layout.pixels.frame, None
     if is_path(given):
         label = f"the {word} {given}"
-        values, freqs, nested, frame = _read(given, word, layout.pixels)
+        values, freqs, nested, frame, spectral_frame = _read(given, word, layout.pixels)
     else:
         values, freqs, nested = by_channel(label, given, layout.pixels), None, None
     if values.shape not in ((1, shape[1]), shape):
@@ -90,7 +90,7 @@ def _values(given, word, layout, shape, rotate):
         )
     if len(values) > 1 and freqs is not None and not same_freqs(freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
-    layout = layout.in_frame_of(label, frame, rotate=rotate)
+    layout = layout.joined(label, frame, spectral_frame, rotate=rotate)
     if (nested is None or nested == layout.pixels.nested) and frame in (None, layout.pixels.frame):
         return values, layout
     pixels = layout.pixels
@@ -99,13 +99,13 @@ def _values(given, word, layout, shape, rotate):
 
 
 def _read(path, word, pixels):
-    """Numbers (n_channels or 1, n_pix) of a file, frequencies, whether NESTED, frame; None if not stated."""
+    """Numbers (n_channels or 1, n_pix) of a file, and what it states: frequencies, NESTED, both frames."""
     file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
-    form, freqs, nested, frame = format_of(file), None, None, pixels.frame
+    form, freqs, nested, frame, spectral_frame = format_of(file), None, None, pixels.frame, None
     if form == "npy":
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        return by_channel(label, read_array(path), pixels), freqs, nested, frame
+        return by_channel(label, read_array(path), pixels), freqs, nested, frame, spectral_frame
     if on_sphere and form == "HDF5":
         values, *stated = hdf5.read_dataset(path, word, held=_HELD)
         return by_channel(f"{word} in {path}", values, pixels), *stated
@@ -115,16 +115,17 @@ def _read(path, word, pixels):
     if on_sphere:
         maps, layout = fits.read_fits(file, held=_HELD, logical=True)
         freqs, nested, frame = layout.freqs, layout.pixels.nested, layout.pixels.frame
+        spectral_frame = layout.spectral_frame
         check_order(label, nested)
     elif not fits.holds_image(file, frequencies=True):  # one image for all channels
         maps = pixels.one_image(file, f"file of {word}")[None]
     else:
         maps, layout = fits.read_image_fits([file], held=_HELD)
-        freqs = layout.freqs
+        freqs, spectral_frame = layout.freqs, layout.spectral_frame
         if not pixels.same(layout.pixels):
             raise InputError(
                 f"{label} must have the axes of the sky of the cube, {pixels}, got {layout.pixels}, or other "
                 "coordinates; reproject them to the header of the cube."
             )
     unseen = 0.0 if word == "weights" else 1.0  # what FITS marks as not seen has no weight, and is bad
-    return np.nan_to_num(maps, nan=unseen), freqs, nested, frame
+    return np.nan_to_num(maps, nan=unseen), freqs, nested, frame, spectral_frame

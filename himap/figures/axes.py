@@ -52,7 +52,7 @@ def drawn(settings):
     return decorate
 
 
-def panels(n, columns, size, *, room=0, **options):
+def subplots(n, columns, size, *, room=0, **options):
     """A figure with `n` panels of this size, inches, in so many columns, and `room` above; and their axes."""
     rows = -(-n // columns)
     figsize = (size[0] * columns, room + size[1] * rows)

@@ -38,8 +38,18 @@ _JOINT = "\N{NO-BREAK SPACE}"
 _FORMATTED = re.compile(rf"–|-?\d[\d,]*(?:\.\d+)?(?:{_JOINT}×{_JOINT}10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?")
 
 
-class OneRun(tuple):
-    """An entry that `one_run` made: (value, tolerance), (value, tolerance, unit) or (text, None)."""
+class Marked(tuple):
+    """An entry of `one_run` or `of_restarts`: (value, tolerance), (value, tolerance, unit) or (text, None).
+
+    Attributes
+    ----------
+    note
+        The line that explains its sign.
+    ends
+        Of a number of several restarts, its 16 and 84 %; else None.
+    """
+
+    note, ends = NOT_COMPARED, None
 
 
 def one_run(entry):
@@ -56,7 +66,7 @@ def one_run(entry):
 
     Returns
     -------
-    OneRun or dict
+    Marked or dict
         Still a tuple, so that code which takes the value out of an entry need not know.
 
     >>> show(one_run({"C/C0": (0.9784, 0.01), "settled": "yes"}) | {"channels": 125})
@@ -67,13 +77,7 @@ def one_run(entry):
     """
     if isinstance(entry, dict):
         return {name: one_run(item) for name, item in entry.items()}
-    return OneRun(entry if isinstance(entry, tuple) else (entry, None))
-
-
-class OfRestarts(OneRun):
-    """An entry that `of_restarts` made; its `ends` are the 16 and 84 % of a number, None of a text."""
-
-    ends = None
+    return Marked(entry if isinstance(entry, tuple) else (entry, None))
 
 
 def of_restarts(entries):
@@ -87,7 +91,7 @@ def of_restarts(entries):
 
     Returns
     -------
-    OfRestarts or dict
+    Marked or dict
         A tuple with the median in place of the number, so that code which takes the value out of an entry
         need not know. Of a single run it is that of `one_run`.
 
@@ -102,14 +106,16 @@ def of_restarts(entries):
         return {name: of_restarts([entry[name] for entry in entries]) for name in first}
     if len(entries) == 1:
         return one_run(first)
-    if not isinstance(first, tuple):
+    if isinstance(first, tuple):
+        values, tolerances = (np.array([entry[n] for entry in entries], dtype=float) for n in (0, 1))
+        low, median, high = map(float, np.percentile(values, (16, 50, 84)))
+        found = Marked((median, float(np.median(tolerances)), *first[2:]))
+        found.ends = low, high
+    else:
         counts = Counter(map(str, entries))
         texts = [f"{number} {text}" for text, number in counts.items()]
-        return OfRestarts((", ".join(texts) if len(counts) > 1 else str(first), None))
-    values, tolerances = (np.array([entry[n] for entry in entries], dtype=float) for n in (0, 1))
-    low, median, high = np.percentile(values, (16, 50, 84))
-    found = OfRestarts((float(median), float(np.median(tolerances)), *first[2:]))
-    found.ends = float(low), float(high)
+        found = Marked((", ".join(texts) if len(counts) > 1 else str(first), None))
+    found.note = OF_RESTARTS
     return found
 
 
@@ -271,16 +277,14 @@ def _by_form(text):
 
 
 def _note(entries):
-    entries = list(entries)
-    if any(isinstance(entry, OfRestarts) for entry in entries):
-        return OF_RESTARTS
-    return NOT_COMPARED if any(isinstance(entry, OneRun) for entry in entries) else ""
+    notes = {entry.note for entry in entries if isinstance(entry, Marked)}
+    return OF_RESTARTS if OF_RESTARTS in notes else NOT_COMPARED if notes else ""
 
 
 def _cell(name, entry):
     """The number with its tolerance, and the unit, of an entry."""
     number, tolerance, unit = _parsed(name, entry)
-    if isinstance(entry, OneRun):
+    if isinstance(entry, Marked):
         return f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # `agree` sees where it begins
     return number if tolerance is None else _with_tolerance(float(entry[0]), tolerance), unit
 
@@ -289,7 +293,7 @@ def _parsed(name, entry):
     """(number to the digits that its tolerance is sure of, tolerance or None, unit) of an entry."""
     if not isinstance(entry, tuple):
         return str(entry), None, ""
-    if isinstance(entry, OneRun) and entry[1:] == (None,):
+    if isinstance(entry, Marked) and entry[1:] == (None,):
         return str(entry[0]), None, ""
     if len(entry) not in (2, 3):
         raise InputError(f"{name}: expected (value, tolerance) or (value, tolerance, unit), got {entry!r}.")
@@ -301,7 +305,7 @@ def _parsed(name, entry):
     if not 0 < tolerance < math.inf:
         raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
     number = _rounded(value, tolerance)
-    if isinstance(entry, OfRestarts) and math.isfinite(value):
+    if getattr(entry, "ends", None) and math.isfinite(value):
         low, high = (_rounded(end, tolerance) for end in entry.ends)
         number += f" ({low}{' to ' if low[0] == '-' or high[0] == '-' else '–'}{high})"
     return number, tolerance, unit

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from himap.figures.axes import CURVES, PICTURES, by_title, decade_ticks, drawn, panels
+from himap.figures.axes import CURVES, PICTURES, by_title, decade_ticks, drawn, subplots
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.figures.plotting import show_map
 from himap.maps import sphere
@@ -45,7 +45,7 @@ def patch_maps(maps, box, *, unit="mK", span=None, diverging=False):
     ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + height * y / _N_ROWS)
     places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
     size = (4.6, 1.2 + 4.6 * height / width)
-    figure, grid = panels(len(maps), min(2, len(maps)), size, dpi=100)
+    figure, grid = subplots(len(maps), min(2, len(maps)), size, dpi=100)
     options = {"unit": unit, "span": span, "diverging": diverging}
     chosen = [by_title(options, title) for title in maps]
     for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
@@ -113,7 +113,7 @@ def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
         far = float(np.clip(far, 1.1, 100))  # nearly all of the ratio
         drawings.append((*ratio, LogNorm(1 / far, far), "ratio"))
     size = (max(4.2, 3.4 * len(drawings)) / len(drawings), 3.9)
-    figure, grid = panels(len(drawings), len(drawings), size, sharey=True)
+    figure, grid = subplots(len(drawings), len(drawings), size, sharey=True)
     for axes, (title, plane, colours, text) in zip(grid, drawings, strict=True):
         axes.set_facecolor(_BLANK)
         shown = axes.pcolormesh(x, y, np.ma.masked_invalid(plane), norm=colours, cmap="cividis")

@@ -19,9 +19,7 @@ from himap.figures.axes import (
     ratio_limits,
     set_plain_ticks,
     set_ratio_axis,
-)
-from himap.figures.axes import (
-    panels as panels_of,
+    subplots,
 )
 from himap.figures.data import with_curves, with_image, with_maps
 from himap.figures.styles import AXES
@@ -62,7 +60,7 @@ def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None, d
     """
     options = {"unit": unit, "log": log, "limits": limits, "span": span, "diverging": diverging}
     chosen = [by_title(options, title) for title in maps]
-    figure, grid = panels_of(len(maps), min(columns, len(maps)), (4.6, 2.9), dpi=80)
+    figure, grid = subplots(len(maps), min(columns, len(maps)), (4.6, 2.9), dpi=80)
     for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
         _draw_sky(axes, pixels, title, **look)
     return with_maps(figure, maps, [look["unit"] or "" for look in chosen])
@@ -214,7 +212,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     legend_above
         Whether one legend of all panels stands above them; curves of one label are the same in all.
     """
-    figure, grid = panels_of(len(panels), columns, size)
+    figure, grid = subplots(len(panels), columns, size)
     points = []
     for axes, panel in zip(grid, panels, strict=True):
         curves, markers, bundles = (panel.get(key, []) for key in ("curves", "points", "bundles"))
@@ -294,7 +292,7 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
         Of panels, which share the axis of ratios.
     """
     limits = ratio_limits([one for panel in panels for _, *three, _ in panel["curves"] for one in three])
-    figure, grid = panels_of(len(panels), columns, size, room=0.5, sharey=True)
+    figure, grid = subplots(len(panels), columns, size, room=0.5, sharey=True)
     points = []
     for axes, panel in zip(grid, panels, strict=True):
         _mark_one(axes, "0.93")

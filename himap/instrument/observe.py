@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.maps import sphere
 
@@ -34,90 +33,55 @@ class Observation:
     beams: np.ndarray
 
 
-def observe(hi, foregrounds, noise, windows, survey, *, noise_alms=None):
-    """Observe a sky.
-
-    Harmonic coefficients (complex, to 3 nside - 1, from `sphere.analyse`) are accepted in place of maps, so
-    that several beams can share the analysis of a sky.
+def observe(hi, foregrounds, noise, windows, survey):
+    """Observe a sky, given by its harmonic coefficients, so that several beams share the analysis of it.
 
     Parameters
     ----------
     hi
-        In mK before the beam: maps (n_channels, n_pix), or their coefficients (n_channels, n_alm).
+        Coefficients before the beam, mK, (n_channels, n_alm) to 3 nside - 1, from `sphere.analyse`.
     foregrounds
-        The same as maps, or as a pair (spectra, coefficients), (n_channels, n_modes) and (n_modes, n_alm),
-        whose product is the cube.
+        The `HarmonicModes` of the same.
     noise
-        Maps in mK, as the receiver adds them; smoothed only by what is done to the maps afterwards.
+        As the receiver adds it, mK: maps (n_channels, n_pix), or where `windows` smooth it later its
+        coefficients.
     windows
         The `Windows` of a beam (`himap.instrument.beams.base`).
     survey
         The `Survey` they belong to.
-    noise_alms
-        Coefficients of `noise`, (n_channels, n_alm), if known.
 
     Raises
     ------
     InputError
-        Cubes that are not of the survey's shape.
+        Something that is not of the survey's shape.
     """
-    expected = (survey.n_channels, survey.lmax + 1)
-    if windows.total.shape != expected:
+    beams, resmoothing, n_channels = windows.total, windows.resmoothing, survey.n_channels
+    if beams.shape != (n_channels, survey.lmax + 1):
         raise InputError(
-            f"the beam must be made for this survey: b_l of shape {expected}, got {windows.total.shape}."
+            f"the beam must be made for this survey: b_l of shape {(n_channels, survey.lmax + 1)}, got "
+            f"{beams.shape}."
         )
-    noise = _checked("noise", noise, survey)
-    signal = _seen("hi", hi, windows.total, survey)
-    bright = _seen("foregrounds", foregrounds, windows.total, survey)
-    if windows.resmoothing is not None:
-        added = _seen("noise", noise if noise_alms is None else noise_alms, windows.resmoothing, survey)
-        signal = (hi_alm + noise_alm for hi_alm, noise_alm in zip(signal, added, strict=True))
-    size = {"nside": survey.nside, "n_channels": survey.n_channels}
+    n_alm, n_modes = sphere.alm_size(survey.lmax), len(foregrounds.alms)
+    columns = ("n_pix", survey.n_pix) if resmoothing is None else ("n_alm", n_alm)
+    for label, values, names, shape in (
+        ("hi", hi, "n_channels, n_alm", (n_channels, n_alm)),
+        ("spectra of the foregrounds", foregrounds.spectra, "n_channels, n_modes", (n_channels, n_modes)),
+        ("maps of the foregrounds", foregrounds.alms, "n_modes, n_alm", (n_modes, n_alm)),
+        ("noise", noise, f"n_channels, {columns[0]}", (n_channels, columns[1])),
+    ):
+        if np.shape(values) != shape:
+            raise InputError(f"{label} must have shape ({names}) = {shape}, got {np.shape(values)}.")
+    signal = map(sphere.multiply_beam, hi, beams)
+    if resmoothing is not None:
+        signal = map(np.add, signal, map(sphere.multiply_beam, noise, resmoothing))
+    size = {"nside": survey.nside, "n_channels": n_channels}
     truth = sphere.synthesise_cube(signal, **size, label="beam on HI and noise")
-    if windows.resmoothing is None:
+    if resmoothing is None:
         truth += noise
+    bright = (row @ foregrounds.alms for row in foregrounds.spectra)
+    bright = map(sphere.multiply_beam, bright, beams)
     maps = sphere.synthesise_cube(bright, **size, label="beam on foregrounds")
     maps += truth
     return Observation(
-        maps=maps,
-        truth=truth,
-        freqs=survey.freqs,
-        channel_width=survey.channel_width,
-        beams=windows.total,
+        maps=maps, truth=truth, freqs=survey.freqs, channel_width=survey.channel_width, beams=beams
     )
-
-
-def _seen(label, cube, beams, survey):
-    """Coefficients of each channel of a cube in turn, through its beam."""
-    pairs = zip(_alms(label, cube, survey), beams, strict=True)
-    return (sphere.multiply_beam(alm, beam) for alm, beam in pairs)
-
-
-def _alms(label, cube, survey):
-    """Coefficients of each channel in turn: as given, of maps (analysed in float64), or of modes."""
-    if isinstance(cube, tuple):
-        spectra, alms = cube
-        expected = (survey.n_channels, len(alms)), (len(alms), sphere.alm_size(survey.lmax))
-        if (np.shape(spectra), np.shape(alms)) != expected:
-            raise InputError(
-                f"{label} must have shapes (n_channels, n_modes) and (n_modes, n_alm) = {expected[0]} and "
-                f"{expected[1]}, got {np.shape(spectra)} and {np.shape(alms)}."
-            )
-        return (row @ alms for row in spectra)
-    cube = _checked(label, cube, survey)
-    return (
-        cube
-        if np.iscomplexobj(cube)
-        else (sphere.analyse(np.asarray(channel, dtype=np.float64), survey.lmax) for channel in cube)
-    )
-
-
-def _checked(label, cube, survey):
-    """A cube of maps or of coefficients, of the survey's shape."""
-    alms = np.iscomplexobj(cube)
-    expected = (survey.n_channels, sphere.alm_size(survey.lmax) if alms else survey.n_pix)
-    cube = cube if alms else checked_cube(label, cube)
-    if np.shape(cube) != expected:
-        kind = "n_alm" if alms else "n_pix"
-        raise InputError(f"{label} must have shape (n_channels, {kind}) = {expected}, got {np.shape(cube)}.")
-    return cube

@@ -119,14 +119,9 @@ def observation(case):
     check_memory(survey, steps=["observing"])
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
     windows = case.beam.of_survey(survey)
-    return observe(
-        hi_alms_of_sky(survey.sky),
-        (bright.spectra, bright.alms),
-        noise_maps(survey, survey.rng("noise")),
-        windows,
-        survey,
-        noise_alms=None if windows.resmoothing is None else noise_alms(survey),
-    )
+    smoothed = windows.resmoothing is not None
+    noise = noise_alms(survey) if smoothed else noise_maps(survey, survey.rng("noise"))
+    return observe(hi_alms_of_sky(survey.sky), bright, noise, windows, survey)
 
 
 @product

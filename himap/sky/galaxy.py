@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.core.checks import checked_fields, parameter
+from himap.core.checks import checked_fields, parameter, power_of_two
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.sky.emission import emission_maps
@@ -95,9 +95,7 @@ class Galaxy:
         InputError
             `nside` is no power of two, a template is not usable, or PySM cannot download its own.
         """
-        if nside != int(nside) or nside < 1 or int(nside) & (int(nside) - 1):
-            raise InputError(f"nside must be a power of two, got {nside!r}.")
-        nside = int(nside)
+        nside = power_of_two("nside", nside, 1, 8192)
         if self.source == "synthetic":
             return synthetic_galaxy(nside, rng)
         templates = read_templates(self.template_dir) if self.source == "templates" else pysm_templates(nside)

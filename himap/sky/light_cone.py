@@ -5,8 +5,6 @@ s(r) and s(r + dr), s = r + displacement, and is shared among the channels it ov
 leaves one channel arrives in another: the average over a channel is exact and mass is conserved.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit, prange
 
@@ -18,22 +16,18 @@ _BLOCKS = 50  # of pixels, between which progress is shown
 _MARGIN = 30.0  # Mpc/h beyond the band on either side; linear displacements are 3 Mpc/h rms
 
 
-@dataclass(frozen=True)
-class Rays:
-    """Which rays sample which distances.
-
-    The pixel grows with distance, so far shells get more rays: between `bounds[j]` and
-    `bounds[j + 1]` (Mpc/h) each pixel sends 4^j rays, in steps of `step` Mpc/h.
-    """
-
-    bounds: tuple[float, ...]
-    step: float
-
-
 def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     """Rays no further apart than `cell` / `oversample`, with steps half as long, across a band.
 
     `cell`, `distance_min` and `distance_max` in Mpc/h; a margin for matter displaced into the band is added.
+
+    Returns
+    -------
+    bounds
+        Of shells, Mpc/h. The pixel grows with distance, so far shells get more rays: in shell j, the first
+        is 0, each pixel sends 4^j.
+    step
+        Along a ray, Mpc/h.
     """
     start, stop = max(distance_min - _MARGIN, 0.0), distance_max + _MARGIN
     pixel = np.sqrt(4 * np.pi / (12 * nside**2))
@@ -41,7 +35,7 @@ def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     while bounds[-1] < stop:
         reach = cell / oversample / (pixel / 2 ** (len(bounds) - 1))
         bounds.append(float(min(max(reach, start), stop)))
-    return Rays(bounds=tuple(bounds), step=cell / oversample / _STEPS_PER_GAP)
+    return bounds, cell / oversample / _STEPS_PER_GAP
 
 
 def trace(density, displacement, distance_edges, nside, box_size, rays):
@@ -56,7 +50,7 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
     nside, box_size, rays
-        Resolution of the maps, side of the box in Mpc/h, and a `Rays`.
+        Resolution of the maps, side of the box in Mpc/h, and what `plan_rays` returns.
 
     Returns
     -------
@@ -67,8 +61,9 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     maps = np.zeros((len(edges) - 1, 12 * nside**2), dtype=np.float32)
     still = displacement is None
     ring = sphere.nest_to_ring(nside)
-    for level, (start, stop) in enumerate(zip(rays.bounds[:-1], rays.bounds[1:], strict=True)):
-        n_steps = int(np.ceil((stop - start) / rays.step))
+    bounds, step = rays
+    for level, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        n_steps = int(np.ceil((stop - start) / step))
         if n_steps == 0:
             continue
         vectors = (

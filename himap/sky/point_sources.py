@@ -45,9 +45,9 @@ def _moment(power, flux_min, flux_max):
     return quad(integrand, np.log(flux_min), np.log(flux_max), epsrel=1e-10, limit=200)[0]
 
 
-def flux_to_temperature(freq=FREQ_COUNTS):
-    """lambda^2 / (2 k_B): mK per (Jy / sr) at `freq` in MHz."""
-    wavelength = const.c / (freq * u.MHz)
+def flux_to_temperature():
+    """lambda^2 / (2 k_B): mK per (Jy / sr) at 1.4 GHz."""
+    wavelength = const.c / (FREQ_COUNTS * u.MHz)
     return (wavelength**2 / (2 * const.k_B) * u.Jy).to_value(u.mK)
 
 

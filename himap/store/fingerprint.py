@@ -21,12 +21,12 @@ Other packages count by name: a new numpy makes nothing stale. Code that gives t
 
 import json
 from collections import defaultdict, namedtuple
-from functools import cache, lru_cache
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
-from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse, parse_cells, read
+from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse, parse_cells
 from himap.store.syntax import IMPORTS, bound_name
 
 ACCEPTED = ROOT.parent / "book" / "results" / "accepted.json"
@@ -39,13 +39,13 @@ _FOLDER, _CELLS = "__path__", "<cells>"
 
 
 def accepted_digests():
-    """What `ACCEPTED` holds, the same dict while the file is the same; nothing where there is no checkout."""
-    return _read_json(ACCEPTED, ACCEPTED.stat().st_mtime_ns if ACCEPTED.is_file() else None)
+    """What `ACCEPTED` holds; nothing where there is no checkout."""
+    return json.loads(ACCEPTED.read_text(encoding="utf-8")) if ACCEPTED.is_file() else {}
 
 
-@lru_cache(maxsize=4)
-def _read_json(path, mtime):
-    return json.loads(path.read_text(encoding="utf-8")) if mtime else {}
+def accepted_version():
+    """What changes when `ACCEPTED` does."""
+    return ACCEPTED, ACCEPTED.stat().st_mtime_ns if ACCEPTED.is_file() else None
 
 
 def moved(stored, today, *, looks=False):
@@ -88,26 +88,22 @@ class CodeTree:
 
     Parameters
     ----------
-    loaded
-        Take the source as this process loaded it, not as it is on disk when it is first asked for.
-    himap
-        The folder of himap, where it is not this one.
     texts
-        {path of a file: text} that counts in its place.
+        {path of a file: text} that counts in place of what is on disk, such as `himap.store.sources.LOADED`.
     accepted
         {digest of a definition: the one that it counts as}; default: `accepted_digests`.
     former
         {place of a definition (see `digests`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
     roots
-        Name of another package (or single module) -> its folder (or file).
+        Name of a package (or single module) beside himap -> its folder (or file).
     """
 
-    def __init__(self, *, loaded=False, himap=ROOT, texts=None, accepted=None, former=None, **roots):
-        self.loaded, self.texts = loaded, texts or {}
+    def __init__(self, *, texts=None, accepted=None, former=None, **roots):
+        self.texts = texts or {}
         self._accepted = accepted_digests() if accepted is None else accepted
         self._former, self.accepts, self._roots, self._digests = former or {}, {}, {}, {}
-        self.roots = {name: Path(path) for name, path in {"himap": himap, **roots}.items()}
+        self.roots = {name: Path(path) for name, path in {"himap": ROOT, **roots}.items()}
         packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
         self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
         for method in ("_summary", "_unit", "_fixed_name", "_modules", "_file", "_read"):
@@ -341,7 +337,7 @@ class CodeTree:
 
     def _read(self, module):
         file = self._file(module)
-        text = self.texts[file] if file in self.texts else read(file, loaded=self.loaded)
+        text = self.texts[file] if file in self.texts else file.read_text(encoding="utf-8")
         is_package = file.name == "__init__.py"
         package = module if is_package else module.rpartition(".")[0]
         return parse(text, package, is_package, is_look(module))

@@ -3,11 +3,12 @@
 import inspect
 import sys
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 
 from himap.core.errors import InputError
 from himap.store import sources
-from himap.store.fingerprint import CodeTree, accepted_digests, moved
+from himap.store.fingerprint import CodeTree, accepted_version, moved
 
 
 def code_fingerprint(obj):
@@ -19,15 +20,20 @@ def code_fingerprint(obj):
         `obj` is not defined at the top level of a source file (a lambda, a nested function, or
         something typed into a notebook).
     """
-    roots, *where = _place(obj)
-    return _tree(roots).fingerprint(*where)
+    root, *where = place(obj)
+    return _tree(root, accepted_version()).fingerprint(*where)
 
 
-def note(obj):
-    """Note the source of what is not himap's, of the package that `obj` is in, as this process loads it."""
-    root = _place(obj)[0][1]
-    if root != sources.ROOT:
-        sources.note([root] if root.suffix == ".py" else root.rglob("*.py"))
+def code_digest(objects):
+    """One digest of the fingerprints of some functions and classes, a frozenset, but for their looks."""
+    return _digest(objects, accepted_version())
+
+
+@lru_cache(maxsize=1024)
+def _digest(objects, version):
+    digests = [item for obj in objects for item in code_fingerprint(obj).items()]
+    parts = {f"{name} {digest}" for name, digest in digests if name != "look"}
+    return sha256(" ".join(sorted(parts)).encode()).hexdigest()
 
 
 def is_current(obj):
@@ -36,7 +42,7 @@ def is_current(obj):
     It looks at the times and sizes of the files that the fingerprint was read from, some dozens, and reads
     again only where one has changed.
     """
-    root, *where = _place(obj)
+    root, *where = place(obj)
     files = _files_of(root, *where)
     if all(map(sources.is_unchanged, files)):
         return True
@@ -46,12 +52,12 @@ def is_current(obj):
 
 def tree_of(obj, **options):
     """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
-    return CodeTree(loaded=True, **dict([_place(obj)[0]]), **options)
+    return CodeTree(texts=sources.LOADED, **dict([place(obj)[0]]), **options)
 
 
 @lru_cache(maxsize=1024)
-def _place(obj):
-    """(name of its package, root of that), name of its module, its own name."""
+def place(obj):
+    """(name of its package, root of that), name of its module, its own name; notes the source there now."""
     is_module = inspect.ismodule(obj)
     module = obj.__name__ if is_module else getattr(obj, "__module__", None)
     name = None if is_module else getattr(obj, "__qualname__", "")
@@ -64,17 +70,14 @@ def _place(obj):
     top, *rest = module.split(".")
     path = Path(file).resolve()
     depth = len(rest) + (path.name == "__init__.py")
-    return (top, path.parents[depth - 1] if depth else path), module, name
+    root = path.parents[depth - 1] if depth else path
+    sources.note(root)
+    return (top, root), module, name
 
 
-def _tree(root):
-    known = accepted_digests()
-    if _TREES.get(root, (None,))[0] is not known:
-        _TREES[root] = known, CodeTree(loaded=True, accepted=known, **dict([root]))
-    return _TREES[root][1]
-
-
-_TREES = {}  # the last of each package
+@lru_cache(maxsize=4)
+def _tree(root, version):
+    return CodeTree(texts=sources.LOADED, **dict([root]))
 
 
 @lru_cache(maxsize=4)
@@ -85,4 +88,4 @@ def _tree_now(root, version):
 
 @lru_cache(maxsize=1024)
 def _files_of(root, module, name):
-    return _tree(root).files(module, name)
+    return _tree(root, accepted_version()).files(module, name)

@@ -55,7 +55,7 @@ class Provenance:
     packages: tuple[tuple[str, str], ...]
 
     @classmethod
-    def of(cls, survey, *, galaxy, preset=None, parameters=None, started=None):
+    def of(cls, survey, *, galaxy, preset, parameters=None, started=None):
         """The provenance of a result made now from `survey`.
 
         Parameters
@@ -65,17 +65,18 @@ class Provenance:
         galaxy
             Name of the Galaxy, or an object with a `label`.
         preset
-            Name of the preset that `survey` is an override of; default: the nearest one.
+            Name of the preset that `survey` is an override of.
         parameters
             Other parameters that differ from their defaults, {name: value}.
         started
             `time.monotonic()` when the work began; default: when himap was first used in this process.
         """
-        preset = preset or _nearest_preset(survey)
+        base = asdict(PRESETS[preset]) | {"seed": survey.seed}
+        changed = {name: value for name, value in asdict(survey).items() if value != base[name]}
         commit, dirty = _commit()
         return cls(
             preset=preset,
-            overrides=(*_overrides(survey, preset).items(), *(parameters or {}).items()),
+            overrides=(*changed.items(), *(parameters or {}).items()),
             galaxy=str(getattr(galaxy, "label", galaxy)),
             seed=survey.seed,
             commit=commit,
@@ -99,16 +100,6 @@ class Provenance:
         return " · ".join([*origin, himap, duration(self.seconds)])
 
     __str__ = footer
-
-
-def _overrides(survey, preset):
-    """The fields of `survey` that differ from the preset, the seed aside."""
-    base = asdict(PRESETS[preset])
-    return {name: value for name, value in asdict(survey).items() if value != base[name] and name != "seed"}
-
-
-def _nearest_preset(survey):
-    return min(PRESETS, key=lambda name: len(_overrides(survey, name)))
 
 
 def environment():

@@ -3,7 +3,7 @@
 import ast
 import hashlib
 import os
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -186,36 +186,31 @@ def digest_of(lines):
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
-def read(file, *, loaded=False):
-    """The text of a source file, as it is now or as this process loaded it."""
-    if not loaded:
-        return _now(file)[0]
-    note([file])
-    return _LOADED[file][0]
+LOADED = {}
+"""{source file: its text as this process loaded it}."""
+
+_STATES = {}  # the times and sizes that they had
 
 
-def note(files):
-    """Note that files are loaded now; those of himap are from the beginning."""
-    _LOADED.update({file: _now(file) for file in files if file not in _LOADED})
+@cache
+def note(root):
+    """Note the files of a package, or of a single module, which this process loads now."""
+    for file in [root] if root.suffix == ".py" else root.rglob("*.py"):
+        _STATES[file] = _state(file)
+        LOADED[file] = file.read_text(encoding="utf-8")
 
 
 def is_unchanged(file):
     """Whether a file has the time and size that it had when it was loaded."""
     try:
-        status = os.stat(file)
+        return _STATES.get(file) == _state(file)
     except FileNotFoundError:
         return False
-    return _LOADED[file][1:] == (status.st_mtime_ns, status.st_size)
 
 
-def _now(file):
-    status = file.stat()
-    return _text(file, status.st_mtime_ns, status.st_size), status.st_mtime_ns, status.st_size
+def _state(file):
+    status = os.stat(file)
+    return status.st_mtime_ns, status.st_size
 
 
-@lru_cache(maxsize=1024)
-def _text(file, mtime, size):
-    return file.read_text(encoding="utf-8")
-
-
-_LOADED = {file: _now(file) for file in ROOT.rglob("*.py")}
+note(ROOT)

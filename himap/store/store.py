@@ -18,8 +18,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.store import cache
-from himap.store.fingerprint import accepted_digests
-from himap.store.live import code_fingerprint, is_current, note
+from himap.store.live import code_digest, is_current, place
 
 
 def product(function=None, *, name=None, version=None):
@@ -103,8 +102,7 @@ class Product:
         self.name = name or function.__qualname__
         self._function = function
         self._signature = inspect.signature(function)
-        self._codes = {}
-        note(function)
+        place(function)  # so that its code is noted as it is loaded
 
     def __reduce__(self):
         return self.__qualname__  # by name, as functions are: joblib's workers import it
@@ -157,12 +155,7 @@ class Product:
             raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
         bound.apply_defaults()
         sources = frozenset({self._function, *_classes(bound.arguments)})
-        known = accepted_digests()
-        if self._codes.get(sources, (None,))[0] is not known:
-            digests = [item for source in sources for item in code_fingerprint(source).items()]
-            parts = {f"{name} {digest}" for name, digest in digests if name != "look"}
-            self._codes[sources] = known, sha256(" ".join(sorted(parts)).encode()).hexdigest()
-        text = f"{self._codes[sources][1]} {_describe(bound.arguments)}"
+        text = f"{code_digest(sources)} {_describe(bound.arguments)}"
         return bound, sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
 
 

@@ -109,13 +109,6 @@ def moved_names(calls):
     return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
 
 
-def accepted_names(calls):
-    """Names with a definition behind them that is accepted for a former one."""
-    module = _module(calls)
-    codes, strict = (tree_of(module, **one).fingerprint(module.__name__) for one in ({}, {"accepted": {}}))
-    return [name for name in calls if codes[name] != strict[name]]
-
-
 def _module(calls):
     """The module that the calls are in, which names all that they call."""
     return sys.modules[next(iter(calls.values()))[0].__module__]

@@ -11,48 +11,13 @@ from types import SimpleNamespace
 import click
 from click import option
 
-from himap.app.cli.shared import (
-    BeamsOption,
-    NamesOption,
-    debug,
-    named_values,
-    overwrite_option,
-    with_options,
-)
+from himap.app.cli.cube_options import COMMON, METHOD, MOCKS, WEIGHTS
+from himap.app.cli.shared import NamesOption, named_values, with_options
 from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
 from himap.core.files import whole_files
 from himap.core.reading import is_file, regular_file, there_is
 
-_METHOD = option("--method", cls=NamesOption, required=True, metavar="NAME")
-_WEIGHTS = (
-    option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
-    option("--flags", metavar="FILE", help="1 where a voxel is bad."),
-)
-_MOCKS = (
-    option(
-        "--mocks", metavar="N|FILE", multiple=True, help="Mocks that correct spectra: how many, or a file."
-    ),
-    option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
-    *_WEIGHTS,
-)
-_COMMON = (
-    option("--beam", cls=BeamsOption, metavar="NAME"),
-    option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
-    option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
-    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits or .npy: the rest is not used."),
-    option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
-    overwrite_option,
-    option("--freqs", metavar="FILE", help="Channel centres, MHz; --axes: as in numpy."),
-    option("--axes", metavar="NAMES", hidden=True),
-    option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
-    option("--order", metavar="NAME", help="RING or NESTED; --frame: G, C or E, if no file says."),
-    option("--frame", metavar="NAME", hidden=True),
-    option("--rotate", is_flag=True, help="Rotate masks and the like of another frame to CUBE's."),
-    option("--maps", "maps_name", metavar="NAME", help="Dataset of the maps in HDF5; --freqs-name: theirs."),
-    option("--freqs-name", metavar="NAME", hidden=True),
-    debug,
-)
 _READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_name", "axes")
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 
@@ -86,7 +51,7 @@ def _command(*options, short_help=None):
                 function(asked)
 
         path = click.argument("path", metavar="CUBE")
-        return click.command(short_help=short_help)(with_options(path, *options, *_COMMON)(command))
+        return click.command(short_help=short_help)(with_options(path, *options, *COMMON)(command))
 
     return decorate
 
@@ -151,14 +116,14 @@ def _cube_and_beams(asked, remover):
 
 
 @_command(
-    _METHOD,
+    METHOD,
     option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
     option(
         *("-o", "--output"), metavar="FILE", required=True, help="Cleaned: .h5, .fits(.gz), .npy; and .html."
     ),
     option("--patches", is_flag=True, help="Show P(k_perp, k_par) of patches of the sky on the page."),
     option("--restarts", type=int, metavar="N", help="Starts of a chaotic method, sdecgmca; default 4."),
-    *_MOCKS,
+    *MOCKS,
     short_help="Remove the foregrounds of the cube of maps in CUBE.",
 )
 def clean(asked):
@@ -182,10 +147,10 @@ def clean(asked):
 
 
 @_command(
-    _METHOD,
+    METHOD,
     option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
     option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv."),
-    *_MOCKS,
+    *MOCKS,
     short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
 )
 def transfer(asked):
@@ -224,6 +189,7 @@ def _cleaned(asked):
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
             "`himap suggest` says how many this cube asks for.",
         )
+    cube = _with_frames(asked, cube)
     true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
     if true is not None:
         _tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
@@ -256,6 +222,21 @@ def _cleaned(asked):
     return cleaned, write_pages
 
 
+def _with_frames(asked, cube):
+    """The cube with the frames that its truth or mocks state, where it states none; others are refused."""
+    from himap.cubes.files import frames_in
+
+    given = (asked.truth, *(word for word in asked.mocks if not word.isdecimal()))
+    for path in (path for path in given if path is not None and there_is(path)):
+        (frame, spectral_frame), known = frames_in(path), cube.layout.pixels.frame
+        if known is not None and (frame is None or asked.rotate):  # said, or rotated, when it is read
+            frame = known
+        joined = cube.joined(path, frame, spectral_frame)
+        _tell(asked, *joined.remarks[len(cube.remarks) :])
+        cube = joined
+    return cube
+
+
 def _mocks(cube, beams, asked):
     """The maps of mocks, one after the other, as the option says: a number, or files; None if it is empty."""
     from himap.cubes.mocks import draw_mocks, read_mocks
@@ -282,7 +263,7 @@ def _mocks(cube, beams, asked):
     option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
     option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
     option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),
-    *_WEIGHTS,
+    *WEIGHTS,
 )
 def suggest(asked):
     """Suggest how many sources to remove from the cube in CUBE, without the truth.
@@ -314,7 +295,7 @@ def suggest(asked):
 
 
 @_command(
-    _METHOD,
+    METHOD,
     option("--width", "widths", type=float, multiple=True, help="Relative error of the FWHM; ±0.1 and 1 %."),
     option(
         "--ripple", "ripples", type=float, multiple=True, help="Of an error that oscillates; 1e-5 to 1e-3."

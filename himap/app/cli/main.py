@@ -164,11 +164,13 @@ def templates(folder, nside):
     himap templates maps --nside 64
     himap run 04_pca -p galaxy=templates -p template_dir=maps
     """
-    from himap.sky.templates import write_templates
+    from himap.sky.templates import digest_of, write_templates
 
     started = time.monotonic()
-    for path in write_templates(folder, nside):
+    paths = write_templates(folder, nside)
+    for path in paths:
         click.echo(path)
+    click.echo(f"checksum {digest_of(paths[0].parent)}")
     click.echo(f"for -p galaxy=templates -p template_dir={folder}  ({time.monotonic() - started:.0f} s)")
 
 

@@ -2,21 +2,20 @@
 
 import time
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import click
 
 from himap.app.cli.shared import (
     EXPERIMENT,
     PRESET,
-    check_alone,
     debug,
-    json_output,
     named_values,
     overwrite_option,
     with_options,
     workers,
 )
-from himap.app.notebook_files import copy_name
+from himap.app.notebook_files import check_output, copy_name
 from himap.app.notebooks import find
 from himap.app.parameters import Parameter, check_parameters, parse_texts
 from himap.core.checks import whole_number
@@ -24,6 +23,7 @@ from himap.core.errors import InputError
 from himap.figures.tables import Table
 from himap.store.fingerprint import CodeTree
 from himap.store.provenance import Provenance
+from himap.store.sources import LOADED
 
 _MOST_SOURCES = 10_000
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
@@ -79,10 +79,12 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     if None not in (check, grow):
         raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
     if path is None:
-        path = copy_name(name, chosen["preset"], given, suffix=".json")
-        path = json_output(output, path, overwrite=overwrite)
+        default = Path("results", copy_name(name, chosen["preset"], given, suffix=".json"))
+        path = check_output(default if output is None else Path(output), suffix=".json", overwrite=overwrite)
+    elif output is not None or overwrite:
+        option = "--grow" if check is None else "--check"
+        raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
     else:
-        check_alone("--grow" if check is None else "--check", output, overwrite)
         record = Record.load(experiment, path)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
@@ -98,7 +100,7 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
             started=since,
         )
         # The code that ran, whatever was edited in the hours since.
-        return asdict(made) | {"code": measuring_code(name, CodeTree(loaded=True))}
+        return asdict(made) | {"code": measuring_code(name, CodeTree(texts=LOADED))}
 
     if check is not None:
         rows = experiment.table(skies[:1])

@@ -3,12 +3,10 @@
 import functools
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem
 
-from himap.app.notebook_files import check_output
 from himap.app.notebooks import notebooks
 from himap.app.reproduce import NotebookError, changed_environment
 from himap.core.errors import InputError, shortened
@@ -138,18 +136,6 @@ def workers(command):
         click.option("--dask", metavar="ADDRESS", help=address),
         click.option("--max-memory", metavar="SIZE", callback=_check_size, help=size),
     )(wrapped)
-
-
-def json_output(output, name, *, overwrite):
-    """The path of a JSON file to write: `output`, or `name` in results/; see `check_output`."""
-    path = Path("results") / name if output is None else Path(output)
-    return check_output(path, suffix=".json", overwrite=overwrite)
-
-
-def check_alone(option, output, overwrite):
-    """Refuse outputs beside an option that writes into the file it names, such as --check."""
-    if output is not None or overwrite:
-        raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
 
 
 def named_values(pairs):

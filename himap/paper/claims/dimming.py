@@ -114,9 +114,7 @@ def dimmed_range(realisation):
     "Of PCA, ICA and SD, SD gains most from dimming.",
     number="growth of SD's share of l within 10 %",
     paper="> that of PCA and ICA",
-    section="6",
-    figure="7",
-    notebook="13_dimmed_galaxy",
+    **_DIMMED | {"section": "6"},
 )
 def dimmed_most(realisation):
     """The conclusions are about the range of l: the share of l, 2 <= l <= 200, within 10 % grows for SD, and

@@ -54,11 +54,6 @@ def _with_and_without(realisation, beam, measure, methods):
     return [each(case, measure, methods)(realisation) for case in (beam, LEFT_IN.format(beam))]
 
 
-def _worst(values, extreme):
-    """The `extreme`, min or max, of the numbers in {name: number or None}, NaN if there is none."""
-    return extreme(_known(values), default=math.nan)
-
-
 @claim(
     "O8",
     "oscillating",
@@ -97,10 +92,10 @@ def excess_of_masking(realisation):
     }
     most = max(_known(ripple), default=None)
     words, voxels = "excess gone without masking", "ripple among the masked voxels"
-    parts = *parts_of(best, above(MOST), words), *_ripple(voxels, most)
+    parts = *parts_of(best, above(MOST), words), _ripple(voxels, most)
     for spread, row in gone.items():
         parts += parts_of(row, above(MOST), f"{words}, sigma of the {spread}", main=False)
-        parts += _ripple(f"{voxels}, sigma of the {spread}", ripple[spread], main=False)
+        parts += (_ripple(f"{voxels}, sigma of the {spread}", ripple[spread], main=False),)
     sentence = (
         f"Mean C/C0 at l < 10 by the sigma of the clipping: {listing_by_beam(masked)}; without masking: "
         f"{listing(unmasked)}. Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}."
@@ -120,7 +115,7 @@ def _known(values):
 
 def _ripple(name, share, **about):
     """The part that a notable share of the masked voxels is ripple."""
-    return (Part(name, None if share is None else share > NOTABLE, **about),)
+    return Part(name, None if share is None else share > NOTABLE, **about)
 
 
 @claim(
@@ -199,7 +194,7 @@ def masked_peaks(realisation):
         beam: row["HI"] / sum(row.values()) if sum(row.values()) else None for beam, row in counts.items()
     }
     return Finding(
-        _worst(shares, min),
+        min(_known(shares), default=math.nan),
         parts_of(shares, above(MOST), "beam: most on HI peaks"),
         f"Masked voxels by what stands out most: {listing_by_beam(counts, '{}')}.",
     )

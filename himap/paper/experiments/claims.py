@@ -1,6 +1,6 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
@@ -13,6 +13,7 @@ from himap.paper.claims.verdicts import not_applicable
 from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
+from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming, Galaxy
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
@@ -32,12 +33,17 @@ class JudgedSky:
     realisations: dict
 
     @property
+    def members(self):
+        """All `Realisation`, a list."""
+        return [one for members in self.realisations.values() for one in members]
+
+    @property
     def survey(self):
-        return next(iter(self.realisations.values()))[0].survey
+        return self.members[0].survey
 
     @property
     def galaxy(self):
-        return next(iter(self.realisations.values()))[0].galaxy
+        return self.members[0].galaxy
 
 
 def realisations(
@@ -88,10 +94,15 @@ def realisations(
         dimming=Dimming(weight=plane_weight, edge=plane_edge),
         n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
         method=method,
-        options=() if reading == "default" else (("reading", reading),),
+        options=options_of(reading),
     )
     seeds = range(first.survey.seed, first.survey.seed + n_realisations)
     return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+
+
+def options_of(reading):
+    """Options of the reading of SDecGMCA with a name, as of `Realisation`."""
+    return () if reading == "default" else (("reading", reading),)
 
 
 def restarts(realisation, n_restarts):
@@ -100,14 +111,23 @@ def restarts(realisation, n_restarts):
     There is one for a method that has no restarts.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    chaotic = "restart" in {field.name for field in fields(BEAM_AWARE[realisation.method][0])}
-    return [replace(realisation, restart=k) for k in range(n_restarts if chaotic else 1)]
+    n_restarts = n_restarts if has_restarts(BEAM_AWARE[realisation.method][0]) else 1
+    return [replace(realisation, restart=k) for k in range(n_restarts)]
+
+
+def judged_skies(several, options, n_restarts):
+    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every {reading: options}."""
+    return [
+        JudgedSky(
+            {label: restarts(replace(sky, options=given), n_restarts) for label, given in options.items()}
+        )
+        for sky in several
+    ]
 
 
 def skies(*, n_restarts=2, reading="default", **settings):
     """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
-    several = realisations(reading=reading, **settings)
-    return [JudgedSky({reading: restarts(one, n_restarts)}) for one in several]
+    return judged_skies(realisations(**settings), {reading: options_of(reading)}, n_restarts)
 
 
 def judge(realisation):
@@ -126,17 +146,12 @@ def judge(realisation):
 
 def measure(sky):
     """Findings on every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
-    return [
-        row
-        for several in sky.realisations.values()
-        for one in several
-        for row in finding_rows(judge(one), one.restart)
-    ]
+    return [row for one in sky.members for row in finding_rows(judge(one), one.restart)]
 
 
 def prepare(several):
     """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
-    make([one for sky in several for members in sky.realisations.values() for one in members])
+    make([one for sky in several for one in sky.members])
 
 
 def _summary(rows):

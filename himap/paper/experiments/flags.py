@@ -3,12 +3,10 @@
 Through the oscillating beam, under each of some readings; members of an ensemble differ in their start.
 """
 
-from dataclasses import replace
-
 from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
 from himap.paper.claims.base import angular_band
-from himap.paper.experiments.claims import JudgedSky, realisations, restarts
+from himap.paper.experiments.claims import judged_skies, realisations
 from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
 
@@ -25,12 +23,8 @@ def skies(*, n_restarts=8, **settings):
     """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
     `himap.paper.experiments.claims.realisations`.
     """
-    return [
-        JudgedSky(
-            {name: restarts(replace(sky, options=(("reading", name),)), n_restarts) for name in READINGS}
-        )
-        for sky in realisations(n_sources_min=2, n_sources_max=2, **settings)  # no scan
-    ]
+    several = realisations(n_sources_min=2, n_sources_max=2, **settings)  # no scan
+    return judged_skies(several, {name: (("reading", name),) for name in READINGS}, n_restarts)
 
 
 def measure(sky):

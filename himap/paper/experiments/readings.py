@@ -4,9 +4,8 @@ Each reading is judged on the same skies and from the same restarts.
 """
 
 import math
-from dataclasses import replace
 
-from himap.paper.experiments.claims import JudgedSky, prepare, realisations, restarts
+from himap.paper.experiments.claims import judged_skies, prepare, realisations
 from himap.paper.experiments.restarts import claim_rows, member_rows
 from himap.paper.readings import COLUMNS, QUANTITIES, outcomes, readings
 from himap.paper.readings_table import summary_table
@@ -17,15 +16,8 @@ def skies(*, n_restarts=4, **settings):
     """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
     `himap.paper.experiments.claims.realisations`.
     """
-    return [
-        JudgedSky(
-            {
-                label: restarts(replace(sky, options=reading.options), n_restarts)
-                for label, reading in readings().items()
-            }
-        )
-        for sky in realisations(**settings)
-    ]
+    options = {label: reading.options for label, reading in readings().items()}
+    return judged_skies(realisations(**settings), options, n_restarts)
 
 
 def measure(sky):

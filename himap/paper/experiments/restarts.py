@@ -15,7 +15,7 @@ from himap.measures.diagnostics import BUMP, Comparison, flagged_lines
 from himap.paper import cleaned, pipeline
 from himap.paper.claims.base import BEAMS, angular_band, bump
 from himap.paper.claims.entries import finding_rows
-from himap.paper.experiments.claims import JudgedSky, judge, prepare, realisations, restarts
+from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
 from himap.paper.readings import BANDS, COLUMNS, FAILING, NEAR_PLANE, candidates
 from himap.paper.record import Experiment
 
@@ -53,15 +53,7 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
     scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
     chosen = candidates() if reading == "all" else {reading: None}
     options = {label: one.options if one else (("reading", label),) for label, one in chosen.items()}
-    return [
-        JudgedSky(
-            {
-                label: restarts(replace(sky, n_sources=scan, options=given), n_restarts)
-                for label, given in options.items()
-            }
-        )
-        for sky in whole
-    ]
+    return judged_skies([replace(sky, n_sources=scan) for sky in whole], options, n_restarts)
 
 
 def measure(sky):

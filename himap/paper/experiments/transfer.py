@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from himap.core.checks import whole_number
 from himap.measures.transfer import DEFINITIONS
@@ -55,6 +56,18 @@ def corrected_bands(power, transfer):
     return [row | {"error_bar": float(np.sqrt(np.mean(errors[row["band"]] ** 2)))} for row in rows]
 
 
+def coverage(table):
+    """How often the truth is within the error bar, (hits, trials, lower and upper end of a 95 % interval).
+
+    The interval is that of Clopper & Pearson (1934). Each row is a trial, although bands of one sky, and
+    skies with the same mocks, are not independent: it is rather too narrow.
+    """
+    hits, trials = int(((table["corrected"] - 1).abs() < table["error_bar"]).sum()), len(table)
+    low = stats.beta.ppf(0.025, hits, trials - hits + 1) if hits else 0.0
+    high = stats.beta.ppf(0.975, hits + 1, trials - hits) if hits < trials else 1.0
+    return hits, trials, float(low), float(high)
+
+
 def _summary(table):
     """Means over skies for each method and band, and on how many skies the truth is within the error bar."""
 
@@ -62,7 +75,8 @@ def _summary(table):
         return lambda group: f"{group[column].mean():.4f}"
 
     def within(group):
-        return f"{((group['corrected'] - 1).abs() < group['error_bar']).sum()} of {len(group)}"
+        hits, trials, low, high = coverage(group)
+        return f"{hits} of {trials} ({100 * low:.0f} to {100 * high:.0f} %)"
 
     cells = {
         "method": "method",
