@@ -243,12 +243,8 @@ def times_least(values):
 
 
 def best_of(values, name):
-    """The number with the least median, and those of single restarts where these are others."""
-    numbers = sorted({best(one) for one in values})
-    others = f" (single restarts: {' and '.join(map(str, numbers))})" if len(numbers) > 1 else ""
-    if not has_restarts(remover(name, first)):
-        return best(values), 1
-    return over_restarts(remover(name, first), [f"{best(values)}{others}"])
+    """The entry of the number of sources at which each restart of a method has its least error."""
+    return of_members([best(one) for one in values], 1, name)
 
 
 at_best = study.members(remover(method, best(of_method)))

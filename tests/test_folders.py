@@ -70,7 +70,7 @@ def fresh(monkeypatch):
     run_folder.cache_clear()
     yield
     if run_folder.cache_info().currsize:
-        shutil.rmtree(run_folder())
+        shutil.rmtree(run_folder(), ignore_errors=True)  # it may have gone with the test's own folder
     run_folder.cache_clear()
 
 

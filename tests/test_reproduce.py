@@ -332,7 +332,20 @@ def test_a_file_that_a_notebook_reads_changes(folder):
     (folder.parent / "accepted.json").write_text("{}")  # what is accepted is no result
     assert notebooks.find("01_toy", folder).reads == [stored] and reproduce.stale(folder) == {}
     stored.write_text("2")
-    assert reproduce.stale(folder) == {"01_toy": "stored.json changed"}
+    assert reproduce.stale(folder) == {"01_toy": "./stored.json changed"}
+    stored.write_text("1")
+    (folder.parent / "another.json").write_text("1")  # which the chapter would read if it was executed now
+    assert reproduce.stale(folder) == {"01_toy": "./another.json changed"}
+
+
+def test_files_of_one_name_in_two_folders_are_two(folder):
+    edit(folder / "01_toy.py", "#     section:", '#     reads: ["*/figures.json"]\n#     section:')
+    for name in "ab":
+        (folder.parent / name).mkdir()
+        (folder.parent / name / "figures.json").write_text("1")
+    pretend_executed(folder)
+    (folder.parent / "a" / "figures.json").write_text("2")
+    assert reproduce.stale(folder) == {"01_toy": "./a/figures.json changed"}
 
 
 def test_an_unexecuted_or_broken_file_is_stale(folder):

@@ -124,7 +124,8 @@ def test_a_chaotic_method_is_an_ensemble_of_restarts(monkeypatch):
     for member in study.members(chaotic):
         maps = [cleaned.separation(case, one).foreground.cube() for one in (member, *study.members(chaotic))]
         far.append(sum(np.sqrt(np.mean((maps[0] - other) ** 2)) for other in maps[1:]))
-    assert study.medoid(Degraded(), chaotic).restart == np.argmin(far)
+    # Two restarts that end alike are equally near to all; which comes first is rounding.
+    assert far[study.medoid(Degraded(), chaotic).restart] <= min(far) * (1 + 1e-5)
     assert study.medoid(Degraded(), pca) == pca
     with pytest.raises(InputError, match="n_restarts"):
         Study(n_restarts=0)

@@ -91,10 +91,16 @@ class Notebook:
         return found
 
     def fingerprint(self, tree=None):
-        """{"code", "look", what it reaches in himap, file that it `reads`: digest}; see `CodeTree`."""
+        """{"code", "look", what it reaches in himap, file that it `reads`: digest}.
+
+        Files have the path in the checkout, from "./": see `himap.store.fingerprint.moved`.
+        """
         code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
-        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in self.reads}
-        return code | files
+        checkout = self.path.parents[1]
+        return code | {
+            f"./{path.relative_to(checkout)}": hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+            for path in self.reads
+        }
 
 
 def declared_parameters(node):

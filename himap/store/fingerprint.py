@@ -54,9 +54,9 @@ def moved(stored, today, *, looks=False):
     Parameters
     ----------
     stored, today
-        {"code", "look", name of a product or class: digest}, as a `CodeTree` has them. A name that only
-        `today` has, say of a new method, moves nothing. None, or a text as it was once kept, for one that
-        cannot be compared.
+        {"code", "look", name of a product or class, path of a file from "./": digest}. A name that only
+        `today` has, say of a new method, moves nothing; a file does. None, or a text as it was once kept, for
+        one that cannot be compared.
     looks
         Whether what only shows numbers counts too.
     """
@@ -64,7 +64,8 @@ def moved(stored, today, *, looks=False):
         return []
     if not (isinstance(stored, dict) and isinstance(today, dict)):
         return ["code"]
-    return [name for name in stored if (looks or name != "look") and stored[name] != today.get(name)]
+    names = [*stored, *(name for name in today if name.startswith("./") and name not in stored)]
+    return [name for name in names if (looks or name != "look") and stored.get(name) != today.get(name)]
 
 
 class _Unit(NamedTuple):
