@@ -1,4 +1,4 @@
-"""Signal loss of a method on a cube, from mocks put into it, and the spectra of the cube corrected for it."""
+"""Spectra of a cleaned cube, corrected by mocks for signal loss and foreground residual."""
 
 from dataclasses import dataclass, replace
 
@@ -14,16 +14,28 @@ from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import TransferFunction, mock_power, mock_power_of_cubes
+from himap.measures.transfer import (
+    MOST,
+    TransferFunction,
+    agreeing,
+    harmonic_power,
+    mock_power,
+    mock_power_of_cubes,
+    sigma,
+)
+from himap.removal.cleaning import one_more
 from himap.removal.data import means_of
 
-HEADER = ("band", "comes back", "error bar", "left / truth", "corrected / truth")
-"""Columns of `corrected_table`; the last two where there is a truth."""
+HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
+"""Columns of `corrected_table`."""
+
+HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull")
+"""Further ones where there is a truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Corrected:
-    """One spectrum of a cleaned cube, corrected for what cleaning takes.
+    """One spectrum of a cleaned cube, corrected for what cleaning takes and leaves.
 
     Attributes
     ----------
@@ -32,43 +44,53 @@ class Corrected:
     residual
         As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
     share
-        The transfer function.
+        The transfer function, with the number of sources that the correction is made with.
+    corrected
+        The corrected spectrum; NaN where nothing comes back.
     errors
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
+    sample
+        Power of each mock over their mean, less 1, (n_mocks, n): sample variance and noise, in no error bar.
+    foreground
+        What the same correction of `residual` has more, in the unit of the spectrum: foreground residual.
+    systematic
+        What `corrected` has more than the correction with one source more, likewise.
     truth
         The spectrum of the truth, NaN where it is not known.
+    n_sources
+        Of the correction; None of a method that has none.
     """
 
     x: np.ndarray
     residual: np.ndarray
     share: np.ndarray
+    corrected: np.ndarray
     errors: np.ndarray
-    truth: np.ndarray
-
-    @property
-    def corrected(self):
-        """residual / share; NaN where nothing comes back."""
-        out = np.full(len(self.x), np.nan)
-        return np.divide(self.residual, self.share, out=out, where=self.share > 0)
+    sample: np.ndarray
+    foreground: np.ndarray | None = None
+    systematic: np.ndarray | None = None
+    truth: np.ndarray | None = None
+    n_sources: int | None = None
 
     @property
     def knows_truth(self):
         """Whether the truth is known anywhere."""
         return bool(np.isfinite(self.truth).any())
 
-    def sigma(self, bins):
-        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all."""
-        if not len(self.errors):
-            return np.full(len(bins), np.nan)
-        return np.sqrt(np.mean((self.errors @ np.transpose(bins)) ** 2, axis=0))
+    def sigma(self, bins, of="errors"):
+        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all.
+
+        `of` "sample" those of sample variance and noise.
+        """
+        relative = getattr(self, of)
+        return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
 
 
 def measure_transfer(cleaned, mocks):
-    """The `TransferFunction` of a method on a cube, from mocks that are cleaned with it as it was.
+    """The bootstrap of a cleaning: mocks in the place of the HI and noise of the cube, cleaned as it was.
 
-    Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing both the
-    mock and what comes back of it count as 0, as does what is left of the cube: gaps take the same of all
-    three, so that the ratio is what the method loses, and what it makes up in a gap is not in it.
+    Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
+    what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
 
     Parameters
     ----------
@@ -78,13 +100,29 @@ def measure_transfer(cleaned, mocks):
         Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
         they are a generator. What they have where a voxel is missing counts nothing.
 
+    Returns
+    -------
+    list
+        (`CleanedCube`, `TransferFunction`) with the method's number of sources, one more and so on, `MOST` of
+        them; of a method without such a number one.
+
     Raises
     ------
     InputError
-        No mock, or one of another shape than the cube.
+        No mock, one of another shape than the cube, or fewer channels than sources.
     """
-    cube, powers = cleaned.cube, []
+    cube = cleaned.cube
     cube.check_sphere()
+    several = [cleaned]
+    while len(several) < MOST and one_more(several[-1].method) != several[-1].method:
+        several.append(several[-1].with_one_more)
+    most = getattr(several[-1].method, "n_sources", 0)
+    if most > len(cube.freqs):
+        raise InputError(
+            f"spectra are corrected with up to {len(several) - 1} sources more than are removed, {most}, and "
+            f"the cube has {len(cube.freqs)} channels: remove fewer sources."
+        )
+    powers = [[] for _ in several]
     for mock in mocks:
         mock = checked_cube("a mock", mock)
         if mock.shape != cube.maps.shape:
@@ -92,19 +130,24 @@ def measure_transfer(cleaned, mocks):
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
-        found = cleaned.with_mock(mock).separation
-        if cube.missing is None:
-            faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
-            alms = alms_of(cube, mock, found.lmax)
-            powers.append(mock_power_of_change(cube, alms, cleaned.separation, found, faint))
-            continue
-        # Both cubes have 0 in the gaps.
-        change = found.foreground + -cleaned.separation.foreground
-        back = change.subtract_from(mock, found.means - cleaned.separation.means)
-        mock = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
-        alms = (alms_of(cube, np.where(cube.missing, 0, maps)) for maps in (mock, back))
-        powers.append(mock_power_of_cubes(*alms, cube.channel_width))
-    return TransferFunction(mocks=tuple(powers))
+        for one, found in zip(several, powers, strict=True):
+            found.append(_mock_power(one, mock))
+    return [(one, TransferFunction(mocks=tuple(found))) for one, found in zip(several, powers, strict=True)]
+
+
+def _mock_power(cleaned, mock):
+    """The `MockPower` of a member of the bootstrap of a `CleanedCube`."""
+    cube, found = cleaned.cube, cleaned.resampled(mock).separation
+    if cube.missing is None:
+        faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
+        alms = alms_of(cube, mock, found.lmax)
+        return mock_power_of_change(cube, alms, cleaned.separation, found, faint)
+    # Both cubes have 0 in the gaps.
+    change = found.foreground + -cleaned.separation.foreground
+    back = change.subtract_from(mock, found.means - cleaned.separation.means)
+    mock = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
+    alms = (alms_of(cube, np.where(cube.missing, 0, maps)) for maps in (mock, back))
+    return mock_power_of_cubes(*alms, cube.channel_width)
 
 
 def alms_of(cube, maps, lmax=None):
@@ -133,55 +176,108 @@ def mock_power_of_change(cube, alms, before, after, faint):
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
 
 
-def correct(spectra, transfer, truth=None):
+def correct(measured, spectra, truth=None):
     """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
+
+    Corrections with more and more sources are compared, and the first that agrees with the next is taken
+    (`himap.measures.transfer.agreeing`), or the last but one.
 
     Parameters
     ----------
+    measured
+        What `measure_transfer` returns.
     spectra
-        Its `PowerSpectra`, in bins of l where a mask asks for them.
-    transfer
-        The `TransferFunction` from `measure_transfer`.
+        The `PowerSpectra` of the cleaned cube, in bins of l where a mask asks for them.
     truth
         The `Comparison` with the truth, if there is one.
     """
-    angular, frequency, found = spectra.angular, spectra.frequency, {}
-    true = (
-        {}
-        if truth is None
-        else {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    )
-    for kind, x, power, known_at in (
-        ("angular", angular.degrees, angular.mean, transfer.degrees[2:]),
-        ("frequency", frequency.k, frequency.power, transfer.k[1:]),
-    ):
-        half, known = (x[1] - x[0]) / 2, slice(-len(known_at), None)
-        inside = (x >= known_at[0]) & (x <= known_at[-1])
-        bins = np.abs(known_at - x[inside, None]) < half
-        bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
-        several = len(transfer.mocks) > 1
-        errors = transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))
-        found[kind] = Corrected(
-            x=x[inside],
-            residual=power[inside],
-            share=bins @ getattr(transfer, kind)[known],
-            errors=errors @ bins.T,
-            truth=np.interp(x[inside], *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
+    lmax = len(measured[0][1].degrees) - 1
+    shown = {
+        "angular": (spectra.angular.degrees, spectra.angular.mean),
+        "frequency": (spectra.frequency.k, spectra.frequency.power),
+    }
+    chain = []
+    for one, transfer in measured:
+        power = harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width)
+        chain.append({kind: _in_bins(kind, x, transfer, power) for kind, (x, _) in shown.items()})
+    used = _first_that_agrees(chain) if len(chain[0]["angular"].errors) > 1 else 0
+    after, found = chain[min(used + 1, len(chain) - 1)], {}
+    true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
+    if truth is not None:
+        true["frequency"] = truth.k, truth.true_frequency
+    for kind, (x, power) in shown.items():
+        own, one, more = (each[kind] for each in (chain[0], chain[used], after))
+        power = power[np.isin(x, one.x)]
+        scale = power / own.residual  # that of the mask, which all that is measured alike has in common
+        found[kind] = replace(
+            one,
+            residual=power,
+            corrected=one.corrected * scale,
+            foreground=(own.corrected - one.corrected) * scale,
+            systematic=(one.corrected - more.corrected) * scale,
+            truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
+            n_sources=getattr(measured[used][0].method, "n_sources", None),
         )
     return found
 
 
+def _in_bins(kind, x, transfer, power):
+    """The `Corrected` of one spectrum, in bins at the places `x`, from the `HarmonicPower` of a residual."""
+    known = slice(2, None) if kind == "angular" else slice(1, None)
+    known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
+    half, inside = (x[1] - x[0]) / 2, (x >= known_at[0]) & (x <= known_at[-1])
+    bins = np.abs(known_at - x[inside, None]) < half
+    bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
+    left, share = getattr(power, kind), getattr(transfer, kind)
+    corrected = np.where(share > 0, transfer.corrected(kind, left), np.nan)
+    several = len(transfer.mocks) > 1
+    return Corrected(
+        x=x[inside],
+        residual=bins @ left[known],
+        share=bins @ share[known],
+        corrected=bins @ corrected[known],
+        errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
+        sample=transfer.sample(kind)[:, known] @ bins.T,
+    )
+
+
+def _first_that_agrees(chain):
+    """Which of some {kind: `Corrected`} agrees with the next; the last but one if none does."""
+    names = bands(chain[0]["angular"].x, chain[0]["frequency"].x).values()
+
+    def in_bands(one):
+        means = [np.mean(one[kind].corrected[inside]) for kind, inside in names]
+        spread = [sigma(one[kind].errors[:, inside].mean(axis=1)) for kind, inside in names]
+        return means, spread
+
+    for n, (one, other) in enumerate(zip(chain, chain[1:], strict=False)):
+        if agreeing(in_bands(one), in_bands(other)):
+            return n
+    return max(len(chain) - 2, 0)
+
+
 def corrected_table(corrected):
-    """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`."""
-    rows, header = [], HEADER if corrected["angular"].knows_truth else HEADER[:3]
+    """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
+
+    Error bar, systematic and sample variance are relative to the corrected power. The pull is (corrected -
+    truth) / error bar.
+    """
+    knows = corrected["angular"].knows_truth
+    rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
     for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
-        one = corrected[kind]
-        (sigma,) = one.sigma([inside / inside.sum()])
-        spread = f"{sigma:.2%}" if np.isfinite(sigma) else "needs two mocks"
-        ratios = (np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected))
-        row = [plain_band(name), f"{one.share[inside].mean():.4f}", spread, *map("{:.4f}".format, ratios)]
-        rows.append(row[: len(header)])
-    return Table(header, rows, align="lrrrr")
+        one, weights = corrected[kind], [inside / inside.sum()]
+        ((bar,), (sample,)) = one.sigma(weights), one.sigma(weights, "sample")
+        mean = one.corrected[inside].mean()
+        row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
+        row += [f"{mean / one.residual[inside].mean():.4f}"]
+        row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
+        row += [f"{one.systematic[inside].mean() / mean:+.2%}"]
+        row += [f"{sample:.2%}" if np.isfinite(sample) else "–"]
+        if knows:
+            ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
+            row += [*map("{:.4f}".format, ratios), f"{(ratios[1] - 1) / bar:+.1f}"]
+        rows.append(row)
+    return Table(header, rows, align="l" + "r" * (len(header) - 1))
 
 
 def plain_band(name):
@@ -192,17 +288,22 @@ def plain_band(name):
 
 def corrected_parts(corrected, n_mocks):
     """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
+    n_sources = corrected["angular"].n_sources
+    used = "" if n_sources is None else f", with {n_sources} sources"
     text = (
-        f"Each of {n_mocks} mocks was put into the cube and cleaned with it. The spectra are divided by the "
-        "share of its power that comes back; thin lines are one error bar, from mocks that are corrected by "
-        "each other. They know nothing of foreground that is left: where too few sources are removed, the "
-        "corrected spectrum is too high. Where more are removed than the foreground has, its scatter grows."
+        f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with its "
+        f"foreground{used}. What comes back of their power is the transfer function T; what a residual has "
+        "beyond that is foreground residual, and subtracted. Thin lines are one error bar, from mocks that "
+        "are corrected by each other: the error of a cleaning of this very sky. Sample variance and noise "
+        "are a column of the table and not in the error bar; the systematic is by how much one source more "
+        "changes the result. Mocks must resemble the data: their HI has the power that himap assumes, or "
+        "that of the files that were given."
     )
     panels, shares = [], []
     for kind, one in corrected.items():
         bars = one.sigma(np.eye(len(one.x)))
         curves = [
-            (one.x, one.residual, {"label": "as it is left", "color": styles.ORANGE, "linestyle": "--"}),
+            (one.x, one.residual, {"label": "residual", "color": styles.ORANGE, "linestyle": "--"}),
             (one.x, one.corrected, {"label": "corrected", "color": styles.INDIGO}),
         ]
         edges = ((one.corrected * (1 + sign * bars)) for sign in (-1, 1))
@@ -212,20 +313,23 @@ def corrected_parts(corrected, n_mocks):
             curves.append((one.x, one.truth, {"label": "truth", "color": "black", "linestyle": ":"}))
         panels.append(panel(kind, curves))
         share = [(one.x, one.share, {"color": styles.BLUE})]
-        shares.append(panel(kind, share, ylabel="share that comes back", yscale="linear", ylim=(0, 1.1)))
+        shares.append(panel(kind, share, ylabel="$T$", yscale="linear", ylim=(0, 1.1)))
     picture, alt = plotting.lines(panels + shares, size=(4.6, 3)), "Corrected spectra and transfer functions"
-    return [figure(picture, alt, text, title="Corrected for what was lost"), corrected_table(corrected)]
+    return [figure(picture, alt, text, title="Corrected spectra"), corrected_table(corrected)]
 
 
 def write_spectra(corrected, path):
     """Write both spectra as CSV, one l or k a line; NaN where something is not known.
 
-    Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), ``left`` (mK^2, or mK^2 MHz),
-    ``transfer_function``, ``corrected``, ``sigma`` (relative) and ``truth``.
+    Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
+    (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
+    ``foreground``, ``systematic`` and ``truth`` (as ``residual``).
     """
     tables = []
     for kind, one in corrected.items():
-        columns = {"left": one.residual, "transfer_function": one.share, "corrected": one.corrected}
-        columns |= {"sigma": one.sigma(np.eye(len(one.x))), "truth": one.truth}
+        each = np.eye(len(one.x))
+        columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
+        columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
+        columns |= {"foreground": one.foreground, "systematic": one.systematic, "truth": one.truth}
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
     pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -1,7 +1,9 @@
-"""Signal loss of a cleaning, from mocks: added to the data, cleaned with them, and compared with the output.
+"""Signal loss and foreground residual of a cleaning, from mocks whose truth is known.
 
-Of a mock m in data d comes back clean(d + m) - clean(d) (Switzer et al. 2013; Cunnington et al. 2023). All is
-kept by multipole and by wavenumber along frequency, of which C_l and P(k) are sums.
+A mock takes the place of the HI and noise of the data and is cleaned with their foreground, as that is known
+(a parametric bootstrap, Efron 1979); or it is added to the data d, and clean(d + m) - clean(d) comes back of
+it (Switzer et al. 2013). All is kept by multipole and by wavenumber along frequency, of which C_l and P(k)
+are sums.
 """
 
 import itertools
@@ -10,15 +12,18 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from scipy import fft
+from scipy import fft, stats
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
 
-DEFINITIONS = {"cross": "cross", "auto": "output"}
-"""Of a transfer function: {definition: the part of a `MockPower` that is divided by its input}."""
+CLOSE = 2.0
+"""See `agreeing`."""
+
+MOST = 3
+"""How many numbers of sources are tried, one after the other, until the corrections of two agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +83,7 @@ class MockPower:
     Attributes
     ----------
     input, output, cross
-        `HarmonicPower` of the mock m, of clean(d + m) - clean(d), and of the two with each other.
+        `HarmonicPower` of the mock, of what comes back of it, and of the two with each other.
     """
 
     input: HarmonicPower
@@ -119,32 +124,28 @@ class MockPower:
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
-    """The share of the power of mocks that comes back.
+    """The share of the power of mocks that comes back, and spectra that are corrected by it.
+
+    The transfer function T is the cross power of residual and mock over the power of the mock (Cunnington et
+    al. 2023). What a residual has beyond T times its truth has nothing in common with that truth: of members
+    of a bootstrap (`himap.removal.cleaning.Cleaning.resampled`) it is foreground residual, and subtracted.
 
     Attributes
     ----------
     mocks
         A tuple with the `MockPower` of each mock.
-    definition
-        "cross": the cross power of output and input over the power of the input (Cunnington et al. 2023).
-        "auto": the power of the output. What a projection keeps it keeps unchanged, so that the two agree and
-        there is no square to divide by. They differ where a mock changes what is subtracted from the data:
-        that is power which the data without the mock do not have.
 
     Raises
     ------
     InputError
-        No mock, or an unknown definition.
+        No mock.
     """
 
     mocks: tuple
-    definition: str = "cross"
 
     def __post_init__(self):
         if not self.mocks:
             raise InputError("a transfer function needs mocks, one or more, got none.")
-        if self.definition not in DEFINITIONS:
-            raise InputError(f"definition must be {' or '.join(DEFINITIONS)}, got {self.definition!r}.")
 
     @property
     def degrees(self):
@@ -159,22 +160,28 @@ class TransferFunction:
     @property
     def angular(self):
         """T(l), (n_l,): of C_l averaged over channels; 0 where there is no input."""
-        return self._ratio("angular", self.mocks)
+        return _fit("angular", self.mocks)[0]
 
     @property
     def frequency(self):
         """T(k), (n_k,): of P(k) averaged over the sphere."""
-        return self._ratio("frequency", self.mocks)
+        return _fit("frequency", self.mocks)[0]
 
     def cylindrical(self, edges):
         """T(l, k) in bins of l from one of the `edges` to below the next, (n_bins, n_k)."""
-        return _quotient(*(power.binned(edges) for power in self._powers(self.mocks)))
+        total = reduce(add, self.mocks)
+        return _quotient(total.cross.binned(edges), total.input.binned(edges))
+
+    def corrected(self, kind, power):
+        """A spectrum (n,) of a residual, less the power that has nothing in common with the mocks, over T.
+
+        `kind` is "angular", of C_l, or "frequency", of P(k); 0 where T is.
+        """
+        share, unlike = _fit(kind, self.mocks)
+        return _quotient(power - unlike, share)
 
     def errors(self, kind):
-        """Relative error of each mock once it is corrected by the others, (n_mocks, n).
-
-        Of C_l or P(k), `kind` "angular" or "frequency". Its scatter is the error bar of a corrected spectrum:
-        loss differs from mock to mock, and the transfer function is known from a few only.
+        """Relative error of each mock once it is corrected by the others, (n_mocks, n); see `sigma`.
 
         Raises
         ------
@@ -185,18 +192,43 @@ class TransferFunction:
             raise InputError("error bars need two mocks or more, got one.")
         errors = []
         for n, mock in enumerate(self.mocks):
-            power, true = (getattr(part, kind) for part in self._powers([mock]))
-            share = self._ratio(kind, self.mocks[:n] + self.mocks[n + 1 :])
-            errors.append(_quotient(power, true * share) - 1)
+            others = replace(self, mocks=self.mocks[:n] + self.mocks[n + 1 :])
+            corrected = others.corrected(kind, getattr(mock.output, kind))
+            errors.append(_quotient(corrected, getattr(mock.input, kind)) - 1)
         return np.array(errors)
 
-    def _powers(self, mocks):
-        """Numerator and denominator, each a `HarmonicPower` summed over mocks."""
-        total = reduce(add, mocks)
-        return getattr(total, DEFINITIONS[self.definition]), total.input
+    def sample(self, kind):
+        """Power of each mock over the mean of all, less 1, (n_mocks, n): sample variance and noise."""
+        powers = np.array([getattr(mock.input, kind) for mock in self.mocks])
+        return _quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape)) - 1
 
-    def _ratio(self, kind, mocks):
-        return _quotient(*(getattr(power, kind) for power in self._powers(mocks)))
+
+def sigma(errors):
+    """68 % error bars, (...), of errors about 0 of so many mocks, (n_mocks, ...).
+
+    Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
+    """
+    factor = stats.t.ppf(stats.norm.cdf(1), len(errors) - 1)
+    return factor * np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def agreeing(one, other):
+    """Whether two corrections of one spectrum agree, the second with one source more than the first.
+
+    Each is (means of bands, their relative error bars), (2, n_bands). They agree if the mean square of their
+    differences is at most `CLOSE` squared error bars of the second. Were there no foreground residual in the
+    first, it would be below 1, as the two have all but one source in common.
+    """
+    (before, _), (after, errors) = one, other
+    return bool(np.mean(((before / after - 1) / errors) ** 2) <= CLOSE)
+
+
+def _fit(kind, mocks):
+    """Transfer function, and mean power of the residual that is unlike the mocks, each (n,)."""
+    total, n_mocks = reduce(add, mocks), len(mocks)
+    true, residual, cross = (getattr(getattr(total, name), kind) for name in ("input", "output", "cross"))
+    share = _quotient(cross, true)
+    return share, (residual - share * true) / n_mocks
 
 
 def harmonic_power(alms, channel_width):

@@ -82,6 +82,7 @@ _PRODUCTS = {
         (replace(SURVEY, seed=7).sky, mocks.Mock(seed=7, gaussian=True, abundance=1.5)),
     ],
     mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
+    mocks.resampled: [(CASE, PLAIN, mocks.Mock(seed=7)), (CASE, AWARE, mocks.Mock(seed=7))],
     mocks.own_recovery: [(CASE, PLAIN), (CASE, AWARE)],
     masked.analysis: [(CASE, REGION)],
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],

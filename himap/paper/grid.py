@@ -11,7 +11,14 @@ from himap.figures import styles
 from himap.instrument.beams import named
 from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.mocks import first_mocks, make_mocks, own_recovery, recovered, transfer_functions
+from himap.paper.mocks import (
+    first_mocks,
+    make_mocks,
+    own_recovery,
+    recovered,
+    resampled,
+    transfer_functions,
+)
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
 
@@ -136,7 +143,8 @@ def make_products(work):
     `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
     again, and nothing is observed for it.
     """
-    mocked = [call for product, call in work if product is recovered and not product.is_cached(*call)]
+    with_mocks = recovered, resampled
+    mocked = [call for product, call in work if product in with_mocks and not product.is_cached(*call)]
     make_mocks([call[0] for call in mocked], dict.fromkeys(call[2] for call in mocked))
     cleaned.make_by_case(work)
 

@@ -1,4 +1,4 @@
-"""Mocks of HI put into an observation and cleaned with it: what a method loses, without the truth.
+"""Mocks of HI cleaned with an observation, or in the place of its HI: what a method loses, without the truth.
 
 A mock is the truth of another sky: HI and noise, seen through the same beam.
 """
@@ -19,6 +19,8 @@ from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.parallel import make_all
 from himap.store.store import product, temporary
+
+_MOST_MOCKS = 10_000  # of one sky
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +127,22 @@ def recovered(case, removers, mock, mask_peaks=True):
 
 
 @product
+def resampled(case, remover, mock, mask_peaks=True):
+    """The `MockPower` of a member of the bootstrap of a cleaning, whose truth is a mock.
+
+    The foreground is what the method finds in the observation, and it is cleaned by the same method.
+    """
+    base, alms = cleaned.cleaning(case, remover, mask_peaks), mock_alms(case, mock)
+    vars(base)["separation"] = cleaned.separation(case, remover, mask_peaks)
+    maps = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
+    rng = case.survey.rng(f"removal {remover.name}")
+    found = base.resampled(maps).with_method(remover, rng=rng).separation
+    wrong = (base.separation.foreground + -found.foreground).truncate(_faint(case))
+    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+    return mock_power(own, wrong, case.survey.channel_width)
+
+
+@product
 def own_recovery(case, remover, mask_peaks=True):
     """The `MockPower` of the truth itself: what a transfer function is to tell without knowing the truth."""
     found = cleaned.separation(case, remover, mask_peaks)
@@ -137,7 +155,7 @@ def _faint(case):
     return FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
 
 
-def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cross"):
+def transfer_functions(case, removers, mocks, *, mask_peaks=True):
     """What some methods keep of mocks in an observation, {method: `TransferFunction`}.
 
     Parameters
@@ -148,8 +166,8 @@ def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cr
         Methods; the mocks are made, and their peaks masked, once for all of them.
     mocks
         `Mock` each.
-    mask_peaks, definition
-        As in `cleaned.separation` and `TransferFunction`.
+    mask_peaks
+        As in `cleaned.separation`.
 
     Raises
     ------
@@ -167,9 +185,15 @@ def transfer_functions(case, removers, mocks, *, mask_peaks=True, definition="cr
         cleaned.make([(recovered, call) for call in calls])
     rows = [recovered(*call) for call in calls]
     return {
-        remover: TransferFunction(mocks=column, definition=definition)
+        remover: TransferFunction(mocks=column)
         for remover, column in zip(removers, zip(*rows, strict=True), strict=True)
     }
+
+
+def mocks_of_sky(seed, n_mocks):
+    """So many usual mocks for the sky of a seed, a tuple: of seeds that no sky has, nor a mock of another."""
+    first = _MOST_MOCKS * (seed + 1)
+    return tuple(Mock(seed=first + n) for n in range(n_mocks))
 
 
 def first_mocks(n_mocks, cases):

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from himap.maps.low_rank import blocks
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
@@ -67,7 +68,23 @@ class Cleaning:
 
     def with_mock(self, mock):
         """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
-        data = self.data.with_mock(mock)
+        return self._of(self.data.with_mock(mock))
+
+    def resampled(self, mock):
+        """The same of a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
+
+        The mock takes the place of all that the data have beyond the foreground that was found in them; peaks
+        are masked anew, and missing voxels stay so.
+        """
+        found, old = self.separation, self.data.maps
+        maps = np.empty_like(old)
+        for pixels in blocks(maps.shape[1]):
+            maps[:, pixels] = found.foreground.lines(pixels) + found.means[:, None] + mock[:, pixels]
+        if self.data.missing is not None:
+            maps = np.where(self.data.missing, old, maps)
+        return self._of(replace(self.data, maps=maps))
+
+    def _of(self, data):
         return replace(self, data=data, basis=data if self.basis is self.data else without_peaks(data))
 
     def with_beams(self, beams):
@@ -83,6 +100,11 @@ class Cleaning:
         """The same with another number of sources."""
         return self.with_method(replace(self.method, n_sources=n_sources))
 
+    @property
+    def with_one_more(self):
+        """The same with one source more, of a method that has a number of them."""
+        return self.with_method(one_more(self.method))
+
     def with_restart(self, restart):
         """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 is its own start."""
         return self.with_method(replace(self.method, restart=restart))
@@ -91,6 +113,11 @@ class Cleaning:
         """The same of a part of a whole sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)
         return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
+
+
+def one_more(method):
+    """The method with one source more; one without a number of sources as it is."""
+    return replace(method, n_sources=method.n_sources + 1) if hasattr(method, "n_sources") else method
 
 
 def without_peaks(data):

@@ -154,8 +154,8 @@ def clean(asked):
     short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
 )
 def transfer(asked):
-    """Measure with mocks of HI, put into CUBE and cleaned with it, what cleaning takes, and correct the
-    spectra. Ten are made, unless --mocks says otherwise.
+    """Measure with mocks of HI, cleaned with the foreground of CUBE, what cleaning takes and leaves, and
+    correct the spectra. Ten are made, unless --mocks says otherwise.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
@@ -201,8 +201,8 @@ def _cleaned(asked):
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
         found = measured.measure_transfer(cleaned, mocks)
-        corrected = measured.correct(spectra, found, comparison)
-        more = measured.corrected_parts(corrected, len(found.mocks))
+        corrected = measured.correct(found, spectra, comparison)
+        more = measured.corrected_parts(corrected, len(found[0][1].mocks))
         click.echo(measured.corrected_table(corrected))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
