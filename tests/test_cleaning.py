@@ -8,7 +8,7 @@ from sparse_problem import BEAMS, NSIDE, make_problem
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.removal import PCA, BeamSubspace, FastICA, SmoothSpectra, analysis
+from himap.removal import GNILC, PCA, BeamSubspace, FastICA, SmoothSpectra, analysis
 from himap.removal.cleaning import Cleaning, without_peaks
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
@@ -103,6 +103,21 @@ class TestCleaning:
         assert masked.flagged[20, :30].all() and masked.flagged[40, 50:60].all()
         expected = PCA(n_sources=2).clean(both, freqs=spiked.freqs, separate_on=masked.maps).residual
         assert np.array_equal(changed.residual, expected)
+
+    def test_a_member_of_a_bootstrap_is_the_foreground_found_with_a_mock(self, spiked, rng):
+        """Cleaned anew, peaks masked anew."""
+        cleaned, mock = Cleaning.of(spiked, PCA(n_sources=2)), rng.standard_normal(spiked.maps.shape)
+        mock[40, 50:60] = 1e3
+        found = cleaned.resampled(mock)
+        own = cleaned.separation
+        expected = own.foreground.cube() + own.means[:, None] + mock
+        assert found.data.maps == pytest.approx(expected, rel=1e-5, abs=1e-6)
+        assert np.array_equal(found.basis.maps, mask_peaks(found.data.maps, spiked.freqs).maps)
+        assert found.flagged > 0
+
+    def test_with_one_more(self, data):
+        assert Cleaning.of(data, PCA(n_sources=2)).with_one_more.method == PCA(n_sources=3)
+        assert Cleaning.of(data, GNILC()).with_one_more.method == GNILC()
 
     def test_the_noise_is_that_of_data_and_mock(self, data, mock):
         assert Cleaning.of(data, PCA()).with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))

@@ -53,11 +53,11 @@ class TestTransfer:
     )
     @pytest.mark.parametrize("share", [1, 0.6])
     def test_is_that_of_two_cubes_that_are_cleaned(self, cube, rng, method, parameters, share):
-        """Left with the mock less left without, over the mock, all 0 in the gaps; of a part of it too."""
+        """Of the foreground with a mock in place of the rest, all 0 in the gaps; of a part of it too."""
         cube = cube.within(np.arange(N_PIX) < share * N_PIX)
         cleaned = clean_cube(cube, method, peaks=False, **parameters)
         mocks = [mock_of(cube, rng) for _ in range(2)]
-        found = measure_transfer(cleaned, mocks)
+        (_, found), *_ = measure_transfer(cleaned, mocks)
         power = PatchPower(
             weights=cube.mask.astype(float),
             seen=cube.on_sphere(~cube.missing),
@@ -66,8 +66,9 @@ class TestTransfer:
         )
         put_in, returned = [], []
         for mock in mocks:
-            both = clean_cube(replace(cube, maps=cube.maps + mock), method, peaks=False, **parameters)
-            returned.append(cube.on_sphere(both.residual.astype(float) - cleaned.residual))
+            member = replace(cube, maps=cleaned.foreground + mock)
+            both = clean_cube(member, method, peaks=False, **parameters)
+            returned.append(cube.on_sphere(both.residual.astype(float)))
             means = [np.average(one, weights=w) for one, w in zip(mock, cube.weights, strict=True)]
             put_in.append(cube.on_sphere(mock - np.array(means)[:, None]))
         expected = power.share(put_in, returned)
@@ -83,14 +84,14 @@ class TestTransfer:
         cleaned = clean_cube(cube, method, peaks=peaks, **parameters)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
-        quiet, loud = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))
+        quiet, loud = (measure_transfer(cleaned, [each])[-1][1] for each in (mock, disturbed))
         assert np.array_equal(quiet.frequency, loud.frequency) and np.array_equal(quiet.angular, loud.angular)
 
     def test_corrects_what_is_left_through_gaps(self, cube, rng):
         """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
         cleaned = clean_cube(cube, "pca", n_sources=6, peaks=False)
         mocks = (rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(3))
-        found = correct(spectra_of(cleaned), measure_transfer(cleaned, mocks))["frequency"]
+        found = correct(measure_transfer(cleaned, mocks), spectra_of(cleaned))["frequency"]
         true = cube.channel_width * np.mean(~cube.missing)
         assert (found.residual / true).mean() < 0.8
         assert (found.corrected / true).mean() == pytest.approx(1, abs=0.02)

@@ -206,9 +206,9 @@ class TestCleaning:
         mean = frequency_power(zeroed, cube.channel_width).power[1:].mean()
         assert found.true_frequency.mean() == pytest.approx(mean, rel=1e-5)
         mocks = [rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(2)]
-        transfer = measure_transfer(cleaned, mocks)
-        assert 0.7 < transfer.frequency[1:].mean() < 1
-        corrected = correct(spectra_of(cleaned), transfer)
+        measured = measure_transfer(cleaned, mocks)
+        assert 0.7 < measured[0][1].frequency[1:].mean() < 1
+        corrected = correct(measured, spectra_of(cleaned))
         assert np.isfinite(corrected["frequency"].corrected).all()
 
 

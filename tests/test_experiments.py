@@ -9,7 +9,7 @@ from scipy import stats
 
 from himap.core.errors import InputError
 from himap.instrument.noise import noise_sigma
-from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, sigma
 from himap.paper import cleaned, mocks, pipeline
 from himap.paper.choice import minka
 from himap.paper.experiment_figures import transfer_figure
@@ -130,18 +130,55 @@ class TestTransfer:
         return MockPower(*powers)
 
     def test_in_every_band(self):
-        mocks = TransferFunction(mocks=(self.made_up(0.81), self.made_up(0.81)))
+        """Of a projection that keeps 0.8 of the amplitude, with a foreground residual of power 0.1."""
+        mocks = TransferFunction(mocks=(self.made_up(0.64), self.made_up(0.64)))
         found = transfer.corrected_bands(self.made_up(0.9), mocks)
         assert [row["band"] for row in found] == BANDS
         for row in found:
-            ratios = [row[name] for name in ("uncorrected", "corrected", "corrected_auto")]
-            assert ratios == pytest.approx([0.9, 1.0, 0.9 / 0.81])
+            unlike = 0.64 - 0.8
+            assert [row[name] for name in ("uncorrected", "corrected")] == pytest.approx(
+                [0.9, (0.9 - unlike) / 0.8]
+            )
             assert row["error_bar"] == pytest.approx(0, abs=1e-12)
 
     def test_error_bars_are_the_scatter_of_mocks(self):
-        mocks = TransferFunction(mocks=(self.made_up(1.0), self.made_up(0.64)))
-        row, *_ = transfer.corrected_bands(self.made_up(0.9), mocks)
-        assert row["error_bar"] == pytest.approx(np.sqrt((0.25**2 + 0.2**2) / 2))
+        found = TransferFunction(mocks=(self.made_up(1.0), self.made_up(0.64)))
+        row, *_ = transfer.corrected_bands(self.made_up(0.9), found)
+        first, second = found.errors("angular")[:, 5]
+        assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
+
+    def test_sources_are_added_until_two_corrections_agree(self, monkeypatch):
+        """Three sources too few by one, with made-up corrections of 1.5, 1.1, 1.1."""
+        (sky,) = transfer.skies(**TINY, methods=[["pca", 3], ["gnilc", None]], n_realisations=1, n_mocks=2)
+        of = {3: 1.5, 4: 1.1, 5: 1.1, None: 1.2}
+        monkeypatch.setattr(transfer, "make_products", lambda work: None)
+        monkeypatch.setattr(transfer, "own_recovery", lambda case, one: getattr(one, "n_sources", None))
+        monkeypatch.setattr(transfer, "resampled", lambda *_: None)
+        monkeypatch.setattr(
+            transfer,
+            "corrected_bands",
+            lambda n, _: [{"band": "C/C0", "uncorrected": 2.0, "corrected": of[n], "error_bar": 0.1}],
+        )
+        few, whole = transfer.measure(sky)
+        shared = {"band": "C/C0", "uncorrected": 2.0, "error_bar": 0.1, "systematic": 0}
+        assert few == pytest.approx(
+            shared | {"method": "pca", "n_sources": 3, "n_used": 4, "corrected": 1.1, "foreground": 0.4}
+        )
+        assert whole == shared | {
+            "method": "gnilc",
+            "n_sources": 0,
+            "n_used": 0,
+            "corrected": 1.2,
+            "foreground": 0,
+        }
+        of |= {5: 0.7, 6: 2.0}  # no two agree: the last but one, with what it differs by
+        few, _ = transfer.measure(sky)
+        assert (few["n_used"], few["corrected"], few["systematic"]) == (5, 0.7, pytest.approx(-1.3))
+
+    def test_no_two_skies_share_a_mock(self):
+        several = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=3, n_mocks=4)
+        mocks = [mock.seed for sky in several for mock in sky.mocks]
+        assert len(set(mocks)) == 12 and not set(mocks) & {sky.survey.seed for sky in several}
 
     def test_table_of_a_small_sky(self):
         methods = [["pca", 3], ["gnilc", None]]
@@ -155,7 +192,8 @@ class TestTransfer:
     @pytest.fixture
     def table(self):
         names = ("seed", "band", "uncorrected", "corrected")
-        more = {"method": "pca", "n_sources": 5, "corrected_auto": 1.02, "error_bar": 0.02}
+        more = {"method": "pca", "n_sources": 5, "n_used": 6, "error_bar": 0.02}
+        more |= {"foreground": 0.03, "systematic": 0.004}
         rows = (1, BANDS[0], 0.9, 1.01), (2, BANDS[0], 0.9, 1.05), (1, BANDS[3], 0.3, 1.5)
         return transfer.EXPERIMENT.frame([dict(zip(names, row, strict=True)) | more for row in rows])
 
@@ -166,12 +204,18 @@ class TestTransfer:
             BANDS[0],
             "0.9000",
             "1.0300",
-            "1.0200",
+            "6",
             "0.0283",
             "0.0200",
+            "0.0300",
+            "0.0040",
             "1 of 2 (1 to 99 %)",
+            "3.25",
         ]
-        assert second[2:] == ["0.3000", "1.5000", "1.0200", "nan", "0.0200", "0 of 1 (0 to 98 %)"]
+        assert second[2:6] == ["0.3000", "1.5000", "6", "nan"] and second[-2:] == [
+            "0 of 1 (0 to 98 %)",
+            "625.00",
+        ]
 
     @pytest.mark.parametrize("hits", [0, 4, 28])
     def test_coverage_has_the_interval_of_its_tails(self, hits):

@@ -208,7 +208,6 @@ TABLE = [
     (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
     (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
     (errors_of_transfer, "mocks", (), "got none"),
-    (errors_of_transfer, "definition", "both", "cross or auto"),
     (errors_of_transfer, "mocks", (MockPower(ONE, ONE, ONE),), "two mocks or more"),
     (power_of_box, "maps", np.zeros((4, 9)), "shape"),
     (power_of_box, "maps", np.zeros((4, 1, 9)), "shape"),

@@ -12,9 +12,11 @@ from himap.measures.transfer import (
     HarmonicPower,
     MockPower,
     TransferFunction,
+    agreeing,
     harmonic_power,
     mock_power,
     mock_power_of_cubes,
+    sigma,
 )
 
 NSIDE, N_CHANNELS, WIDTH = 16, 11, 2.5
@@ -98,22 +100,35 @@ def made_up(kept, noise=0.0, input=1.0):
 class TestTransferFunction:
     def test_of_what_is_kept_alike_everywhere(self, rng):
         mocks = tuple(made_up(0.9, input=size * rng.uniform(0.5, 1.5, (5, 4))) for size in (1, 3))
-        assert TransferFunction(mocks=mocks).definition == "cross"
-        auto, cross = (TransferFunction(mocks=mocks, definition=name) for name in ("auto", "cross"))
+        found = TransferFunction(mocks=mocks)
         for kind in ("angular", "frequency"):
-            assert getattr(auto, kind) == pytest.approx(0.81)
-            assert getattr(cross, kind) == pytest.approx(0.9)
-        assert auto.cylindrical([2, 3, 5]) == pytest.approx(np.full((2, 4), 0.81))
-        assert auto.errors("angular") == pytest.approx(np.zeros((2, 5)), abs=1e-12)
+            assert getattr(found, kind) == pytest.approx(0.9)
+        assert found.cylindrical([2, 3, 5]) == pytest.approx(np.full((2, 4), 0.9))
+
+    def test_what_comes_back_and_is_unlike_the_mocks_is_subtracted(self):
+        """0.8 of the amplitude of mocks and data of power 5 comes back, and a foreground of 0.3."""
+        found = TransferFunction(mocks=tuple(made_up(0.8, noise=0.3, input=size) for size in (1.0, 3.0)))
+        unlike = 0.3 + (0.8**2 - 0.8) * 2  # what a projection would not keep counts as well
+        residual = 0.8**2 * 5 + 0.3
+        expected = (residual - unlike) / 0.8
+        whole = made_up(1).input.angular  # that of power 1 at every k
+        assert found.corrected("angular", residual * whole) == pytest.approx(expected * whole)
+        projection = TransferFunction(mocks=(made_up(1.0, noise=0.3), made_up(1.0, noise=0.3)))
+        assert projection.corrected("frequency", 5.3 * made_up(1).input.frequency) == pytest.approx(
+            5 * made_up(1).input.frequency
+        )
+        assert projection.errors("angular") == pytest.approx(np.zeros((2, 5)), abs=1e-12)
 
     def test_what_is_kept_here_and_lost_there(self):
         """Half of the amplitude is lost at one k and one l, where twice the power of the rest is."""
         kept, input = np.ones((5, 4)), np.ones((5, 4))
         kept[3, 1], input[3, 1] = 0.5, 2
-        found = TransferFunction(mocks=(made_up(kept, input=input),), definition="auto")
-        assert found.angular[3] == pytest.approx((1 + 2 * 0.5 + 2 + 1) / (1 + 2 * 2 + 2 + 1))
-        assert found.frequency[1] == pytest.approx((1 + 3 + 5 + 7 * 0.5 + 9) / (1 + 3 + 5 + 7 * 2 + 9))
-        assert found.cylindrical([3, 4])[0, 1] == pytest.approx(0.25)
+        found = TransferFunction(
+            mocks=(made_up(kept, input=input),),
+        )
+        assert found.angular[3] == pytest.approx((1 + 2 * 1 + 2 + 1) / (1 + 2 * 2 + 2 + 1))
+        assert found.frequency[1] == pytest.approx((1 + 3 + 5 + 7 * 1 + 9) / (1 + 3 + 5 + 7 * 2 + 9))
+        assert found.cylindrical([3, 4])[0, 1] == pytest.approx(0.5)
         assert np.delete(found.angular, 3) == pytest.approx(1)
 
     def test_no_input_is_nothing_kept(self):
@@ -121,8 +136,29 @@ class TestTransferFunction:
         assert not found.angular.any() and not found.cylindrical([0, 5]).any()
 
     def test_errors_are_those_of_mocks_corrected_by_the_others(self):
-        found = TransferFunction(mocks=(made_up(1.0), made_up(0.8)))
-        assert found.errors("frequency")[:, 0] == pytest.approx([1 / 0.8 - 1, 0.8 - 1])
+        """Powers 1 and 0.6 of projections that keep all: the one is corrected by the other's foreground."""
+        found = TransferFunction(mocks=(made_up(1.0, noise=0.1), made_up(1.0, noise=0.3)))
+        assert found.errors("frequency")[:, 0] == pytest.approx([0.1 - 0.3, 0.3 - 0.1])
+
+    def test_sample_variance_is_that_of_the_inputs(self):
+        found = TransferFunction(mocks=(made_up(1.0, input=1), made_up(0.5, input=3)))
+        assert found.sample("angular")[:, 2] == pytest.approx([-0.5, 0.5])
+
+
+@pytest.mark.parametrize("n_mocks", [3, 6, 50])
+def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
+    """Gaussian biases of some mocks, each corrected by the mean of the others, and data by that of all."""
+    data, mocks = np.split(rng.standard_normal((n_mocks + 1, 40_000)), [1])
+    errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
+    covered = np.mean(np.abs(data - mocks.mean(axis=0)) < sigma(errors))
+    assert 0.67 < covered < 0.683 + 0.06 / (n_mocks - 1)
+
+
+def test_corrections_agree_within_their_error_bars():
+    one = np.array([[1.0, 2.0, 3.0], [0.01, 0.01, 0.01]])
+    close, far = one * [[1, 1, 1.019], [1, 1, 1]], one * [[1, 1, 1.021], [1, 1, 1]]
+    assert agreeing(one, one) and agreeing(close, one) and not agreeing(far, one)
+    assert not agreeing(one, one * np.nan)
 
 
 class TestRatios:

@@ -20,9 +20,9 @@ from himap.maps import sphere
 from himap.measures import diagnostics
 
 CLOSE = 2.0
-"""See `agreeing`."""
+"""Error bars by which two corrections may differ that agree (`agreeing`)."""
 
-MOST = 3
+MOST = 4
 """How many numbers of sources are tried, one after the other, until the corrections of two agree."""
 
 
@@ -204,7 +204,7 @@ class TransferFunction:
 
 
 def sigma(errors):
-    """68 % error bars, (...), of errors about 0 of so many mocks, (n_mocks, ...).
+    """68 % error bars, (...), from errors of mocks that are corrected by each other, (n_mocks, ...).
 
     Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
     """
@@ -213,14 +213,14 @@ def sigma(errors):
 
 
 def agreeing(one, other):
-    """Whether two corrections of one spectrum agree, the second with one source more than the first.
+    """Whether two corrections of a spectrum agree, the second with one source more than the first.
 
-    Each is (means of bands, their relative error bars), (2, n_bands). They agree if the mean square of their
-    differences is at most `CLOSE` squared error bars of the second. Were there no foreground residual in the
-    first, it would be below 1, as the two have all but one source in common.
+    Each is (means of bands, their relative error bars), (2, n_bands). They agree if no band differs by more
+    than `CLOSE` error bars of the second: all but one source they have in common, so that without foreground
+    residual in the first they differ by less than one.
     """
-    (before, _), (after, errors) = one, other
-    return bool(np.mean(((before / after - 1) / errors) ** 2) <= CLOSE)
+    (before, _), (after, errors) = np.asarray(one), np.asarray(other)
+    return bool(np.all(np.abs(before / after - 1) <= CLOSE * errors))
 
 
 def _fit(kind, mocks):
