@@ -12,17 +12,10 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
+from himap.measures.bootstrap import MOST, bootstrap_of, sigma
 from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import (
-    MOST,
-    TransferFunction,
-    agreeing,
-    harmonic_power,
-    mock_power,
-    mock_power_of_cubes,
-    sigma,
-)
+from himap.measures.transfer import harmonic_power, mock_power, mock_power_of_cubes
 from himap.removal.cleaning import one_more
 from himap.removal.data import means_of
 
@@ -54,7 +47,7 @@ class Corrected:
     foreground
         What the same correction of `residual` has more, in the unit of the spectrum: foreground residual.
     systematic
-        What `corrected` has more than the correction with one source more, likewise.
+        What `corrected` has more than the correction by the same members with one source more, likewise.
     truth
         The spectrum of the truth, NaN where it is not known.
     n_sources
@@ -103,8 +96,8 @@ def measure_transfer(cleaned, mocks):
     Returns
     -------
     list
-        (`CleanedCube`, `TransferFunction`) with the method's number of sources, one more and so on, `MOST` of
-        them; of a method without such a number one.
+        (`CleanedCube`, `Bootstrap`) with the method's number of sources, one more and so on, `MOST` of them;
+        of a method without such a number one.
 
     Raises
     ------
@@ -116,11 +109,11 @@ def measure_transfer(cleaned, mocks):
     several = [cleaned]
     while len(several) < MOST and one_more(several[-1].method) != several[-1].method:
         several.append(several[-1].with_one_more)
-    most = getattr(several[-1].method, "n_sources", 0)
+    most = getattr(several[-1].with_one_more.method, "n_sources", 0)
     if most > len(cube.freqs):
         raise InputError(
-            f"spectra are corrected with up to {len(several) - 1} sources more than are removed, {most}, and "
-            f"the cube has {len(cube.freqs)} channels: remove fewer sources."
+            f"spectra are corrected with up to {len(several)} sources more than are removed, {most}, and the "
+            f"cube has {len(cube.freqs)} channels: remove fewer sources."
         )
     powers = [[] for _ in several]
     for mock in mocks:
@@ -131,13 +124,15 @@ def measure_transfer(cleaned, mocks):
                 f"{mock.shape}."
             )
         for one, found in zip(several, powers, strict=True):
-            found.append(_mock_power(one, mock))
-    return [(one, TransferFunction(mocks=tuple(found))) for one, found in zip(several, powers, strict=True)]
+            member = one.resampled(mock)
+            both = {each.method: each for each in (member, member.with_one_more)}
+            found.append([_mock_power(one, each, mock) for each in both.values()])
+    return [(one, bootstrap_of(members)) for one, members in zip(several, powers, strict=True)]
 
 
-def _mock_power(cleaned, mock):
-    """The `MockPower` of a member of the bootstrap of a `CleanedCube`."""
-    cube, found = cleaned.cube, cleaned.resampled(mock).separation
+def _mock_power(cleaned, member, mock):
+    """The `MockPower` of a member of the bootstrap of a `CleanedCube`, whose truth is a mock."""
+    cube, found = cleaned.cube, member.separation
     if cube.missing is None:
         faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
         alms = alms_of(cube, mock, found.lmax)
@@ -179,8 +174,8 @@ def mock_power_of_change(cube, alms, before, after, faint):
 def correct(measured, spectra, truth=None):
     """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
 
-    Corrections with more and more sources are compared, and the first that agrees with the next is taken
-    (`himap.measures.transfer.agreeing`), or the last but one.
+    The number of sources is the first whose foreground explains what one source more takes from the cube
+    (`himap.measures.bootstrap.Bootstrap.explains`), or the last that was measured.
 
     Parameters
     ----------
@@ -191,22 +186,32 @@ def correct(measured, spectra, truth=None):
     truth
         The `Comparison` with the truth, if there is one.
     """
-    lmax = len(measured[0][1].degrees) - 1
+    lmax = len(measured[0][1].own.degrees) - 1
     shown = {
         "angular": (spectra.angular.degrees, spectra.angular.mean),
         "frequency": (spectra.frequency.k, spectra.frequency.power),
     }
-    chain = []
-    for one, transfer in measured:
-        power = harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width)
-        chain.append({kind: _in_bins(kind, x, transfer, power) for kind, (x, _) in shown.items()})
-    used = _first_that_agrees(chain) if len(chain[0]["angular"].errors) > 1 else 0
-    after, found = chain[min(used + 1, len(chain) - 1)], {}
-    true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
+    several = [one for one, _ in measured] + [measured[-1][0].with_one_more]
+    powers = [
+        harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width) for one in several
+    ]
+    explaining = (n for n, (_, found) in enumerate(measured) if found.explains(*powers[n : n + 2]))
+    used = next(explaining, len(measured) - 1)
+    first, last = measured[0][1], measured[used][1]
+    true, found = {}, {}
     if truth is not None:
+        true["angular"] = truth.degrees, truth.true_angular
         true["frequency"] = truth.k, truth.true_frequency
+    chain = [
+        {kind: _in_bins(kind, x, transfer, power) for kind, (x, _) in shown.items()}
+        for transfer, power in (
+            (first.own, powers[0]),
+            (last.own, powers[used]),
+            (last.more, powers[used + 1]),
+        )
+    ]
     for kind, (x, power) in shown.items():
-        own, one, more = (each[kind] for each in (chain[0], chain[used], after))
+        own, one, more = (each[kind] for each in chain)
         power = power[np.isin(x, one.x)]
         scale = power / own.residual  # that of the mask, which all that is measured alike has in common
         found[kind] = replace(
@@ -239,21 +244,6 @@ def _in_bins(kind, x, transfer, power):
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
     )
-
-
-def _first_that_agrees(chain):
-    """Which of some {kind: `Corrected`} agrees with the next; the last but one if none does."""
-    names = bands(chain[0]["angular"].x, chain[0]["frequency"].x).values()
-
-    def in_bands(one):
-        means = [np.mean(one[kind].corrected[inside]) for kind, inside in names]
-        spread = [sigma(one[kind].errors[:, inside].mean(axis=1)) for kind, inside in names]
-        return means, spread
-
-    for n, (one, other) in enumerate(zip(chain, chain[1:], strict=False)):
-        if agreeing(in_bands(one), in_bands(other)):
-            return n
-    return max(len(chain) - 2, 0)
 
 
 def corrected_table(corrected):

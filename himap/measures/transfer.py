@@ -12,18 +12,12 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from scipy import fft, stats
+from scipy import fft
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
-
-CLOSE = 2.0
-"""Error bars by which two corrections may differ that agree (`agreeing`)."""
-
-MOST = 4
-"""How many numbers of sources are tried, one after the other, until the corrections of two agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +164,7 @@ class TransferFunction:
     def cylindrical(self, edges):
         """T(l, k) in bins of l from one of the `edges` to below the next, (n_bins, n_k)."""
         total = reduce(add, self.mocks)
-        return _quotient(total.cross.binned(edges), total.input.binned(edges))
+        return quotient(total.cross.binned(edges), total.input.binned(edges))
 
     def corrected(self, kind, power):
         """A spectrum (n,) of a residual, less the power that has nothing in common with the mocks, over T.
@@ -178,10 +172,10 @@ class TransferFunction:
         `kind` is "angular", of C_l, or "frequency", of P(k); 0 where T is.
         """
         share, unlike = _fit(kind, self.mocks)
-        return _quotient(power - unlike, share)
+        return quotient(power - unlike, share)
 
     def errors(self, kind):
-        """Relative error of each mock once it is corrected by the others, (n_mocks, n); see `sigma`.
+        """Relative error of each mock once it is corrected by the others, (n_mocks, n).
 
         Raises
         ------
@@ -194,40 +188,20 @@ class TransferFunction:
         for n, mock in enumerate(self.mocks):
             others = replace(self, mocks=self.mocks[:n] + self.mocks[n + 1 :])
             corrected = others.corrected(kind, getattr(mock.output, kind))
-            errors.append(_quotient(corrected, getattr(mock.input, kind)) - 1)
+            errors.append(quotient(corrected, getattr(mock.input, kind)) - 1)
         return np.array(errors)
 
     def sample(self, kind):
         """Power of each mock over the mean of all, less 1, (n_mocks, n): sample variance and noise."""
         powers = np.array([getattr(mock.input, kind) for mock in self.mocks])
-        return _quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape)) - 1
-
-
-def sigma(errors):
-    """68 % error bars, (...), from errors of mocks that are corrected by each other, (n_mocks, ...).
-
-    Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
-    """
-    factor = stats.t.ppf(stats.norm.cdf(1), len(errors) - 1)
-    return factor * np.sqrt(np.mean(np.square(errors), axis=0))
-
-
-def agreeing(one, other):
-    """Whether two corrections of a spectrum agree, the second with one source more than the first.
-
-    Each is (means of bands, their relative error bars), (2, n_bands). They agree if no band differs by more
-    than `CLOSE` error bars of the second: all but one source they have in common, so that without foreground
-    residual in the first they differ by less than one.
-    """
-    (before, _), (after, errors) = np.asarray(one), np.asarray(other)
-    return bool(np.all(np.abs(before / after - 1) <= CLOSE * errors))
+        return quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape)) - 1
 
 
 def _fit(kind, mocks):
     """Transfer function, and mean power of the residual that is unlike the mocks, each (n,)."""
     total, n_mocks = reduce(add, mocks), len(mocks)
     true, residual, cross = (getattr(getattr(total, name), kind) for name in ("input", "output", "cross"))
-    share = _quotient(cross, true)
+    share = quotient(cross, true)
     return share, (residual - share * true) / n_mocks
 
 
@@ -336,6 +310,6 @@ def _real_modes(alms, degree):
     return np.hstack([zonal, others.real, others.imag])
 
 
-def _quotient(power, ratio):
+def quotient(power, ratio):
     """power / ratio, 0 where the ratio is 0."""
     return np.divide(power, ratio, out=np.zeros(ratio.shape), where=ratio != 0)

@@ -11,10 +11,12 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
+from himap.measures.bootstrap import bootstrap_of
 from himap.measures.low_rank_spectra import FAINT
 from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
+from himap.removal.cleaning import one_more
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.parallel import make_all
@@ -128,18 +130,26 @@ def recovered(case, removers, mock, mask_peaks=True):
 
 @product
 def resampled(case, remover, mock, mask_peaks=True):
-    """The `MockPower` of a member of the bootstrap of a cleaning, whose truth is a mock.
+    """The `MockPower` of a member of the bootstrap of a cleaning, whose truth is a mock, in a list.
 
-    The foreground is what the method finds in the observation, and it is cleaned by the same method.
+    The foreground is what the method finds in the observation; the member is cleaned by the same method, and
+    as the second of the list by it with one source more, if it has a number of them.
     """
     base, alms = cleaned.cleaning(case, remover, mask_peaks), mock_alms(case, mock)
     vars(base)["separation"] = cleaned.separation(case, remover, mask_peaks)
     maps = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
-    rng = case.survey.rng(f"removal {remover.name}")
-    found = base.resampled(maps).with_method(remover, rng=rng).separation
-    wrong = (base.separation.foreground + -found.foreground).truncate(_faint(case))
-    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-    return mock_power(own, wrong, case.survey.channel_width)
+    member, powers = base.resampled(maps), []
+    for method in dict.fromkeys((remover, one_more(remover))):
+        found = member.with_method(method, rng=case.survey.rng(f"removal {remover.name}")).separation
+        wrong = (base.separation.foreground + -found.foreground).truncate(_faint(case))
+        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+        powers.append(mock_power(own, wrong, case.survey.channel_width))
+    return powers
+
+
+def bootstrap(case, remover, mocks, mask_peaks=True):
+    """The `Bootstrap` of a method on a case, with `Mock` each that take the place of its HI and noise."""
+    return bootstrap_of([resampled(case, remover, mock, mask_peaks) for mock in mocks])
 
 
 @product

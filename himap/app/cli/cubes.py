@@ -202,7 +202,7 @@ def _cleaned(asked):
     if mocks is not None:
         found = measured.measure_transfer(cleaned, mocks)
         corrected = measured.correct(found, spectra, comparison)
-        more = measured.corrected_parts(corrected, len(found[0][1].mocks))
+        more = measured.corrected_parts(corrected, len(found[0][1].own.mocks))
         click.echo(measured.corrected_table(corrected))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:

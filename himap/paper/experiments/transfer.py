@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from himap.core.checks import whole_number
-from himap.measures.transfer import MOST, TransferFunction, agreeing, sigma
+from himap.measures.bootstrap import MOST, sigma
 from himap.paper.grid import (
     band_rows,
     cases_and_methods,
@@ -15,7 +15,7 @@ from himap.paper.grid import (
     skies_of,
     summarise,
 )
-from himap.paper.mocks import mocks_of_sky, own_recovery, resampled
+from himap.paper.mocks import bootstrap, mocks_of_sky, own_recovery, resampled
 from himap.paper.record import Experiment
 from himap.removal.cleaning import one_more
 
@@ -33,7 +33,7 @@ COLUMNS = {
 """Power over that of the truth, mean in a band such as "C/C0, 10-19": of the residual, and `corrected`, with
 the number of sources `n_used` (`measure`). `error_bar` is the scatter of `corrected` over the members of the
 bootstrap; `foreground` what the same correction with `n_sources` has more, which is foreground residual; and
-`systematic` what `corrected` has more than the correction with one source more."""
+`systematic` what `corrected` has more than the correction by the same members with one source more."""
 
 
 def skies(*, n_mocks=8, **settings):
@@ -49,43 +49,49 @@ def skies(*, n_mocks=8, **settings):
 def measure(sky):
     """Ratios to the truth, corrections and error bars in each band, of each method of a `Sky`.
 
-    Of each method residuals with its own number of sources, one more and so on are corrected, until two that
-    follow each other agree (`agreeing`), or there are `MOST`. The last but one counts.
+    Of each method residuals with its own number of sources, one more and so on are corrected, until the
+    foreground that was found explains what the next source takes (`Bootstrap.explains`), or there are `MOST`.
     """
-    pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
-    chains = {pair: [] for pair in pairs}
-    going = {pair: [pair[1], one_more(pair[1])] for pair in pairs}
+    chains = {(case, remover): [] for case, removers in sky.methods.items() for remover in removers}
+    going = {pair: pair[1] for pair in chains}
     while going:
-        wanted = dict.fromkeys((case, one) for (case, _), further in going.items() for one in further)
+        wanted = dict.fromkeys((case, one) for (case, _), one in going.items())
+        further = dict.fromkeys((case, method) for case, one in wanted for method in (one, one_more(one)))
         make_products(
             [(resampled, (*pair, mock)) for pair in wanted for mock in sky.mocks]
-            + [(own_recovery, pair) for pair in wanted]
+            + [(own_recovery, pair) for pair in further]
         )
-        for (case, remover), further in going.items():
-            for one in further:
-                transfer = TransferFunction(mocks=tuple(resampled(case, one, mock) for mock in sky.mocks))
-                chains[case, remover].append((one, corrected_bands(own_recovery(case, one), transfer)))
+        explained = []
+        for (case, remover), one in going.items():
+            found, powers = bootstrap(case, one, sky.mocks), [own_recovery(case, one)]
+            powers.append(own_recovery(case, one_more(one)))
+            chains[case, remover].append((one, *corrections(*powers, found)))
+            if found.explains(*(power.output for power in powers)):
+                explained.append((case, remover))
         going = {
-            pair: [one_more(chain[-1][0])]
-            for pair, chain in chains.items()
-            if not agreeing(*(_corrected(rows) for _, rows in chain[-2:])) and len(chain) < MOST
+            pair: one_more(one)
+            for pair, one in going.items()
+            if pair not in explained and len(chains[pair]) < MOST
         }
-    return [method_columns(remover) | row for (_, remover), chain in chains.items() for row in _rows(chain)]
-
-
-def _corrected(rows):
-    return np.array([(row["corrected"], row["error_bar"]) for row in rows]).T
-
-
-def _rows(chain):
-    """The rows of a method from those with more and more sources."""
-    (_, own), (remover, used), (_, more) = chain[0], *chain[-2:]
     return [
-        first
-        | {name: row[name] for name in ("corrected", "error_bar")}
-        | {"n_used": getattr(remover, "n_sources", 0), "foreground": first["corrected"] - row["corrected"]}
-        | {"systematic": row["corrected"] - last["corrected"]}
-        for first, row, last in zip(own, used, more, strict=True)
+        method_columns(remover) | row for (_, remover), chain in chains.items() for row in in_bands(chain)
+    ]
+
+
+def corrections(power, power_more, found):
+    """Rows of `corrected_bands`, and those with one source more, of the `MockPower` of a truth."""
+    return corrected_bands(power, found.own), corrected_bands(power_more, found.more)
+
+
+def in_bands(chain):
+    """The rows of a method from those with more and more sources, (method, *`corrections`) each."""
+    (_, first, _), (remover, last, more) = chain[0], chain[-1]
+    return [
+        own
+        | {name: used[name] for name in ("corrected", "error_bar")}
+        | {"n_used": getattr(remover, "n_sources", 0), "foreground": own["corrected"] - used["corrected"]}
+        | {"systematic": used["corrected"] - beyond["corrected"]}
+        for own, used, beyond in zip(first, last, more, strict=True)
     ]
 
 

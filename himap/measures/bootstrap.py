@@ -1,0 +1,83 @@
+"""Parametric bootstrap of a cleaning: error bars, and whether foreground is left, from skies that are known.
+
+A member is the foreground that a cleaning finds, with a mock in place of the HI and noise of the data (Efron
+1979; `himap.removal.cleaning.Cleaning.resampled`). Cleaned as the data were it shows at once the signal loss,
+the foreground residual, and how HI resembles the foreground by chance.
+"""
+
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+from scipy import stats
+
+from himap.measures.transfer import TransferFunction, quotient
+
+LEVEL = 0.01
+"""Of the test for foreground that is left (`Bootstrap.explains`)."""
+
+MOST = 4
+"""How many numbers of sources are tried, one after the other, until no foreground is seen to be left."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bootstrap:
+    """Members whose foreground is the one that was found, cleaned as the data were and with one source more.
+
+    Attributes
+    ----------
+    own, more
+        The `TransferFunction` with the number of sources that the foreground was found with, and with one
+        more; the same of a method without such a number.
+    """
+
+    own: TransferFunction
+    more: TransferFunction
+
+    def explains(self, residual, residual_more):
+        """Whether the foreground is all that there is, as far as the next source of the data tells.
+
+        The power that one source more takes from the data, in bands, is compared with what it takes from the
+        members, where it is HI. Foreground is left if a band differs at `LEVEL`, by Student's distribution
+        and Bonferroni's correction for many bands.
+
+        Parameters
+        ----------
+        residual, residual_more
+            `HarmonicPower` of the residual of the data, with and without one source more.
+        """
+        n_mocks = len(self.own.mocks)
+        if self.more is self.own or n_mocks < 2:
+            return True
+        taken = [(one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)]
+        taken = self._taken([*taken, (residual, residual_more)])
+        worst = 0.0
+        for values in taken.values():
+            members, data = np.split(values, [-1])
+            scatter = members.std(ddof=1) * np.sqrt(1 + 1 / n_mocks)
+            worst = max(worst, abs(data[0] - members.mean()) / max(scatter, np.finfo(float).tiny))
+        return bool(2 * stats.t.sf(worst, n_mocks - 1) * len(taken) > LEVEL)
+
+    def _taken(self, pairs):
+        """Band means of the differences of pairs of powers, over the mean input, {band: (n_pairs,)}."""
+        mean, differences = reduce(add, self.own.mocks).input, {}
+        for kind in ("angular", "frequency"):
+            rows = np.array([getattr(one, kind) - getattr(more, kind) for one, more in pairs])
+            differences[kind] = quotient(rows, np.broadcast_to(getattr(mean, kind), rows.shape))
+        return self.own.mocks[0].band_means(differences)
+
+
+def bootstrap_of(members):
+    """The `Bootstrap` of members, each (`MockPower`,) or (`MockPower`, the same with one source more)."""
+    own, *more = (TransferFunction(mocks=column) for column in zip(*members, strict=True))
+    return Bootstrap(own=own, more=more[0] if more else own)
+
+
+def sigma(errors):
+    """68 % error bars, (...), from errors of mocks that are corrected by each other, (n_mocks, ...).
+
+    Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
+    """
+    factor = stats.t.ppf(stats.norm.cdf(1), len(errors) - 1)
+    return factor * np.sqrt(np.mean(np.square(errors), axis=0))
