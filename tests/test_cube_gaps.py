@@ -49,7 +49,7 @@ def mock_of(cube, rng):
 
 class TestTransfer:
     @pytest.mark.parametrize(
-        ("method", "parameters"), [("pca", {"n_sources": 4}), ("polynomial", {"order": 4})]
+        ("method", "parameters"), [("pca", {"n_sources": 2}), ("polynomial", {"order": 4})]
     )
     @pytest.mark.parametrize("share", [1, 0.6])
     def test_is_that_of_two_cubes_that_are_cleaned(self, cube, rng, method, parameters, share):
@@ -57,7 +57,8 @@ class TestTransfer:
         cube = cube.within(np.arange(N_PIX) < share * N_PIX)
         cleaned = clean_cube(cube, method, peaks=False, **parameters)
         mocks = [mock_of(cube, rng) for _ in range(2)]
-        (_, found), *_ = measure_transfer(cleaned, mocks)
+        (_, both), *_ = measure_transfer(cleaned, mocks)
+        found = both.own
         power = PatchPower(
             weights=cube.mask.astype(float),
             seen=cube.on_sphere(~cube.missing),
@@ -84,17 +85,22 @@ class TestTransfer:
         cleaned = clean_cube(cube, method, peaks=peaks, **parameters)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
-        quiet, loud = (measure_transfer(cleaned, [each])[-1][1] for each in (mock, disturbed))
+        quiet, loud = (measure_transfer(cleaned, [each])[-1][1].more for each in (mock, disturbed))
         assert np.array_equal(quiet.frequency, loud.frequency) and np.array_equal(quiet.angular, loud.angular)
 
-    def test_corrects_what_is_left_through_gaps(self, cube, rng):
-        """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two."""
-        cleaned = clean_cube(cube, "pca", n_sources=6, peaks=False)
+    @pytest.mark.parametrize(("n_sources", "close"), [(2, 0.01), (3, 0.02)])
+    def test_corrects_what_is_left_through_gaps(self, cube, rng, n_sources, close):
+        """Noise of 1 mK is what is to be left: its power, 0 in the gaps, comes out to a percent or two.
+
+        A third component, which the foreground does not have, fits noise: this is not seen in members whose
+        foreground has it, so that the corrected power is lower by up to the share of one component.
+        """
+        cleaned = clean_cube(cube, "pca", n_sources=n_sources, peaks=False)
         mocks = (rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(3))
         found = correct(measure_transfer(cleaned, mocks), spectra_of(cleaned))["frequency"]
         true = cube.channel_width * np.mean(~cube.missing)
-        assert (found.residual / true).mean() < 0.8
-        assert (found.corrected / true).mean() == pytest.approx(1, abs=0.02)
+        assert (found.residual / true).mean() < 0.95
+        assert (found.corrected / true).mean() == pytest.approx(1, abs=close)
 
 
 class TestSuggestion:

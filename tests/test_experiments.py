@@ -9,7 +9,8 @@ from scipy import stats
 
 from himap.core.errors import InputError
 from himap.instrument.noise import noise_sigma
-from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, sigma
+from himap.measures.bootstrap import sigma
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper import cleaned, mocks, pipeline
 from himap.paper.choice import minka
 from himap.paper.experiment_figures import transfer_figure
@@ -147,33 +148,33 @@ class TestTransfer:
         first, second = found.errors("angular")[:, 5]
         assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
 
-    def test_sources_are_added_until_two_corrections_agree(self, monkeypatch):
-        """Three sources too few by one, with made-up corrections of 1.5, 1.1, 1.1."""
+    @pytest.mark.parametrize(
+        ("rank", "used", "corrected"), [(3, 3, 1.5), (4, 4, 1.2), (6, 6, 1.0), (9, 6, 1.0)]
+    )
+    def test_sources_are_added_until_one_more_takes_no_foreground(self, monkeypatch, rank, used, corrected):
+        """Foregrounds of some ranks, with made-up corrections of 6 over the number of sources less 1."""
         (sky,) = transfer.skies(**TINY, methods=[["pca", 3], ["gnilc", None]], n_realisations=1, n_mocks=2)
-        of = {3: 1.5, 4: 1.1, 5: 1.1, None: 1.2}
+
+        class Known:
+            def __init__(self, case, one, mocks):
+                self.own = self.more = getattr(one, "n_sources", 99)
+
+            def explains(self, *_):
+                return self.own >= rank
+
+        def rows(n, _):
+            return [{"band": "C/C0", "uncorrected": 2.0, "corrected": n and 6 / (n + 1), "error_bar": 0.1}]
+
         monkeypatch.setattr(transfer, "make_products", lambda work: None)
-        monkeypatch.setattr(transfer, "own_recovery", lambda case, one: getattr(one, "n_sources", None))
-        monkeypatch.setattr(transfer, "resampled", lambda *_: None)
-        monkeypatch.setattr(
-            transfer,
-            "corrected_bands",
-            lambda n, _: [{"band": "C/C0", "uncorrected": 2.0, "corrected": of[n], "error_bar": 0.1}],
-        )
+        monkeypatch.setattr(transfer, "bootstrap", Known)
+        power = HarmonicPower(power=np.ones((3, 3)), n_channels=4, channel_width=1.0)
+        monkeypatch.setattr(transfer, "own_recovery", lambda case, one: MockPower(power, power, power))
+        monkeypatch.setattr(transfer, "corrected_bands", lambda _, n: rows(n, None))
         few, whole = transfer.measure(sky)
-        shared = {"band": "C/C0", "uncorrected": 2.0, "error_bar": 0.1, "systematic": 0}
-        assert few == pytest.approx(
-            shared | {"method": "pca", "n_sources": 3, "n_used": 4, "corrected": 1.1, "foreground": 0.4}
-        )
-        assert whole == shared | {
-            "method": "gnilc",
-            "n_sources": 0,
-            "n_used": 0,
-            "corrected": 1.2,
-            "foreground": 0,
-        }
-        of |= {5: 0.7, 6: 2.0}  # no two agree: the last but one, with what it differs by
-        few, _ = transfer.measure(sky)
-        assert (few["n_used"], few["corrected"], few["systematic"]) == (5, 0.7, pytest.approx(-1.3))
+        assert (few["n_sources"], few["n_used"]) == (3, used)
+        assert few["corrected"] == pytest.approx(corrected, abs=0.15)
+        assert few["foreground"] == pytest.approx(6 / 4 - 6 / (used + 1)) and few["systematic"] == 0
+        assert (whole["n_sources"], whole["n_used"], whole["foreground"]) == (0, 0, 0)
 
     def test_no_two_skies_share_a_mock(self):
         several = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=3, n_mocks=4)

@@ -12,11 +12,9 @@ from himap.measures.transfer import (
     HarmonicPower,
     MockPower,
     TransferFunction,
-    agreeing,
     harmonic_power,
     mock_power,
     mock_power_of_cubes,
-    sigma,
 )
 
 NSIDE, N_CHANNELS, WIDTH = 16, 11, 2.5
@@ -143,22 +141,6 @@ class TestTransferFunction:
     def test_sample_variance_is_that_of_the_inputs(self):
         found = TransferFunction(mocks=(made_up(1.0, input=1), made_up(0.5, input=3)))
         assert found.sample("angular")[:, 2] == pytest.approx([-0.5, 0.5])
-
-
-@pytest.mark.parametrize("n_mocks", [3, 6, 50])
-def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
-    """Gaussian biases of some mocks, each corrected by the mean of the others, and data by that of all."""
-    data, mocks = np.split(rng.standard_normal((n_mocks + 1, 40_000)), [1])
-    errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
-    covered = np.mean(np.abs(data - mocks.mean(axis=0)) < sigma(errors))
-    assert 0.67 < covered < 0.683 + 0.06 / (n_mocks - 1)
-
-
-def test_corrections_agree_within_their_error_bars():
-    one = np.array([[1.0, 2.0, 3.0], [0.01, 0.01, 0.01]])
-    close, far = one * [[1, 1, 1.019], [1, 1, 1]], one * [[1, 1, 1.021], [1, 1, 1]]
-    assert agreeing(one, one) and agreeing(close, one) and not agreeing(far, one)
-    assert not agreeing(one, one * np.nan)
 
 
 class TestRatios:

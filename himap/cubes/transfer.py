@@ -8,16 +8,20 @@ import pandas as pd
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.cubes.report import figure, panel
+from himap.cubes.spectra import spectra_of
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
-from himap.measures.bootstrap import MOST, bootstrap_of, sigma
+from himap.measures.bootstrap import bootstrap_of, sigma
 from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import harmonic_power, mock_power, mock_power_of_cubes
 from himap.removal.cleaning import one_more
 from himap.removal.data import means_of
+
+MOST = 2
+"""How many numbers of sources spectra are corrected with: that of the cleaning, and one more."""
 
 HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
 """Columns of `corrected_table`."""
@@ -96,8 +100,8 @@ def measure_transfer(cleaned, mocks):
     Returns
     -------
     list
-        (`CleanedCube`, `Bootstrap`) with the method's number of sources, one more and so on, `MOST` of them;
-        of a method without such a number one.
+        (`CleanedCube`, `Bootstrap`) with the method's number of sources, and so on to `MOST` of them; of a
+        method without such a number one.
 
     Raises
     ------
@@ -187,43 +191,38 @@ def correct(measured, spectra, truth=None):
         The `Comparison` with the truth, if there is one.
     """
     lmax = len(measured[0][1].own.degrees) - 1
-    shown = {
-        "angular": (spectra.angular.degrees, spectra.angular.mean),
-        "frequency": (spectra.frequency.k, spectra.frequency.power),
-    }
     several = [one for one, _ in measured] + [measured[-1][0].with_one_more]
     powers = [
         harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width) for one in several
     ]
     explaining = (n for n, (_, found) in enumerate(measured) if found.explains(*powers[n : n + 2]))
     used = next(explaining, len(measured) - 1)
-    first, last = measured[0][1], measured[used][1]
-    true, found = {}, {}
+    (_, first), (cleaned, last) = measured[0], measured[used]
+    shown, places = _both(spectra), {"angular": spectra.angular.degrees, "frequency": spectra.frequency.k}
+    # The power of pixels and of coefficients to lmax differ, and that of a mask: alike for spectra alike.
+    nearer, found = shown if used == 0 else _both(spectra_of(cleaned)), {}
+    true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
     if truth is not None:
-        true["angular"] = truth.degrees, truth.true_angular
         true["frequency"] = truth.k, truth.true_frequency
-    chain = [
-        {kind: _in_bins(kind, x, transfer, power) for kind, (x, _) in shown.items()}
-        for transfer, power in (
-            (first.own, powers[0]),
-            (last.own, powers[used]),
-            (last.more, powers[used + 1]),
-        )
-    ]
-    for kind, (x, power) in shown.items():
-        own, one, more = (each[kind] for each in chain)
-        power = power[np.isin(x, one.x)]
-        scale = power / own.residual  # that of the mask, which all that is measured alike has in common
+    for kind, x in places.items():
+        transfers = (first.own, powers[0]), (last.own, powers[used]), (last.more, powers[used + 1])
+        own, one, more = (_in_bins(kind, x, transfer, power) for transfer, power in transfers)
+        inside = np.isin(x, one.x)
+        own_scale, scale = shown[kind][inside] / own.residual, nearer[kind][inside] / one.residual
         found[kind] = replace(
             one,
-            residual=power,
+            residual=shown[kind][inside],
             corrected=one.corrected * scale,
-            foreground=(own.corrected - one.corrected) * scale,
+            foreground=own.corrected * own_scale - one.corrected * scale,
             systematic=(one.corrected - more.corrected) * scale,
             truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
-            n_sources=getattr(measured[used][0].method, "n_sources", None),
+            n_sources=getattr(cleaned.method, "n_sources", None),
         )
     return found
+
+
+def _both(spectra):
+    return {"angular": spectra.angular.mean, "frequency": spectra.frequency.power}
 
 
 def _in_bins(kind, x, transfer, power):

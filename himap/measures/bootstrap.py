@@ -12,13 +12,14 @@ from operator import add
 import numpy as np
 from scipy import stats
 
+from himap.core.errors import InputError
 from himap.measures.transfer import TransferFunction, quotient
+
+KINDS = "angular", "frequency"
+"""Of power spectra."""
 
 LEVEL = 0.01
 """Of the test for foreground that is left (`Bootstrap.explains`)."""
-
-MOST = 4
-"""How many numbers of sources are tried, one after the other, until no foreground is seen to be left."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +40,8 @@ class Bootstrap:
         """Whether the foreground is all that there is, as far as the next source of the data tells.
 
         The power that one source more takes from the data, in bands, is compared with what it takes from the
-        members, where it is HI. Foreground is left if a band differs at `LEVEL`, by Student's distribution
-        and Bonferroni's correction for many bands.
+        members, where it is HI. Foreground is left if a band differs by more than an error bar, and at
+        `LEVEL`, by Student's distribution and Bonferroni's correction for many bands.
 
         Parameters
         ----------
@@ -52,24 +53,34 @@ class Bootstrap:
             return True
         taken = [(one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)]
         taken = self._taken([*taken, (residual, residual_more)])
-        worst = 0.0
-        for values in taken.values():
-            members, data = np.split(values, [-1])
-            scatter = members.std(ddof=1) * np.sqrt(1 + 1 / n_mocks)
-            worst = max(worst, abs(data[0] - members.mean()) / max(scatter, np.finfo(float).tiny))
-        return bool(2 * stats.t.sf(worst, n_mocks - 1) * len(taken) > LEVEL)
+        errors = self.own.mocks[0].band_means({kind: self.own.errors(kind) for kind in KINDS})
+        for band, (*members, data) in taken.items():
+            excess = abs(data - np.mean(members))
+            scatter = np.std(members, ddof=1) * np.sqrt(1 + 1 / n_mocks)
+            chance = 2 * stats.t.sf(excess / max(scatter, np.finfo(float).tiny), n_mocks - 1)
+            if excess > sigma(errors[band]) and chance * len(taken) < LEVEL:
+                return False
+        return True
 
     def _taken(self, pairs):
         """Band means of the differences of pairs of powers, over the mean input, {band: (n_pairs,)}."""
         mean, differences = reduce(add, self.own.mocks).input, {}
-        for kind in ("angular", "frequency"):
+        for kind in KINDS:
             rows = np.array([getattr(one, kind) - getattr(more, kind) for one, more in pairs])
             differences[kind] = quotient(rows, np.broadcast_to(getattr(mean, kind), rows.shape))
         return self.own.mocks[0].band_means(differences)
 
 
 def bootstrap_of(members):
-    """The `Bootstrap` of members, each (`MockPower`,) or (`MockPower`, the same with one source more)."""
+    """The `Bootstrap` of members, each (`MockPower`,) or (`MockPower`, the same with one source more).
+
+    Raises
+    ------
+    InputError
+        No member.
+    """
+    if not members:
+        raise InputError("a bootstrap needs mocks, one or more, got none.")
     own, *more = (TransferFunction(mocks=column) for column in zip(*members, strict=True))
     return Bootstrap(own=own, more=more[0] if more else own)
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from himap.core.checks import whole_number
-from himap.measures.bootstrap import MOST, sigma
+from himap.measures.bootstrap import KINDS, sigma
 from himap.paper.grid import (
     band_rows,
     cases_and_methods,
@@ -18,6 +18,9 @@ from himap.paper.grid import (
 from himap.paper.mocks import bootstrap, mocks_of_sky, own_recovery, resampled
 from himap.paper.record import Experiment
 from himap.removal.cleaning import one_more
+
+MOST = 4
+"""How many numbers of sources are tried, one after the other, until no foreground is seen to be left."""
 
 COLUMNS = {
     "method": str,
@@ -98,7 +101,7 @@ def in_bands(chain):
 def corrected_bands(power, transfer):
     """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more."""
     corrected = {}
-    for kind in ("angular", "frequency"):
+    for kind in KINDS:
         true, left = (getattr(part, kind) for part in (power.input, power.output))
         corrected[kind] = np.r_[np.nan, transfer.corrected(kind, left)[1:] / true[1:]]
     errors = power.band_means({kind: transfer.errors(kind) for kind in corrected})

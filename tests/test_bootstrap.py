@@ -1,0 +1,124 @@
+"""The bootstrap of a cleaning: against closed forms of linear methods, and draws whose coverage is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from himap.maps import sphere
+from himap.measures.bootstrap import Bootstrap, bootstrap_of, sigma
+from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, harmonic_power, mock_power
+from himap.removal import PCA
+from himap.removal.cleaning import Cleaning
+from himap.removal.data import Data
+
+NSIDE, FREQS, WIDTH = 16, np.linspace(900, 1000, 20, endpoint=False), 5.0
+LMAX = 3 * NSIDE - 1
+
+
+@pytest.mark.parametrize("n_mocks", [3, 6, 50])
+def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
+    """Gaussian biases of some mocks, each corrected by the mean of the others, and data by that of all."""
+    data, mocks = np.split(rng.standard_normal((n_mocks + 1, 40_000)), [1])
+    errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
+    covered = np.mean(np.abs(data - mocks.mean(axis=0)) < sigma(errors))
+    assert 0.67 < covered < 0.683 + 0.06 / (n_mocks - 1)
+
+
+def white(rng):
+    """Noise of 1 mK in pixels and channels, less its means; harmonic coefficients of it beside."""
+    maps = rng.standard_normal((len(FREQS), 12 * NSIDE**2))
+    maps -= maps.mean(axis=1, keepdims=True)
+    return maps.astype(np.float32)
+
+
+def foreground(rng, n=3, brightness=(1e4, 1e3, 1e2)):
+    """Of known rank and smooth spectra, each with a Gaussian map."""
+    spectra = np.linalg.qr(FREQS[:, None] ** -np.arange(1.0, n + 1))[0] * np.sqrt(len(FREQS))
+    return spectra @ (np.array(brightness)[:n, None] * rng.standard_normal((n, 12 * NSIDE**2)))
+
+
+def members(cleaned, mocks):
+    """The `MockPower` of each mock, as it was cleaned and with one source more."""
+    found = []
+    for mock in mocks:
+        one = cleaned.resampled(mock)
+        found.append([powers_of(cleaned, each, mock) for each in (one, one.with_one_more)])
+    return bootstrap_of(found)
+
+
+def powers_of(cleaned, member, mock):
+    wrong = (cleaned.separation.foreground + -member.separation.foreground).truncate(0)
+    return mock_power(sphere.analyse(mock), wrong, WIDTH)
+
+
+def power_of(cleaned):
+    return harmonic_power(sphere.analyse(cleaned.residual), WIDTH)
+
+
+class TestClosedForms:
+    """PCA with as many components as a bright foreground has is a projection whose axes are known."""
+
+    @pytest.fixture
+    def cleaned(self, rng):
+        maps = (foreground(rng) + white(rng)).astype(np.float32)
+        return Cleaning.of(Data.of(maps, freqs=FREQS), PCA(n_sources=3), peaks=False)
+
+    def test_the_loss_is_that_of_the_projection(self, cleaned, rng):
+        """Of white noise n_s of n channels, in C_l; in P(k) the share of the axes at that k."""
+        found = members(cleaned, [white(rng) for _ in range(4)]).own
+        assert found.angular[4:].mean() == pytest.approx(1 - 3 / 20, rel=2e-3)
+        waves = np.abs(np.fft.rfft(cleaned.separation.mixing, axis=0)) ** 2
+        share = waves.sum(axis=1) / np.linalg.norm(cleaned.separation.mixing[:, 0]) ** 2 / 20
+        assert found.frequency[2:] == pytest.approx(1 - share[2:], abs=0.01)
+
+    def test_a_projection_leaves_no_foreground_and_its_covariance_is_the_sample_variance_of_the_lost(
+        self, cleaned, rng
+    ):
+        """Corrected power differs from the true by what the lost modes have more than their share.
+
+        Of a Gaussian this has the variance 2 n_s / ((2 l + 1) n (n - n_s)) in C_l over channels of the sum.
+        """
+        found = members(cleaned, [white(rng) for _ in range(30)]).own
+        degrees = np.arange(10, 40)
+        errors = found.errors("angular")[:, degrees]
+        expected = np.sqrt(2 * 3 / ((2 * degrees + 1) * 20 * 17))
+        assert np.sqrt(np.mean((errors / expected) ** 2)) == pytest.approx(1, abs=0.1)
+        correlation = np.corrcoef(errors.T)
+        assert np.abs(correlation[np.triu_indices(len(degrees), 1)]).mean() < 0.2
+
+    def test_data_are_corrected_to_their_truth(self, rng):
+        """Their true power lies within the error bars of bands as often as it should."""
+        pulls = []
+        for _ in range(6):
+            truth = white(rng)
+            maps = (foreground(rng) + truth).astype(np.float32)
+            cleaned = Cleaning.of(Data.of(maps, freqs=FREQS), PCA(n_sources=3), peaks=False)
+            found = members(cleaned, [white(rng) for _ in range(8)]).own
+            corrected = found.corrected("angular", power_of(cleaned).angular)
+            true = harmonic_power(sphere.analyse(truth), WIDTH).angular
+            bands = np.array_split(np.arange(4, 40), 6)
+            errors = found.errors("angular")
+            pulls += [
+                (corrected[band].mean() / true[band].mean() - 1) / sigma(errors[:, band].mean(axis=1))
+                for band in bands
+            ]
+        assert 0.45 < np.mean(np.abs(pulls) < 1) < 0.9 and np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+class TestExplains:
+    @pytest.mark.parametrize(("n_sources", "explained"), [(1, False), (2, False), (3, True), (4, True)])
+    def test_the_rank_of_the_foreground_is_found(self, rng, n_sources, explained):
+        maps = (foreground(rng, brightness=(1e4, 1e2, 1)) + white(rng)).astype(np.float32)
+        cleaned = Cleaning.of(Data.of(maps, freqs=FREQS), PCA(n_sources=n_sources), peaks=False)
+        found = members(cleaned, [white(rng) for _ in range(6)])
+        assert found.explains(power_of(cleaned), power_of(cleaned.with_one_more)) == explained
+
+    def test_without_a_number_of_sources_or_with_one_mock_all_is_explained(self):
+        power = HarmonicPower(power=np.ones((30, 5)), n_channels=8, channel_width=1.0)
+        one = TransferFunction(mocks=(MockPower(power, power, power),))
+        several = TransferFunction(mocks=one.mocks * 3)
+        far = replace(power, power=np.full((30, 5), 0.1))
+        assert Bootstrap(own=several, more=several).explains(power, far)
+        assert Bootstrap(own=one, more=TransferFunction(mocks=one.mocks)).explains(power, far)
+        assert not Bootstrap(own=several, more=TransferFunction(mocks=several.mocks)).explains(power, far)
