@@ -51,18 +51,20 @@ class Bootstrap:
         n_mocks = len(self.own.mocks)
         if self.more is self.own or n_mocks < 2:
             return True
-        taken = [(one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)]
-        taken = self._taken([*taken, (residual, residual_more)])
+        removed = [
+            (one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)
+        ]
+        removed = self._removed_by_one_more([*removed, (residual, residual_more)])
         errors = self.own.mocks[0].band_means({kind: self.own.errors(kind) for kind in KINDS})
-        for band, (*members, data) in taken.items():
+        for band, (*members, data) in removed.items():
             excess = abs(data - np.mean(members))
             scatter = np.std(members, ddof=1) * np.sqrt(1 + 1 / n_mocks)
             chance = 2 * stats.t.sf(excess / max(scatter, np.finfo(float).tiny), n_mocks - 1)
-            if excess > sigma(errors[band]) and chance * len(taken) < LEVEL:
+            if excess > sigma(errors[band]) and chance * len(removed) < LEVEL:
                 return False
         return True
 
-    def _taken(self, pairs):
+    def _removed_by_one_more(self, pairs):
         """Band means of the differences of pairs of powers, over the mean input, {band: (n_pairs,)}."""
         mean, differences = reduce(add, self.own.mocks).input, {}
         for kind in KINDS:

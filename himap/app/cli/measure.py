@@ -58,7 +58,7 @@ def measure(name, **options):
     n_sources    how often a criterion finds the number of sources  (22_how_many)
     readings     every claim under every reading of SDecGMCA        (15_claims)
     restarts     SDecGMCA from several starts, in each reading       (15_claims)
-    transfer     how well transfer functions correct signal loss    (20_transfer_function)
+    transfer     how well spectra are corrected, and their errors   (20_transfer_function)
 
     `himap list` shows the parameters of these chapters.
 

@@ -15,7 +15,7 @@ EXPERIMENTS = {
     "n_sources": "How often a criterion finds the right number of sources.",
     "readings": "Every claim under every reading of the paper's SDecGMCA.",
     "restarts": "SDecGMCA from several starts: spectra, diagnostics and claims.",
-    "transfer": "How well transfer functions correct the signal loss.",
+    "transfer": "How well spectra are corrected by mocks, and how often their error bars are right.",
 }
 """{name: what is measured}."""
 

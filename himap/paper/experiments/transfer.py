@@ -81,9 +81,9 @@ def measure(sky):
     ]
 
 
-def corrections(power, power_more, found):
+def corrections(power, power_more, members):
     """Rows of `corrected_bands`, and those with one source more, of the `MockPower` of a truth."""
-    return corrected_bands(power, found.own), corrected_bands(power_more, found.more)
+    return corrected_bands(power, members.own), corrected_bands(power_more, members.more)
 
 
 def in_bands(chain):
