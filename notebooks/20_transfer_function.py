@@ -426,8 +426,8 @@ quote(**quotes)
 # | `quick`, {glue:text}`transfer_larger_skies` | real | PCA 6 | {glue:text}`transfer_larger_real_pca_before` | {glue:text}`transfer_larger_real_pca_after` | {glue:text}`transfer_larger_real_pca_within` | {glue:text}`transfer_larger_real_pca_both` | {glue:text}`transfer_larger_real_pca_chi` |
 #
 # - **The foreground residual of a number of sources can be seen without the truth**: one source more removes more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three sources leaves a residual, and is corrected with four.
-# - **The correction is only as good as the foreground that was found.** Where a residual is spread over many components, as that of PCA through this beam, no single further component stands out, and what is left is not seen: see the real Galaxy at `quick`.
-# - **The error bars are not yet those of all skies**: the table has the coverage by Galaxy and method. The foreground that was found has HI in its faintest sources, which makes these brighter and steadier in members than they are in the data; error bars at low $\ell$ are then too small.
+# - **The correction is only as good as the foreground that was found.** Where the residual is spread over several components that are each fainter than HI, none of them stands out and what is left is not detected: PCA at `quick`, and BeamSubspace with the synthetic Galaxy. The systematic contains a part of it.
+# - **Statistical error bars are too small for some methods**: see the coverage above. The foreground that was found contains HI in its faintest sources, which are therefore brighter and more stable in members than in the data.
 # - **With more sources than the foreground has**, the last ones fit this very HI, and the corrected power is low by up to the share of one source. Take as many as the foreground needs, not more.
 # - **Sample variance and noise are in no error bar here**, because the truth is that of the same sky. The commands below have them in a column of their own.
 #
