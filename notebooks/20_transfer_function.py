@@ -339,7 +339,7 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`, on {glue:text}`transfer_larger_skies` skies with each Galaxy. These are few: the intervals of the coverage are wide, and the bands of one sky are not independent.
+# The same at `quick`. The skies are few: the intervals of the coverage are wide, and the bands of one sky are not independent.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick")
@@ -386,45 +386,34 @@ def median_chi(record, name):
     return float(np.median([chi_squared(band) for _, band in rows.groupby("band")])), 0.1
 
 
-quotes = {
-    "transfer_skies": min(len(one.seeds) for one in records),
-    "transfer_mocks": dict(records[0].made.overrides)["n_mocks"],
-    "transfer_larger_skies": min(len(one.seeds) for one in finer),
-}
-for size, several in {"transfer": records, "transfer_larger": finer}.items():
+rows = {}
+for size, several in {"ci": records, "quick": finer}.items():
     for record in several:
-        of = "real" if record.made.galaxy.startswith("templates") else "synthetic"
-        for short, name in {"bs": "beam_subspace", "smooth": "smooth_spectra", "pca": "pca"}.items():
-            quotes |= {
-                f"{size}_{of}_{short}_before": furthest(record, name, "uncorrected"),
-                f"{size}_{of}_{short}_after": furthest(record, name),
-                f"{size}_{of}_{short}_within": within(record, name),
-                f"{size}_{of}_{short}_both": within(record, name, systematic=True),
-                f"{size}_{of}_{short}_chi": median_chi(record, name),
+        for name in record.rows["method"].unique():
+            of = "real" if record.made.galaxy.startswith("templates") else "synthetic"
+            rows[f"{size}, {of} Galaxy, {styles.METHOD_STYLES[name]['label']}"] = {
+                "before": furthest(record, name, "uncorrected"),
+                "after": furthest(record, name),
+                "coverage": within(record, name),
+                "with systematic": within(record, name, systematic=True),
+                "squared pull": median_chi(record, name),
             }
-quote(**quotes)
+quote(
+    transfer_skies=min(len(one.seeds) for one in records),
+    transfer_mocks=dict(records[0].made.overrides)["n_mocks"],
+    transfer_larger_skies=min(len(one.seeds) for one in finer),
+)
 
 # %% [markdown]
 # ## Summary
 #
-# Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky. *Before* and *after* are the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$. Coverage is of all bands, by the error bar and by error bar and systematic in quadrature; the squared
-# pull is the median of bands. Error bars are right where the coverage is 68 % and the squared pull 1.
-#
-# | size, skies | Galaxy | method | before | after | coverage | with systematic | squared pull |
-# |---|---|---|---|---|---|---|---|
-# | `ci`, {glue:text}`transfer_skies` | synthetic | BeamSubspace 3 | {glue:text}`transfer_synthetic_bs_before` | {glue:text}`transfer_synthetic_bs_after` | {glue:text}`transfer_synthetic_bs_within` | {glue:text}`transfer_synthetic_bs_both` | {glue:text}`transfer_synthetic_bs_chi` |
-# | `ci`, {glue:text}`transfer_skies` | synthetic | SmoothSpectra 4 | {glue:text}`transfer_synthetic_smooth_before` | {glue:text}`transfer_synthetic_smooth_after` | {glue:text}`transfer_synthetic_smooth_within` | {glue:text}`transfer_synthetic_smooth_both` | {glue:text}`transfer_synthetic_smooth_chi` |
-# | `ci`, {glue:text}`transfer_skies` | synthetic | PCA 6 | {glue:text}`transfer_synthetic_pca_before` | {glue:text}`transfer_synthetic_pca_after` | {glue:text}`transfer_synthetic_pca_within` | {glue:text}`transfer_synthetic_pca_both` | {glue:text}`transfer_synthetic_pca_chi` |
-# | `ci`, {glue:text}`transfer_skies` | real | BeamSubspace 3 | {glue:text}`transfer_real_bs_before` | {glue:text}`transfer_real_bs_after` | {glue:text}`transfer_real_bs_within` | {glue:text}`transfer_real_bs_both` | {glue:text}`transfer_real_bs_chi` |
-# | `ci`, {glue:text}`transfer_skies` | real | SmoothSpectra 4 | {glue:text}`transfer_real_smooth_before` | {glue:text}`transfer_real_smooth_after` | {glue:text}`transfer_real_smooth_within` | {glue:text}`transfer_real_smooth_both` | {glue:text}`transfer_real_smooth_chi` |
-# | `ci`, {glue:text}`transfer_skies` | real | PCA 6 | {glue:text}`transfer_real_pca_before` | {glue:text}`transfer_real_pca_after` | {glue:text}`transfer_real_pca_within` | {glue:text}`transfer_real_pca_both` | {glue:text}`transfer_real_pca_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | synthetic | BeamSubspace 3 | {glue:text}`transfer_larger_synthetic_bs_before` | {glue:text}`transfer_larger_synthetic_bs_after` | {glue:text}`transfer_larger_synthetic_bs_within` | {glue:text}`transfer_larger_synthetic_bs_both` | {glue:text}`transfer_larger_synthetic_bs_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | synthetic | SmoothSpectra 4 | {glue:text}`transfer_larger_synthetic_smooth_before` | {glue:text}`transfer_larger_synthetic_smooth_after` | {glue:text}`transfer_larger_synthetic_smooth_within` | {glue:text}`transfer_larger_synthetic_smooth_both` | {glue:text}`transfer_larger_synthetic_smooth_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | synthetic | PCA 6 | {glue:text}`transfer_larger_synthetic_pca_before` | {glue:text}`transfer_larger_synthetic_pca_after` | {glue:text}`transfer_larger_synthetic_pca_within` | {glue:text}`transfer_larger_synthetic_pca_both` | {glue:text}`transfer_larger_synthetic_pca_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | real | BeamSubspace 3 | {glue:text}`transfer_larger_real_bs_before` | {glue:text}`transfer_larger_real_bs_after` | {glue:text}`transfer_larger_real_bs_within` | {glue:text}`transfer_larger_real_bs_both` | {glue:text}`transfer_larger_real_bs_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | real | SmoothSpectra 4 | {glue:text}`transfer_larger_real_smooth_before` | {glue:text}`transfer_larger_real_smooth_after` | {glue:text}`transfer_larger_real_smooth_within` | {glue:text}`transfer_larger_real_smooth_both` | {glue:text}`transfer_larger_real_smooth_chi` |
-# | `quick`, {glue:text}`transfer_larger_skies` | real | PCA 6 | {glue:text}`transfer_larger_real_pca_before` | {glue:text}`transfer_larger_real_pca_after` | {glue:text}`transfer_larger_real_pca_within` | {glue:text}`transfer_larger_real_pca_both` | {glue:text}`transfer_larger_real_pca_chi` |
-#
+# Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies` skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and
+# $k_\nu > 0.03$. Coverage is of all bands, by the error bar, and by error bar and systematic in quadrature; the squared pull is the median of bands. Error bars are right where the coverage is 68 % and the squared pull 1.
+
+# %% tags=["hide-input"]
+show_table(rows)
+
+# %% [markdown]
 # - **The foreground residual of a number of sources can be seen without the truth**: one source more removes more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three sources leaves a residual, and is corrected with four.
 # - **The correction is only as good as the foreground that was found.** Where the residual is spread over several components that are each fainter than HI, none of them stands out and what is left is not detected: PCA at `quick`, and BeamSubspace with the synthetic Galaxy. The systematic contains a part of it.
 # - **Statistical error bars are too small for some methods**: see the coverage above. The foreground that was found contains HI in its faintest sources, which are therefore brighter and more stable in members than in the data.

@@ -154,8 +154,8 @@ def clean(asked):
     short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
 )
 def transfer(asked):
-    """Measure with mocks of HI, cleaned with the foreground of CUBE, what cleaning takes and leaves, and
-    correct the spectra. Ten are made, unless --mocks says otherwise.
+    """Correct the spectra of CUBE for what cleaning takes and leaves, by mocks of HI; ten unless --mocks says
+    otherwise.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
