@@ -13,7 +13,7 @@ from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
 from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
 from himap.cubes.spectra import compared, spectra_of
-from himap.cubes.transfer import HEADER, HEADER_OF_TRUTH, corrected_table, write_spectra
+from himap.cubes.transfer import HEADER, HEADER_OF_TRUTH, corrected_table, remarks_on, write_spectra
 from himap.maps import sphere
 from himap.measures.spectra import angular_power, frequency_power
 
@@ -149,9 +149,20 @@ class TestMeasured:
         assert corrected < 0.02 < 0.08 < left
         ratio = frequency.corrected / comparison.true_frequency
         assert ratio[1:] == pytest.approx(1, abs=0.05)
+        assert angular.explained and len(remarks_on(both, n_sources)) == foreground
         assert (angular.foreground[low].mean() > 10 * angular.corrected[low].mean()) == foreground
         pulls = [float(row[-1]) for row in corrected_table(both).rows if row[0] != "C(l), l 20-39"]
         assert np.abs(pulls).max() < 4  # the band that is left out ends where the truth has no power
+
+    def test_foreground_that_is_left_with_one_source_more_is_said(self, cube, rng):
+        """Three power laws and a method that removes one of them."""
+        third = (FREQS / 1000)[:, None] ** -4 * (1e3 * rng.lognormal(size=N_PIX))
+        cube = replace(cube, maps=(cube.maps + third).astype(np.float32))
+        cleaned = clean_cube(cube, "pca", n_sources=1, peaks=False)
+        both = correct(measure_transfer(cleaned, (blue(rng) for _ in range(3))), spectra_of(cleaned))
+        assert not both["angular"].explained and both["angular"].n_sources == 2
+        first, second = remarks_on(both, 1)
+        assert "corrected with 2" in first and "left with 2 sources too" in second and "suggest" in second
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both = correct(measure_transfer(cleaned, [blue(rng)]), spectra_of(cleaned))

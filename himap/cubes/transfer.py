@@ -56,6 +56,8 @@ class Corrected:
         The spectrum of the truth, NaN where it is not known.
     n_sources
         Of the correction; None of a method that has none.
+    explained
+        Whether one source more removes HI alone, as far as can be seen.
     """
 
     x: np.ndarray
@@ -68,6 +70,7 @@ class Corrected:
     systematic: np.ndarray | None = None
     truth: np.ndarray | None = None
     n_sources: int | None = None
+    explained: bool = True
 
     @property
     def knows_truth(self):
@@ -195,8 +198,8 @@ def correct(measured, spectra, truth=None):
     powers = [
         harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width) for one in several
     ]
-    explaining = (n for n, (_, found) in enumerate(measured) if found.explains(*powers[n : n + 2]))
-    used = next(explaining, len(measured) - 1)
+    explaining = [n for n, (_, found) in enumerate(measured) if found.explains(*powers[n : n + 2])]
+    used = explaining[0] if explaining else len(measured) - 1
     (_, first), (cleaned, last) = measured[0], measured[used]
     shown, places = _both(spectra), {"angular": spectra.angular.degrees, "frequency": spectra.frequency.k}
     # The power of pixels and of coefficients to lmax differ, and that of a mask: alike for spectra alike.
@@ -217,8 +220,27 @@ def correct(measured, spectra, truth=None):
             systematic=(one.corrected - more.corrected) * scale,
             truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
             n_sources=getattr(cleaned.method, "n_sources", None),
+            explained=bool(explaining),
         )
     return found
+
+
+def remarks_on(corrected, n_sources):
+    """What the user should know of what `correct` gives, a list of sentences.
+
+    `n_sources` is that of the cleaning, None of a method that has none.
+    """
+    one, remarks = corrected["angular"], []
+    if one.n_sources != n_sources:
+        remarks.append(
+            f"{n_sources} sources leave foreground: the spectra are corrected with {one.n_sources}."
+        )
+    if not one.explained:
+        remarks.append(
+            f"Foreground is left with {one.n_sources} sources too, and in the corrected spectra: remove more "
+            "(`himap suggest` says how many)."
+        )
+    return remarks
 
 
 def _both(spectra):

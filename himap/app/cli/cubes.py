@@ -204,6 +204,7 @@ def _cleaned(asked):
         corrected = measured.correct(found, spectra, comparison)
         more = measured.corrected_parts(corrected, len(found[0][1].own.mocks))
         click.echo(measured.corrected_table(corrected))
+        _tell(asked, *measured.remarks_on(corrected, getattr(remover, "n_sources", None)))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
