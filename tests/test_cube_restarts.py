@@ -111,7 +111,7 @@ class TestCommand:
             rows = list(csv.DictReader(file))
         low, middle, high = (np.array([float(row[f"restarts_{n}"]) for row in rows]) for n in PERCENTILES)
         assert ((low <= middle * 1.000001) & (middle <= high * 1.000001)).all()
-        left = np.array([float(row["left"]) for row in rows])
+        left = np.array([float(row["residual"]) for row in rows])
         assert middle == pytest.approx(left, rel=0.1)  # two iterations do not part them
 
     def test_one(self, path, monkeypatch):
