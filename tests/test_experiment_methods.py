@@ -17,6 +17,7 @@ from himap.paper.experiments.methods import (
     skies,
     widths,
 )
+from himap.paper.grid import measured_recoveries
 from himap.paper.record import Record
 from himap.removal import GNILC, PCA, SDecGMCA
 
@@ -111,13 +112,17 @@ class TestTable:
             ("oscillating", "pca", 3, True),
             ("oscillating", "gnilc", 0, False),
         ]
-        # Its bands are those of the experiment on transfer functions.
+        # Its bands are those of the experiment on transfer functions, and of the ratios over these.
         other = transfer.EXPERIMENT.table(
             transfer.skies(**TINY, methods=[["pca", 3]], n_mocks=2, n_realisations=1)
         ).set_index("band")
-        for corrected, column in ((False, "uncorrected"), (True, "corrected")):
+        measured = measured_recoveries(grid[0])
+        ((power, kept),) = [row[2:] for row in measured if row[1] == PCA(n_sources=3)]
+        ratios = {kind: ratio / getattr(kept, kind) for kind, ratio in power.ratios().items()}
+        expected = other["uncorrected"].to_dict(), power.band_means(ratios)
+        for corrected, bands in zip((False, True), expected, strict=True):
             own = in_bands(table).loc["oscillating", "pca", 3, corrected].droplevel("seed")
-            assert own.to_dict() == pytest.approx(other[column].to_dict())
+            assert own.to_dict() == pytest.approx(bands)
 
 
 ANGULAR = [
