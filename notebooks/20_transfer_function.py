@@ -414,7 +414,7 @@ quote(
 show_table(rows)
 
 # %% [markdown]
-# - **The foreground residual of a number of sources can be seen without the truth**: one source more removes more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three sources leaves a residual, and is corrected with four.
+# - **The foreground residual of a number of sources can be seen without the truth**: one source more removes more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three sources has a residual on most skies, and is corrected with four there (column *sources* of the tables above).
 # - **The correction is only as good as the foreground that was found.** Where the residual is spread over several components that are each fainter than HI, none of them stands out and what is left is not detected: PCA at `quick`, and BeamSubspace with the synthetic Galaxy. The systematic contains a part of it.
 # - **Statistical error bars are too small for some methods**: see the coverage above. The foreground that was found contains HI in its faintest sources, which are therefore brighter and more stable in members than in the data.
 # - **With more sources than the foreground has**, the last ones fit this very HI, and the corrected power is low by up to the share of one source. Take as many as the foreground needs, not more.

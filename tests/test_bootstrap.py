@@ -13,7 +13,6 @@ from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 
 NSIDE, FREQS, WIDTH = 16, np.linspace(900, 1000, 20, endpoint=False), 5.0
-LMAX = 3 * NSIDE - 1
 
 
 @pytest.mark.parametrize("n_mocks", [3, 6, 50])
@@ -26,7 +25,7 @@ def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
 
 
 def white(rng):
-    """Noise of 1 mK in pixels and channels, less its means; harmonic coefficients of it beside."""
+    """Noise of 1 mK in pixels and channels, less its means."""
     maps = rng.standard_normal((len(FREQS), 12 * NSIDE**2))
     maps -= maps.mean(axis=1, keepdims=True)
     return maps.astype(np.float32)

@@ -213,7 +213,7 @@ class TestCommands:
         words = ("--method", "beam_subspace", "--beam", "degraded", "-p", "n_sources=2", "--mocks", 2)
         result = himap("transfer", "cube.h5", *words, "--truth", "truth.h5", "-o", "t.html")
         assert result.exit_code == 0, result.stderr
-        assert "t.html  t.csv  (" in result.stdout
+        assert "t.html  t.csv  (" in result.stdout and "The mocks have no noise" in result.output
         assert all(
             name in result.stdout for name in (*HEADER, *HEADER_OF_TRUTH, "C(l), l 2-4", "P(k), k > 0.1")
         )

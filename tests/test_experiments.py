@@ -131,7 +131,7 @@ class TestTransfer:
         return MockPower(*powers)
 
     def test_in_every_band(self):
-        """Of a projection that keeps 0.8 of the amplitude, with a foreground residual of power 0.1."""
+        """0.8 of the amplitude of mocks comes back; the residual of the data has the power 0.9."""
         mocks = TransferFunction(mocks=(self.made_up(0.64), self.made_up(0.64)))
         found = transfer.corrected_bands(self.made_up(0.9), mocks)
         assert [row["band"] for row in found] == BANDS
@@ -152,7 +152,7 @@ class TestTransfer:
         ("rank", "used", "corrected"), [(3, 3, 1.5), (4, 4, 1.2), (6, 6, 1.0), (9, 6, 1.0)]
     )
     def test_sources_are_added_until_one_more_takes_no_foreground(self, monkeypatch, rank, used, corrected):
-        """Foregrounds of some ranks, with made-up corrections of 6 over the number of sources less 1."""
+        """Foregrounds of some ranks, with made-up corrections of 6 over the number of sources and 1."""
         (sky,) = transfer.skies(**TINY, methods=[["pca", 3], ["gnilc", None]], n_realisations=1, n_mocks=2)
 
         class Known:

@@ -121,9 +121,7 @@ class TestTransferFunction:
         """Half of the amplitude is lost at one k and one l, where twice the power of the rest is."""
         kept, input = np.ones((5, 4)), np.ones((5, 4))
         kept[3, 1], input[3, 1] = 0.5, 2
-        found = TransferFunction(
-            mocks=(made_up(kept, input=input),),
-        )
+        found = TransferFunction(mocks=(made_up(kept, input=input),))
         assert found.angular[3] == pytest.approx((1 + 2 * 1 + 2 + 1) / (1 + 2 * 2 + 2 + 1))
         assert found.frequency[1] == pytest.approx((1 + 3 + 5 + 7 * 1 + 9) / (1 + 3 + 5 + 7 * 2 + 9))
         assert found.cylindrical([3, 4])[0, 1] == pytest.approx(0.5)

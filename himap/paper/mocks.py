@@ -122,10 +122,15 @@ def recovered(case, removers, mock, mask_peaks=True):
         without = cleaned.separation(case, remover, mask_peaks)
         rng = case.survey.rng(f"removal {remover.name}")
         found = mocked.with_method(remover, rng=rng).separation
-        wrong = (without.foreground + -found.foreground).truncate(_faint(case))
-        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-        recoveries.append(mock_power(own, wrong, case.survey.channel_width))
+        recoveries.append(_power(case, alms, without, found))
     return recoveries
+
+
+def _power(case, alms, known, found):
+    """The `MockPower` of a mock where `found` was separated, from the `Separation` of all but the mock."""
+    wrong = (known.foreground + -found.foreground).truncate(_faint(case))
+    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+    return mock_power(own, wrong, case.survey.channel_width)
 
 
 @product
@@ -141,9 +146,7 @@ def resampled(case, remover, mock, mask_peaks=True):
     member, powers = base.resampled(maps), []
     for method in dict.fromkeys((remover, one_more(remover))):
         found = member.with_method(method, rng=case.survey.rng(f"removal {remover.name}")).separation
-        wrong = (base.separation.foreground + -found.foreground).truncate(_faint(case))
-        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-        powers.append(mock_power(own, wrong, case.survey.channel_width))
+        powers.append(_power(case, alms, base.separation, found))
     return powers
 
 

@@ -250,6 +250,10 @@ def _mocks(cube, beams, asked):
         return None
     cube.check_sphere()
     if numbers:
+        if noise is None:
+            _tell(
+                asked, "The mocks have no noise; noise in the cube counts as foreground without --mock-noise."
+            )
         return draw_mocks(cube, beams, int(numbers[0]), noise=noise)
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
