@@ -126,10 +126,10 @@ def recovered(case, removers, mock, mask_peaks=True):
     return recoveries
 
 
-def _power(case, alms, known, found):
-    """The `MockPower` of a mock where `found` was separated, from the `Separation` of all but the mock."""
-    wrong = (known.foreground + -found.foreground).truncate(_faint(case))
-    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+def _power(case, alms, before, after):
+    """The `MockPower` of a mock, from the `Separation` of all but the mock, and of all with it."""
+    wrong = (before.foreground + -after.foreground).truncate(_faint(case))
+    own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
     return mock_power(own, wrong, case.survey.channel_width)
 
 
