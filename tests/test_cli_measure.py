@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -148,6 +149,16 @@ class TestCheckAndGrow:
         record = stored("a.json")
         assert len(record.seeds) == 2 and record.about["checked"]["code"] == measuring_code("claims")
 
+    def test_with_the_parameters_of_the_record(self, himap_command, seen):
+        options = ("-p", "n_realisations=2", "-p", "seed=7", "-p", "plane_weight=0.2", "-p", "box_cells=64")
+        assert himap_command(*CLAIMS, *options, "-o", "a.json")[0] == 0
+        assert himap_command("measure", "claims", "--check", "a.json")[::2] == (0, "")
+        grow = ("measure", "claims", "--grow", "a.json", "-p", "n_realisations=3")
+        assert himap_command(*grow)[::2] == (0, "")
+        made, checked, grown = (tables[0] for tables in seen)
+        assert checked == made
+        assert grown.survey == replace(made.survey, seed=9)
+
     def test_only_the_skies_that_are_missing(self, written, seen):
         before = stored("a.json")
         code, out, err = written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=4")
@@ -179,13 +190,15 @@ class TestCheckAndGrow:
             (["--grow", "a.json", "-p", "plane_weight=0.2"], "other parameters (plane_weight)"),
             (["--grow", "a.json", "-p", "seed=7"], "other parameters (seed)"),
             (["--check", "a.json", "-p", "seed=7"], "other parameters (seed)"),
+            (["--check", "a.json", "--preset", "quick"], "other parameters (preset)"),
         ],
     )
-    def test_refused(self, written, options, message):
+    def test_refused_before_any_work(self, written, seen, options, message):
         before = Path("a.json").read_text()
+        seen.clear()
         code, _, err = written(*CLAIMS, *options)
         assert code == 2 and message in err
-        assert Path("a.json").read_text() == before
+        assert Path("a.json").read_text() == before and not seen
 
     def test_a_record_of_other_code_grows_once_it_was_checked(self, written):
         content = json.loads(Path("a.json").read_text())

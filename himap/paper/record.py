@@ -143,6 +143,13 @@ class Record:
         return Provenance.of_stored(self.about)
 
     @property
+    def parameters(self):
+        """{name: value} that measure it again; folders, which belong to a machine, are not among them."""
+        galaxy = str(self.about["galaxy"]).partition(" ")[0]  # of "templates (nside 64)"
+        named = {name: self.about[name] for name in ("preset", "seed")}
+        return {**named, "galaxy": galaxy, **dict(self.about["overrides"])}
+
+    @property
     def seeds(self):
         """Of its skies, a list."""
         return self.rows["seed"].unique().tolist()
@@ -204,7 +211,7 @@ class Record:
         InputError
             The record was made with other parameters, or has other numbers of that sky.
         """
-        self._check_parameters(about)
+        self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
         columns = [name for name in rows if name not in self.experiment.words]
         stored = self.rows.loc[self.rows["seed"] == seed, columns].reset_index(drop=True)
@@ -233,7 +240,7 @@ class Record:
         InputError
             It was made with other parameters or by other code than `about` says.
         """
-        self._check_parameters(about)
+        self.check_parameters(about)
         if all(moved(code, about["code"]) for code in self.codes):
             raise InputError("the record was made by other code; see with --check if that gives the same.")
         return [seed for seed in seeds if seed not in self.seeds]
@@ -249,8 +256,14 @@ class Record:
         }
         return replace(self, rows=rows, about={**self.about, **changed})
 
-    def _check_parameters(self, about):
-        """Refuse what was made with other parameters than the record."""
+    def check_parameters(self, about):
+        """Refuse what was made, or would be, with other parameters than the record.
+
+        Raises
+        ------
+        InputError
+            Which parameters differ.
+        """
         ours, theirs = (
             {name: made[name] for name in ("preset", "galaxy", "seed")} | dict(made["overrides"])
             for made in (self.about, about)

@@ -34,8 +34,8 @@ _OPTIONS = (
     click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter."),
     click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/."),
     overwrite_option,
-    click.option("--check", metavar="FILE", help="Measure one sky of a record again, and mark it."),
-    click.option("--grow", metavar="FILE", help="Add the skies that a record does not have."),
+    click.option("--check", metavar="FILE", help="Measure a sky of this record again, and mark it."),
+    click.option("--grow", metavar="FILE", help="Add the skies that this record does not have."),
 )
 
 
@@ -74,18 +74,18 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     from himap.paper.record import Record, measuring_code
 
     experiment = find_experiment(name)
-    chosen, given = _parameters(experiment, pairs, preset)
     path, record = grow if check is None else check, None
     if None not in (check, grow):
         raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
-    if path is None:
+    if path is not None:
+        if output is not None or overwrite:
+            option = "--grow" if check is None else "--check"
+            raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
+        record = Record.load(experiment, path)
+    chosen, given = _parameters(experiment, pairs, preset, record.parameters if record else {})
+    if record is None:
         default = Path("results", copy_name(name, chosen["preset"], given, suffix=".json"))
         path = check_output(default if output is None else Path(output), suffix=".json", overwrite=overwrite)
-    elif output is not None or overwrite:
-        option = "--grow" if check is None else "--check"
-        raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
-    else:
-        record = Record.load(experiment, path)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
     stated = {one: chosen[one] for one in experiment.stated}
@@ -102,6 +102,8 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
         # The code that ran, whatever was edited in the hours since.
         return asdict(made) | {"code": measuring_code(name, CodeTree(texts=LOADED))}
 
+    if record is not None:
+        record.check_parameters(about(started))
     if check is not None:
         rows = experiment.table(skies[:1])
         record.check(rows, about(started)).save(path)
@@ -124,15 +126,17 @@ def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
-def _parameters(experiment, pairs, preset):
-    """{name: value} of all parameters of an experiment, and of those that were given."""
+def _parameters(experiment, pairs, preset, recorded):
+    """{name: value} of all parameters of an experiment, and of those that were given or `recorded`."""
     declared = {one.name: one for one in (_SKIES, *find(experiment.chapter).parameters)}
     declared = [
         replace(one, default=experiment.defaults.get(one.name, one.default))
         for one in declared.values()
         if one.name not in experiment.without
     ]
-    given = check_parameters(declared, parse_texts(declared, named_values(pairs)), preset)
+    texts = parse_texts(declared, named_values(pairs))
+    recorded = recorded if preset is None else {**recorded, "preset": preset}
+    given = check_parameters(declared, recorded | texts, None if recorded else preset)
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
         whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
     return {one.name: one.default for one in declared} | given, given
