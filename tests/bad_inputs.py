@@ -561,5 +561,5 @@ for words in (f"--to {10**30}", "--from -5", "--to 1", "--from 24 --to 25"):
     add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
 add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
 for command in ("claims", "readings"):
-    words = f"{command} -p n_sources_max=1000000000000"
+    words = f"measure {command} -p n_sources_max=1000000000000"
     add(f"{command} without end", words, "n_sources_max must be a whole number")

@@ -16,14 +16,6 @@ from himap.paper.experiments import EXPERIMENTS, find_experiment
 from himap.paper.record import Experiment, Record, measuring_code
 
 CLAIMS = ("measure", "claims", "--preset", "ci")
-FORMER = {
-    "claims": "claims",
-    "readings": "readings",
-    "record corrections": "transfer",
-    "record beam-errors": "beam_errors",
-    "record side-by-side": "methods",
-    "record suggestions": "n_sources",
-}
 
 
 @pytest.fixture
@@ -88,15 +80,6 @@ class TestWrite:
             assert Path(file).read_text() == "hours of work"
         code, _, err = himap_command("measure", name, "--preset", "ci", "-o", "")
         assert code == 2 and "something.json; got" in err
-
-    @pytest.mark.parametrize("old", FORMER)
-    def test_former_commands(self, himap_command, monkeypatch, old):
-        """They do what the new one does, with one line more."""
-        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
-        code, _, err = himap_command(*old.split(), "--preset", "huge")
-        assert code == 2
-        assert err.startswith(f"`himap {old}` is `himap measure {FORMER[old]}` now")
-        assert "unknown preset" in err
 
 
 def bad(name, *options, message):

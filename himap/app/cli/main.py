@@ -13,7 +13,7 @@ import click
 from himap import __version__
 from himap.app import reproduce
 from himap.app.cli.cubes import clean, sensitivity, suggest, transfer
-from himap.app.cli.measure import claims, measure, readings, record
+from himap.app.cli.measure import measure
 from himap.app.cli.shared import (
     METHOD,
     NOTEBOOK,
@@ -48,7 +48,7 @@ def main():
     """
 
 
-for _command in (claims, clean, measure, readings, record, sensitivity, suggest, transfer):
+for _command in (clean, measure, sensitivity, suggest, transfer):
     main.add_command(_command)
 
 

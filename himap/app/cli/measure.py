@@ -6,15 +6,7 @@ from pathlib import Path
 
 import click
 
-from himap.app.cli.shared import (
-    EXPERIMENT,
-    PRESET,
-    debug,
-    named_values,
-    overwrite_option,
-    with_options,
-    workers,
-)
+from himap.app.cli.shared import EXPERIMENT, PRESET, debug, named_values, overwrite_option, workers
 from himap.app.notebook_files import check_output, copy_name
 from himap.app.notebooks import find
 from himap.app.parameters import Parameter, check_parameters, parse_texts
@@ -29,24 +21,18 @@ _MOST_SOURCES = 10_000
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
-_OPTIONS = (
-    click.option("--preset", help="ci, quick, laptop or paper.", **PRESET),
-    click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter."),
-    click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/."),
-    overwrite_option,
-    click.option("--check", metavar="FILE", help="Measure a sky of this record again, and mark it."),
-    click.option("--grow", metavar="FILE", help="Add the skies that this record does not have."),
-)
-
-
-def _with_options(command):
-    return with_options(*_OPTIONS)(debug(workers(command)))
-
 
 @click.command()
 @click.argument("name", **EXPERIMENT)
-@_with_options
-def measure(name, **options):
+@click.option("--preset", help="ci, quick, laptop or paper.", **PRESET)
+@click.option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the chapter.")
+@click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/.")
+@overwrite_option
+@click.option("--check", metavar="FILE", help="Measure a sky of this record again, and mark it.")
+@click.option("--grow", metavar="FILE", help="Add the skies that this record does not have.")
+@workers
+@debug
+def measure(name, *, pairs, preset, output, overwrite, check, grow):
     """Measure the experiment NAME on many skies, and write its record.
 
     \b
@@ -65,10 +51,6 @@ def measure(name, **options):
     \b
     himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
     """
-    _measure(name, **options)
-
-
-def _measure(name, *, pairs, preset, output, overwrite, check, grow):
     # Imported here: other commands need not wait for what does the work.
     from himap.paper.experiments import find_experiment
     from himap.paper.record import Record, measuring_code
@@ -140,37 +122,3 @@ def _parameters(experiment, pairs, preset, recorded):
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
         whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
     return {one.name: one.default for one in declared} | given, given
-
-
-def _formerly(old, name):
-    """The command `old`, which is `himap measure NAME` now."""
-
-    def command(**options):
-        click.echo(f"`himap {old}` is `himap measure {name}` now, and goes with the next release.", err=True)
-        _measure(name, **options)
-
-    words = f"Measure {name}; now `himap measure {name}`.\n\n\b\nhimap {old} --preset quick"
-    return click.command(old.rpartition(" ")[2], help=words, hidden=True)(_with_options(command))
-
-
-claims = _formerly("claims", "claims")
-readings = _formerly("readings", "readings")
-
-
-@click.group(hidden=True)
-@debug
-def record():
-    """Measure an experiment; now `himap measure`.
-
-    \b
-    himap record corrections --preset quick
-    """
-
-
-for _old, _name in (
-    ("corrections", "transfer"),
-    ("beam-errors", "beam_errors"),
-    ("side-by-side", "methods"),
-    ("suggestions", "n_sources"),
-):
-    record.add_command(_formerly(f"record {_old}", _name))
