@@ -11,7 +11,8 @@ from scipy.special import spherical_jn
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
-from himap.sky import hi, light_cone
+from himap.sky import box, hi, light_cone
+from himap.sky.box import GaussianBox
 from himap.sky.cosmology import Cosmology, HIModel, redshift
 
 NARROW = Survey(nside=32, n_channels=4, freq_min=940, freq_max=960, box_cells=128, seed=7)
@@ -62,28 +63,83 @@ def band_power(maps, degrees):
     return ((2 * degrees + 1) * cl).sum(axis=-1)
 
 
-def test_modes_have_the_requested_spectrum(rng):
+def gaussian_box(power, n, size, seed=3, **options):
+    return GaussianBox(power, n, size, np.random.default_rng(seed), **options)
+
+
+def wave_numbers(n, size):
+    """|k| of all modes of a box, and its component along x."""
+    k = 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
+    return np.sqrt(k[:, None, None] ** 2 + k[:, None] ** 2 + k**2), k[:, None, None]
+
+
+def test_modes_have_the_requested_spectrum():
     cosmology = Cosmology()
     n, size = 64, 3000.0
-    field = hi.real_field(hi.gaussian_modes(cosmology.linear_power, n, size, rng))
+    box = gaussian_box(cosmology.linear_power, n, size)
+    variances = []
+    field = box.density(lambda i, plane, variance: variances.append(variance) or plane)
     power = np.abs(fft.fftn(field.astype(float))) ** 2 * size**3 / n**6
-    k = 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
-    k = np.sqrt(k[:, None, None] ** 2 + k[:, None] ** 2 + k**2)
+    k, _ = wave_numbers(n, size)
     shell = (k > 0.02) & (k < 0.06)
     ratio = power[shell] / cosmology.linear_power(k[shell])
     assert ratio.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / shell.sum()))
+    assert variances == pytest.approx(np.full(n, field.var(dtype=float)), rel=1e-5)
 
 
-def test_displacement_of_a_plane_wave():
-    """delta = cos(q z) moves matter by -sin(q z) / q along z, here projected on the line of sight."""
+def test_displacement_of_plane_waves():
+    """cos(q x) moves matter by -sin(q x) / q along x, sin(q x) by cos(q x) / q; here on the line of sight."""
     n, size = 32, 600.0
-    x = hi.cell_centres(n, size)
-    q = 2 * np.pi * 3 / size
-    # The grid starts at the first cell centre, so the field itself is what is transformed.
-    field = np.broadcast_to(np.cos(q * x), (n, n, n)).astype(np.float32)
-    psi = hi.radial_displacement(fft.rfftn(field), size)
-    r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
-    assert psi == pytest.approx(-np.sin(q * x) / q * x / r, abs=1e-4)
+    q = 2 * np.pi / size
+
+    def longest(k):
+        return np.where((k > 0.5 * q) & (k < 1.2 * q), 1e6, 0.0)
+
+    moved = gaussian_box(longest, n, size).radial_displacement(lambda i: 2.0)
+    field = gaussian_box(longest, n, size).density().astype(float)
+    x, expected = box.cell_centres(n, size), 0
+    where = np.meshgrid(x, x, x, indexing="ij")
+    for along in where:
+        cosine, sine = (2 * np.mean(field * wave(q * along)) for wave in (np.cos, np.sin))
+        expected = expected + (cosine * -np.sin(q * along) + sine * np.cos(q * along)) / q * along
+    assert moved == pytest.approx(
+        2 * expected / np.sqrt(sum(along**2 for along in where)), rel=1e-3, abs=1e-3
+    )
+
+
+def test_a_larger_box_has_the_modes_of_the_nested_one(monkeypatch):
+    """Where both have them, the same function of place, with the observer at the centre of both."""
+    monkeypatch.setattr(box, "NESTED_CELLS", 16)
+    size, power = 600.0, Cosmology().linear_power
+    for n in (32, 40):
+        fields = [fft.fftn(gaussian_box(power, cells, size).density().astype(float)) for cells in (16, n)]
+        modes = []
+        for field in fields:
+            cells = len(field)
+            m = np.fft.fftfreq(cells, 1 / cells)
+            turn = np.exp(-1j * np.pi * m / cells)  # from the first cell centre to the edge of the box
+            modes.append(field * turn[:, None, None] * turn[:, None] * turn / cells**3)
+        inside = np.r_[0:8, -7:0]
+        one, other = (mode[np.ix_(inside, inside, inside)] for mode in modes)
+        assert np.abs(other - one).max() < 1e-5 * np.abs(one).max()
+        k, _ = wave_numbers(n, size)
+        beyond = (k > 2 * np.pi / size * 14) & (k < np.pi * n / size)
+        ratio = np.abs(modes[1][beyond]) ** 2 * size**3 / power(k[beyond])
+        assert ratio.mean() == pytest.approx(1, abs=4 * np.sqrt(2 / beyond.sum()))
+
+
+def test_a_box_in_files_is_that_in_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(box, "_BLOCK", 10_000)  # several blocks of columns
+    survey = replace(NARROW, box_cells=32, nside=8)
+    maps, others = (hi.hi_maps(survey, survey.rng("hi"), folder=folder) for folder in (None, tmp_path))
+    assert others == pytest.approx(maps, rel=1e-3)
+    n_bytes = sum(file.stat().st_size for file in tmp_path.iterdir())
+    assert n_bytes == pytest.approx(box.BYTES * 32**3, rel=0.1)
+
+
+def test_a_displacement_that_a_file_cannot_hold(tmp_path):
+    with pytest.raises(InputError, match="displaced by .* up to 64: take fewer cells"):
+        gaussian_box(lambda k: 1e7 + 0 * k, 16, 600.0, folder=tmp_path).radial_displacement(lambda i: 1.0)
 
 
 def test_lognormal_box_is_positive_with_mean_one(rng):
@@ -100,7 +156,7 @@ def test_smoothing_of_the_density_against_closed_forms(r_smooth):
     (density, moved), (smooth, less_moved) = (
         hi.lognormal_box(n, size, np.random.default_rng(3), model=model, r_smooth=r) for r in (0.0, r_smooth)
     )
-    x, k = hi.cell_centres(n, size), 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
+    x, k = box.cell_centres(n, size), 2 * np.pi / size * np.fft.fftfreq(n, 1 / n)
     distance, k = (np.sqrt(a[:, None, None] ** 2 + a[:, None] ** 2 + a**2) for a in (x, k))
     z = model.cosmology.redshift_at(distance)
     amplitude = model.bias(z) * model.cosmology.growth(z)
@@ -133,9 +189,8 @@ def test_growth_and_bias_along_the_light_cone():
     n, size = 64, 3000.0
     model = HIModel()
     density, _ = hi.lognormal_box(n, size, np.random.default_rng(5), rsd=False)
-    modes = hi.gaussian_modes(model.cosmology.linear_power, n, size, np.random.default_rng(5))
-    gaussian = hi.real_field(modes)
-    x = hi.cell_centres(n, size)
+    gaussian = gaussian_box(model.cosmology.linear_power, n, size, seed=5).density()
+    x = box.cell_centres(n, size)
     r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
     for near, far in ((300, 400), (1300, 1400)):
         shell = (r > near) & (r < far)
@@ -156,7 +211,7 @@ def test_channels_are_in_the_order_of_frequency():
 def test_rays_see_the_cells_they_pass():
     """A density that rises along x, seen along x: the observer is at the centre, not half a cell off."""
     n, size = 32, 3200.0
-    x = hi.cell_centres(n, size).astype(np.float32)
+    x = box.cell_centres(n, size).astype(np.float32)
     ramp = np.broadcast_to((x[:, None, None] + 2000) / 1000, (n, n, n)).astype(np.float32).copy()
     edges = np.array([500.0, 510, 1000, 1010])
     maps = light_cone.trace(ramp, None, edges, 8, size, light_cone.plan_rays(8, 100.0, 500, 1010))
@@ -181,7 +236,7 @@ def test_the_box_is_periodic_and_a_uniform_medium_stays_so():
 def test_trace_shifts_matter_by_the_displacement():
     """Matter displaced by exactly one channel shows up one channel further out, with all its mass."""
     n, size = 128, 1280.0
-    x = hi.cell_centres(n, size)
+    x = box.cell_centres(n, size)
     r = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
     shell = np.exp(-((r - 425) ** 2) / (2 * 15.0**2)).astype(np.float32)
     edges = np.arange(300, 600, 25.0)

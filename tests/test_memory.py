@@ -1,14 +1,17 @@
 """What a run needs in memory, and the refusal of one that does not fit."""
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from himap.core import memory
 from himap.core.errors import InputError
-from himap.core.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
+from himap.core.files import cache_folder
+from himap.core.memory import IN_FILES, LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
 from himap.core.survey import PRESETS
 from himap.instrument.beams import Degraded
 from himap.paper import pipeline
@@ -49,6 +52,27 @@ def test_the_paper_fits_24_gb_and_a_box_of_2048_cells_does_not(monkeypatch):
     check_memory(replace(PAPER, box_cells=2048), steps=["cleaning"])
 
 
+def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
+    survey = PRESETS["ci"]
+    in_memory = pipeline.hi_of_sky.compute(survey)
+    needs = estimate(survey)
+    monkeypatch.setattr(pipeline, "memory_limit", lambda: needs["HI light cone"] - 1)
+    monkeypatch.setattr(pipeline, "check_memory", lambda survey, steps: None)
+    assert pipeline.hi_of_sky.compute(survey) == pytest.approx(in_memory, rel=1e-3)
+    assert not list((cache_folder() / "hi_of_sky").glob("unfinished*"))
+    nearly_full = SimpleNamespace(free=1_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: nearly_full)
+    with pytest.raises(InputError, match=r"hi_of_sky needs 0.0126 GB of disk .* 0.001 GB are free"):
+        pipeline.hi_of_sky.compute(survey)
+
+
+def test_a_box_of_2048_cells_in_files_fits_12_gb(monkeypatch):
+    monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
+    check_memory(replace(PAPER, box_cells=2048), steps=[IN_FILES])
+    with pytest.raises(InputError, match="box in files needs about"):
+        check_memory(replace(PAPER, nside=2048, box_cells=2048), steps=[IN_FILES])
+
+
 def test_ways_out(monkeypatch):
     monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
     with pytest.raises(InputError, match="with 2 jobs, and 12 GB may be used: fewer --jobs need less"):
@@ -81,7 +105,7 @@ steps = memory.estimate(survey)
 pipeline.hi(Survey(nside=4, n_channels=20, box_cells=16))  # compiles
 pipeline.hi(survey)
 status = pathlib.Path("/proc/self/status").read_text()  # what `resource` says counts the parent process too
-print(int(re.search(r"VmHWM:\\s*(\\d+)", status)[1]) * 1024, max(steps.values()))
+print(int(re.search(r"VmHWM:\\s*(\\d+)", status)[1]) * 1024, steps["HI light cone"])
 """
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import psutil
 
 from himap.core.errors import InputError
+from himap.core.survey import NESTED_CELLS
 
 LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 """Environment variable with the memory that a run may use, such as 16GB; `--max-memory` sets it."""
@@ -25,6 +26,10 @@ _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
 _BOXES = 3  # of cells, at most, while HI is made
 _KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
+IN_FILES = "HI light cone, its box in files"
+"""The step of `estimate` in place of "HI light cone" where the box does not fit into memory."""
+
+_COLUMNS = 1e9  # bytes of what is transformed at once
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
 
@@ -109,6 +114,7 @@ def estimate(survey, *, jobs=1):
     cube = 4 * survey.n_channels * survey.n_pix
     return {
         "HI light cone": PROCESS + max(_BOXES * box, (_BOXES - 1) * box + cube),
+        IN_FILES: PROCESS + max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube),
         "observing": PROCESS + _CUBES["observing"] * cube,
         "cleaning": jobs * (PROCESS + _CUBES["cleaning"] * cube),
     }
@@ -124,7 +130,7 @@ def check_memory(survey, *, jobs=1, steps=None):
     jobs
         Processes that clean at once.
     steps
-        Which steps of `estimate`; default all.
+        Which steps of `estimate`; default all but `IN_FILES`.
 
     Raises
     ------
@@ -133,7 +139,8 @@ def check_memory(survey, *, jobs=1, steps=None):
     """
     limit = memory_limit()
     needs = estimate(survey, jobs=jobs)
-    step, need = max(((step, needs[step]) for step in steps or needs), key=lambda item: item[1])
+    steps = steps or [step for step in needs if step != IN_FILES]
+    step, need = max(((step, needs[step]) for step in steps), key=lambda item: item[1])
     if need <= limit:
         return
     if step == "HI light cone":

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.core.memory import check_memory
+from himap.core.memory import IN_FILES, check_memory, estimate, memory_limit
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.paper import Degraded
@@ -22,9 +22,11 @@ from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import on_sky, seen_through
+from himap.sky.box import BYTES
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.galaxy import Dimming, Galaxy, foreground_components
 from himap.sky.hi import hi_maps
+from himap.store.cache import workplace
 from himap.store.store import product
 
 
@@ -70,8 +72,12 @@ def hi(survey):
 @product
 def hi_of_sky(survey):
     """`hi`, kept for the sky alone: surveys that differ in their instrument share it."""
-    check_memory(survey, steps=["HI light cone"])
-    return hi_maps(survey, survey.rng("hi"))
+    rng = survey.rng("hi")
+    if estimate(survey)["HI light cone"] <= memory_limit():
+        return hi_maps(survey, rng)
+    check_memory(survey, steps=[IN_FILES])
+    with workplace(hi_of_sky.name, BYTES * survey.box_cells**3) as folder:
+        return hi_maps(survey, rng, folder=folder)
 
 
 @product

@@ -38,7 +38,7 @@ def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     return bounds, cell / oversample / _STEPS_PER_GAP
 
 
-def trace(density, displacement, distance_edges, nside, box_size, rays):
+def trace(density, displacement, distance_edges, nside, box_size, rays, *, unit=1.0):
     """Mean density per channel and pixel, in redshift space.
 
     Parameters
@@ -46,11 +46,13 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     density
         (n, n, n) float32, 1 + delta at the cell centres.
     displacement
-        (n, n, n) float32, from real to redshift space, away from the observer, Mpc/h; None for none.
+        (n, n, n), from real to redshift space, away from the observer, in units of `unit`; None for none.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
     nside, box_size, rays
         Resolution of the maps, side of the box in Mpc/h, and what `plan_rays` returns.
+    unit
+        Of displacements, Mpc/h.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
             _trace_shell(
                 density,
                 density if still else displacement,
-                not still,
+                0.0 if still else unit,
                 vectors[pixels],
                 ring[pixels],
                 np.linspace(start, stop, n_steps + 1),
@@ -87,11 +89,12 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
 
 
 @njit(parallel=True, fastmath=True, cache=True)
-def _trace_shell(density, displacement, moving, vectors, ring, radii, edges, per_cell, maps):
+def _trace_shell(density, displacement, unit, vectors, ring, radii, edges, per_cell, maps):
     """Add the shell between radii[0] and radii[-1] to `maps`, as integrals over each channel.
 
-    `vectors` (n_pixels, n_rays, 3) are ray directions, `ring` the RING index of each pixel. One thread
-    owns a pixel: the sums are the same for any number of threads.
+    Displacements are in units of `unit`, 0 if there are none. `vectors` (n_pixels, n_rays, 3) are ray
+    directions, `ring` the RING index of each pixel. One thread owns a pixel: the sums are the same for any
+    number of threads.
     """
     n_rays = vectors.shape[1]
     nodes = (radii * per_cell).astype(np.float32)
@@ -101,8 +104,9 @@ def _trace_shell(density, displacement, moving, vectors, ring, radii, edges, per
         moved, inside = np.zeros_like(nodes), np.empty_like(middles)
         cells, weights = np.empty((6, len(nodes)), np.int32), np.empty((3, len(nodes)), np.float32)
         for ray in range(n_rays):
-            if moving:
+            if unit:
                 _interpolate(displacement, vectors[pixel, ray], nodes, cells, weights, moved)
+                moved *= np.float32(unit)
             _interpolate(density, vectors[pixel, ray], middles, cells, weights, inside)
             _deposit(row, edges, radii, moved, inside)
         for channel in range(len(row)):

@@ -168,6 +168,31 @@ def save(product, key, value, *, arguments, seconds):
             shutil.rmtree(part, ignore_errors=True)
 
 
+@contextlib.contextmanager
+def workplace(product, n_bytes):
+    """A folder for files of so many bytes that the making of `product` needs; it goes at the end.
+
+    Raises
+    ------
+    InputError
+        There is no room, or nothing can be written to the cache.
+    """
+    with _writing(product) as home:
+        free = shutil.disk_usage(home).free
+        if free < n_bytes:
+            raise InputError(
+                f"{product} needs {n_bytes / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} GB "
+                f"are free in {home}. Free space with `himap cache clear`, or set HIMAP_CACHE to a folder "
+                "that has room; a smaller box, or more memory, needs no disk."
+            )
+        folder = home / own_name(_UNFINISHED)
+        make_private(folder)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def remove(product, key):
     """Delete the result of `product` under `key`; processes that have it mapped may read on."""
     _delete(_home() / product / key)

@@ -1,0 +1,259 @@
+"""A Gaussian field in a periodic box of cells, and the displacement of matter that belongs to it.
+
+Transforms go plane by plane and then column by column, in place, so a box may be in memory or in a file.
+Arrays are float32 (complex64 for modes) and one box large.
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numba import njit, prange
+from scipy import fft
+
+from himap.core.errors import InputError
+from himap.core.progress import progress
+from himap.core.survey import NESTED_CELLS
+
+STEP = 2.0**-9
+"""Mpc/h: displacements in a file are whole numbers of it, up to 64 Mpc/h."""
+
+BYTES = 6
+"""Of a cell of a box in files."""
+
+_DENSITY, _POTENTIAL, _ALONG_X = range(3)
+_LABELS = "HI density", "HI velocities, y and z", "HI velocities, x"
+_TABLE_SIZE = 65536  # of |k| for amplitudes; linear interpolation is good to 1e-4 at the fundamental mode
+_BLOCK = 2**28  # bytes of the columns that are transformed at once
+
+
+class GaussianBox:
+    """A Gaussian field of a power spectrum, the observer at the centre, on the corner shared by eight cells.
+
+    White noise is drawn in real space, plane by plane from child streams of `rng`, so the result does not
+    depend on the number of threads. A box of more than `NESTED_CELLS` cells a side has the modes of the one
+    of `NESTED_CELLS` cells of the same `rng`, and more beyond.
+
+    Parameters
+    ----------
+    power
+        Function of k (h/Mpc) that returns P(k) in (Mpc/h)^3.
+    n_cells, box_size
+        Cells and length (Mpc/h) of a side.
+    rng
+        numpy Generator.
+    folder
+        A `Path` for files with what is large, `BYTES` a cell; default: memory, twice as much.
+    """
+
+    def __init__(self, power, n_cells, box_size, rng, *, folder=None):
+        self.n_cells, self.box_size, self.folder = n_cells, box_size, folder
+        self._coarse = _noise_modes(NESTED_CELLS, rng.spawn(NESTED_CELLS)) if n_cells > NESTED_CELLS else None
+        self._rng, self._seeds = rng, rng.bit_generator.seed_seq.spawn(n_cells)
+        k_max = np.sqrt(3) * np.pi * n_cells / box_size
+        table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
+        self._table, self._k_unit, self._k_max = table.astype(np.float32), 2 * np.pi / box_size, k_max
+        self.x = cell_centres(n_cells, box_size).astype(np.float32)
+        self._field = self._array("density", np.complex64, n_cells // 2 + 1)
+        self._noise = None if folder else self._draw(np.empty_like(self._field))
+        self._variance = None
+
+    def _array(self, name, dtype, length):
+        shape = (self.n_cells, self.n_cells, length)
+        if self.folder is None:
+            return np.empty(shape, dtype=dtype)
+        return np.asarray(np.memmap(self.folder / name, dtype=dtype, mode="w+", shape=shape))
+
+    def _draw(self, out):
+        kind = type(self._rng.bit_generator)
+        return _draw_planes(out, [np.random.Generator(kind(seed)) for seed in self._seeds])
+
+    def density(self, change=lambda i, plane, variance: plane):
+        """The field, (n, n, n) float32; nothing else can be asked of the box after it.
+
+        Parameters
+        ----------
+        change
+            Function of the number of a plane, its field (n, n) and the variance of the box (mean 0);
+            gives what is kept of the plane.
+        """
+        n = self.n_cells
+        planes = self._planes(_DENSITY, last=True)
+        flat = self._field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
+        for i, modes in planes:  # a plane is written where it, or one before, was
+            flat[i] = change(i, fft.irfft2(modes, s=(n, n), workers=-1), self._variance)
+        return flat
+
+    def radial_displacement(self, factor):
+        """Displacement of matter along the line of sight at cell centres, positive away from the observer.
+
+        psi = -grad(inverse Laplacian of the field), so psi_k = i k delta_k / k^2.
+
+        Parameters
+        ----------
+        factor
+            Function of the number of a plane that gives what its displacements are multiplied by, (n, n).
+
+        Returns
+        -------
+        displacement
+            (n, n, n), in Mpc/h as float32, or with a folder in units of `STEP` as int16.
+
+        Raises
+        ------
+        InputError
+            One too large for int16.
+        """
+        n, x = self.n_cells, self.x
+        in_file = self.folder is not None
+        out = self._array("displacement", np.int16 if in_file else np.float32, n)
+        unit = np.float32(STEP if in_file else 1)
+        k = fft.fftfreq(n, 1 / n).astype(np.float32)
+        k[n // 2] = 0  # a derivative has no Nyquist frequency
+        gradients = np.complex64(1j) * k[:, None], np.complex64(1j) * k[: n // 2 + 1]
+        for i, modes in self._planes(_POTENTIAL):
+            y, z = (fft.irfft2(modes * gradient, s=(n, n), workers=-1) for gradient in gradients)
+            out[i] = self._stored((y * x[:, None] + z * x) / self._distances(i), unit)
+        for i, modes in self._planes(_ALONG_X):
+            distances = self._distances(i)
+            along = out[i] * unit + fft.irfft2(modes, s=(n, n), workers=-1) * x[i] / distances
+            out[i] = self._stored(along * factor(i), unit)
+        return out
+
+    def _distances(self, i):
+        return np.sqrt(self.x[i] ** 2 + self.x[:, None] ** 2 + self.x**2)
+
+    def _stored(self, values, unit):
+        """Displacements in Mpc/h as they are kept."""
+        if self.folder is None:
+            return values
+        values = np.rint(values / unit)
+        largest = np.abs(values).max()
+        if largest > np.iinfo(np.int16).max:
+            raise InputError(
+                f"matter is displaced by {largest * unit:.0f} Mpc/h, and a box in files keeps up to 64: take "
+                "fewer cells, which fit into memory, or a larger r_smooth."
+            )
+        return values
+
+    def _planes(self, part, *, last=False):
+        """Pairs of the number of a plane, x fixed, and its modes of a part of the field, (n, n // 2 + 1)."""
+        if self.folder is not None:
+            self._draw(self._field)
+        elif last:
+            self._field, self._noise = self._noise, None
+        else:
+            np.copyto(self._field, self._noise)
+        powers, where = [], "" if self.folder is None else " (box in files)"
+
+        def change(modes, first):
+            if self._coarse is not None:
+                _insert(modes, self._coarse, first)
+            _shape(modes, first, self._table, self._k_unit, self._k_max, part)
+            if part == _DENSITY:
+                powers.append(_power(modes))
+
+        _along_x(self._field, change)
+        self._variance = math.fsum(powers) / float(self.n_cells) ** 6
+        return progress(enumerate(self._field), f"{_LABELS[part]}{where}", total=self.n_cells)
+
+
+def cell_centres(n_cells, box_size):
+    """Coordinates of the cell centres along one axis, Mpc/h, the observer at 0."""
+    return ((np.arange(n_cells) + 0.5) / n_cells - 0.5) * box_size
+
+
+def _noise_modes(n_cells, streams):
+    """All modes of white noise of unit variance, (n, n, n // 2 + 1) complex64."""
+    modes = _draw_planes(np.empty((n_cells, n_cells, n_cells // 2 + 1), dtype=np.complex64), streams)
+    for rows in _blocks(modes):
+        modes[:, rows] = fft.fft(modes[:, rows], axis=0, workers=-1)
+    return modes
+
+
+def _draw_planes(out, streams):
+    """Fill `out`, (n, n, n // 2 + 1), with white noise of variance 1, transformed along two axes."""
+
+    def draw(task):
+        plane, stream = task
+        plane[:] = fft.rfft2(stream.standard_normal((len(out), len(out)), dtype=np.float32))
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(draw, zip(out, streams, strict=True)))
+    return out
+
+
+def _blocks(field):
+    """Slices of rows, whose columns are transformed at once."""
+    n_rows = max(1, _BLOCK // field[:, :1].nbytes)
+    return [slice(first, first + n_rows) for first in range(0, field.shape[1], n_rows)]
+
+
+def _along_x(field, change):
+    """Transform along the first axis, ``change(modes, first row)`` them in place, and transform back."""
+    for rows in _blocks(field):
+        modes = fft.fft(field[:, rows], axis=0, workers=-1)
+        change(modes, rows.start)
+        field[:, rows] = fft.ifft(modes, axis=0, overwrite_x=True, workers=-1)
+
+
+@njit(parallel=True, cache=True)
+def _shape(modes, first, table, k_unit, k_max, part):
+    """Multiply white noise in place by the amplitude at |k|, interpolated in `table`; rows begin at `first`.
+
+    The potential is divided by k^2 and `k_unit`, so that its gradient is along integers; its part along x has
+    that gradient.
+    """
+    n = modes.shape[0]
+    step = k_max / k_unit / (len(table) - 1)
+    for i in prange(n):
+        ki = i if i < n / 2 else i - n
+        for row in range(modes.shape[1]):
+            j = first + row
+            kj = j if j < n / 2 else j - n
+            for k in range(modes.shape[2]):
+                square = ki * ki + kj * kj + k * k
+                x = np.sqrt(square) / step
+                low = min(int(x), len(table) - 2)
+                value = modes[i, row, k] * (table[low] + (x - low) * (table[low + 1] - table[low]))
+                if part == _POTENTIAL:
+                    value = value / (square * k_unit) if square else 0 * value
+                elif part == _ALONG_X:
+                    is_kept = square > 0 and 2 * abs(ki) != n
+                    value = value * np.complex64(1j) * ki / (square * k_unit) if is_kept else 0 * value
+                modes[i, row, k] = value
+
+
+@njit(parallel=True, cache=True)
+def _insert(modes, coarse, first):
+    """Put the modes of a smaller box of the same size in Mpc/h into those of a finer one, rows from `first`.
+
+    The first cell centre, where transforms begin, is elsewhere: k turns by pi k (1 / n_fine - 1 / n_coarse).
+    """
+    n, n_coarse = modes.shape[0], coarse.shape[0]
+    top = n_coarse // 2
+    scale, turn = (n / n_coarse) ** 1.5, np.pi * (1 / n - 1 / n_coarse)
+    for i in prange(n):
+        ki = i if i < n / 2 else i - n
+        for row in range(modes.shape[1]):
+            j = first + row
+            kj = j if j < n / 2 else j - n
+            if abs(ki) < top and abs(kj) < top:
+                for k in range(top):
+                    phase = turn * (ki + kj + k)
+                    value = coarse[np.int64(ki) % n_coarse, np.int64(kj) % n_coarse, k]
+                    modes[i, row, k] = value * scale * complex(np.cos(phase), np.sin(phase))
+
+
+@njit(parallel=True, cache=True)
+def _power(modes):
+    """Sum of |modes|^2 with those that a real field has twice."""
+    sums = np.zeros(modes.shape[0])
+    last = modes.shape[2] - 1
+    for i in prange(modes.shape[0]):
+        for row in range(modes.shape[1]):
+            for k in range(last + 1):
+                value = modes[i, row, k]
+                twice = 1 if k in (0, last) else 2
+                sums[i] += twice * (np.float64(value.real) ** 2 + np.float64(value.imag) ** 2)
+    return sums.sum()
