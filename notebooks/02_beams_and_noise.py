@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`01_simulations`.
 # > - **Good to know**: what a convolution is.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`V4`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`V4`.
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
 # A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`02_beams_and_noise`.
 # > - **Good to know**: least squares.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`B1`, {claim}`B2`, {claim}`B3`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`B1`, {claim}`B2`, {claim}`B3`.
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
 # A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any method runs, and call this step essential.

@@ -100,7 +100,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% [markdown]
 # Detail scales are large near compact emission and at the edges of the plane and nearly zero elsewhere; the smooth scale is not sparse.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours: central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
 scales = starlets(channel - channel.mean(), n_scales)
 scale_maps = dict(zip(names, scales, strict=True))
@@ -207,7 +207,7 @@ study.stamped(
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
@@ -215,7 +215,7 @@ sources_figure(study, selected, remover)
 #
 # The difference from the truth has structure near the Galactic centre: foreground residual or signal loss.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: observed map, map cleaned by GMCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: observed map, map cleaned by GMCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
 channel_figure(study, selected, remover)
 
 # %% [markdown]
@@ -228,11 +228,11 @@ channel_figure(study, selected, remover)
 # {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak` times as high. At higher $\ell$, with the
 # oscillating beam, its power is {glue:text}`gmca_oscillating_fine` of that of PCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (GMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (GMCA's share of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]

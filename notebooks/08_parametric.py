@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`V3`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
 # {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every
@@ -131,7 +131,7 @@ study.stamped(plotting.lines(panels))
 #
 # Compare $\alpha_1$ with the true free-free emission.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
     part
@@ -218,7 +218,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 # %% [markdown]
 # In a map through the oscillating beam HI is faint compared with the residual in the plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the parametric fit, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the parametric fit, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
@@ -228,10 +228,10 @@ channel_figure(study, hardest, remover)
 # In the bands of the table the power is {glue:text}`parametric_evolving_least` to {glue:text}`parametric_evolving_most` times
 # that of the truth with the evolving beam, and {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times with the oscillating beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]

@@ -18,7 +18,7 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
 # The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5 components for the three beams, as in the paper.
@@ -82,7 +82,7 @@ study.prepare(everything)
 # With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam the parametric fit deviates by orders of magnitude, with the oscillating beam
 # both fits do, and the component methods differ, GMCA most at low $\ell$. Where the band of SDecGMCA includes another curve, the figure does not decide which of the two is more accurate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
 
 # %% [markdown]
@@ -92,7 +92,7 @@ angular_figure(study, removers, titles=titles)
 # there is a narrow peak at the period of the ripple, which the paper reports for all methods, lowest for SDecGMCA. All curves are divided by the truth at all multipoles: a reading of SDecGMCA
 # that ends at the last $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA coincide. All methods are divided by the same truth, that of all multipoles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA coincide. All methods are divided by the same truth, that of all multipoles."}}
 frequency_figure(study, removers, titles=titles)
 
 # %% [markdown]

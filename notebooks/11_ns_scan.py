@@ -18,7 +18,7 @@
 # # The number of sources
 #
 # > - **Read first**: {doc}`10_results`.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
 # A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps. Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats the scan,
@@ -281,7 +281,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # For each $n_s$, ratios above 1 are foreground residual and ratios below 1 are lost HI. Look whether the order of the curves is the same on all scales: in the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend gives how many failed. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend gives how many failed. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]

@@ -18,7 +18,7 @@
 # # A dimmed Galaxy
 #
 # > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
 # > - **Time and memory**: {cost}`13_dimmed_galaxy`.
 #
 # SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation. {cite:t}`gkogkou2025` emulate such a mask: they multiply the foregrounds of every channel, before beam and noise, by a weight that depends on latitude,
@@ -131,7 +131,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 #
 # The first figure has all six methods on the dimmed sky. The second compares three of them with the full Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. Overlapping bands show no change.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
     remover: {name: study.ensemble(selected, remover) for name, study in (("full", full), ("dimmed", dimmed))}
     for remover in removers

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: correlation and linear regression.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
+# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
 # In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics: the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and the *variance* of

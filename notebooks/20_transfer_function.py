@@ -178,7 +178,7 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 # %% [markdown]
 # The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and their ratios to the truth. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and their ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% [markdown]
