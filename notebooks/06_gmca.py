@@ -21,8 +21,11 @@
 # > - **Good to know**: the pseudo-inverse of a matrix; wavelets are introduced here.
 # > - **Time and memory**: {cost}`06_gmca`.
 #
-# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*: in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources lie in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
-# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its reliance on sparsity. This chapter compares GMCA with PCA.
+# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
+# in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources
+# are in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
+# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate
+# $\ell$ down, and relate it to its reliance on sparsity. This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,7 +87,9 @@ pca = PCA(n_sources=n_sources)
 # %% [markdown]
 # ## Starlets
 #
-# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences of a map smoothed with kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add up to the map.
+# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences of a map smoothed with
+# kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add
+# up to the map.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left. They add up to 1 at every multipole."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
@@ -107,10 +112,11 @@ scale_maps = dict(zip(names, scales, strict=True))
 study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_scales=n_scales)
 
 # %% [markdown]
-# The finer the scale, the sparser it is: one coefficient in a thousand has {glue:text}`gmca_share_finest` of the square sum of the finest, and
-# {glue:text}`gmca_share_smooth` of that of the smooth one.
+# The finer the scale, the sparser it is and the earlier its curve rises: one coefficient in a thousand has
+# {glue:text}`gmca_share_finest` of the square sum of the finest, and {glue:text}`gmca_share_smooth` of that
+# of the smooth one.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against the share of coefficients counted."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves, brightest = [], {}
 for n, (name, scale) in enumerate(scale_maps.items()):
@@ -146,17 +152,23 @@ quote(
 # \mathbf{A} \leftarrow \mathbf{X}^\mathrm{wt}\,\mathbf{S}^{\mathrm{wt}\,+},
 # ```
 #
-# with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of $\mathbf{A}$ have unit length. Thresholds start high and fall to $3\sigma$ over 50 iterations, with $\sigma$ 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the foreground changes by less than a thousandth of the cleaned maps.
-# There is **no** threshold in the end: $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$, and the cleaned maps are
+# with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of
+# $\mathbf{A}$ have unit length. Thresholds start high and fall to $3\sigma$ over 50 iterations, with $\sigma$
+# 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the
+# foreground changes by less than a thousandth of the cleaned maps. The last
+# $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$ has **no** threshold, and the cleaned maps are
 #
 # ```{math}
 # :label: eq-gmca-residual
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{+}\,\mathbf{X} ,
 # ```
 #
-# a projection again, which depends only on the space of $\mathbf{A}$. The residual of PCA has the smallest variance of all such projections. What the paper leaves open of GMCA is in the [conventions](../book/conventions.md).
+# a projection again, which depends only on the space of $\mathbf{A}$; that of PCA leaves the smallest
+# variance. The [conventions](../book/conventions.md) list what the paper leaves open of GMCA.
 #
-# During the iteration the columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK need not fall. $\mathbf{A}$ still drifts at the end, but its space departs from that of PCA in the first iterations and then hardly changes.
+# During the iteration the columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign
+# cancel, so thresholds in mK need not fall. $\mathbf{A}$ still drifts at the end, but its space departs from
+# that of PCA in the first iterations and then hardly changes.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they coincide."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
@@ -221,18 +233,20 @@ channel_figure(study, selected, remover)
 # %% [markdown]
 # ## The power spectra
 #
-# For the degraded beam, where three components describe the foreground, GMCA and PCA
-# differ by {glue:text}`gmca_degraded_off` at most in the bands of the table. With the evolving and the
-# oscillating beam a component of the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is {glue:text}`gmca_evolving_low` above that of PCA (evolving)
-# and {glue:text}`gmca_oscillating_low` times it (oscillating), at $k_\nu < 0.03$ {glue:text}`gmca_evolving_slow` above it and
-# {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak` times as high. At higher $\ell$, with the
-# oscillating beam, its power is {glue:text}`gmca_oscillating_fine` of that of PCA.
+# For the degraded beam, where three components describe the foreground, GMCA and PCA differ by
+# {glue:text}`gmca_degraded_off` at most in the bands of the table. With the other two beams a component of
+# the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is
+# {glue:text}`gmca_evolving_low` above that of PCA (evolving) and {glue:text}`gmca_oscillating_low` times it
+# (oscillating), at $k_\nu < 0.03$ {glue:text}`gmca_evolving_slow` above it and
+# {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak`
+# times as high. At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
+# of that of PCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
@@ -310,7 +324,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # %% [markdown]
 # ## Conclusions
 #
-# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA, as the paper reports for the evolving beam.
+# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$
+#   than PCA, as the paper reports for the evolving beam.
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
@@ -325,6 +340,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA is of the component that is missing.
+# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA
+# is of the missing component.
 #
 # </details>
