@@ -24,8 +24,11 @@
 # > - **Good to know**: independence of random variables, which is more than no correlation.
 # > - **Time and memory**: {cost}`05_fastica`.
 #
-# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves. Independent component analysis (ICA) requires statistical independence. FastICA {cite:p}`hyvarinen1999` searches the rotation that comes closest to it; it was among the first
-# blind methods applied to 21 cm maps {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter shows that both have the same cleaned maps.
+# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves.
+# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999`
+# searches the rotation that comes closest to it, and was among the first blind methods applied to 21 cm maps
+# {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter
+# shows that both have the same cleaned maps.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,8 +87,7 @@ pca = PCA(n_sources=n_sources)
 # ```
 #
 # Independent sources of unit variance are uncorrelated too, so they are a rotation of these,
-# $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
-# $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
+# $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
 #
 # **Rotation.** A sum of independent variables is closer to a Gaussian than the variables are, so the sources
 # are the *least Gaussian* projections of $\mathbf{Z}$. FastICA brings a contrast $\mathrm{E}[G(s)]$, such as
@@ -97,8 +99,8 @@ pca = PCA(n_sources=n_sources)
 #   - \mathrm{E}\!\left[g'(\mathbf{w}^{\top}\mathbf{z})\right]\mathbf{w},
 # ```
 #
-# for all rows $\mathbf{w}$ of $\mathbf{W}$, made orthogonal after each step, from a random rotation. The mixing matrix is
-# $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$.
+# for all rows $\mathbf{w}$ of $\mathbf{W}$, made orthogonal after each step, from a random rotation. The
+# mixing matrix is $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$.
 
 # %% [markdown]
 # ## The rotation cancels
@@ -111,8 +113,9 @@ pca = PCA(n_sources=n_sources)
 #  = \mathbf{U}\,\mathbf{U}^{\top}\,\mathbf{X}.
 # ```
 #
-# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or not. This holds for scikit-learn's `FastICA(n_components=n_s)` as well, as a test compares. They can differ only if the whitening
-# keeps more components than are removed.
+# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or
+# not; those of scikit-learn's `FastICA(n_components=n_s)` too, as a test compares. They can differ only if
+# the whitening keeps more components than are removed.
 
 # %%
 different = {
@@ -124,9 +127,12 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # %% [markdown]
 # ## The removed components
 #
-# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all three look like emission at the defaults, positive and falling with frequency, with mean spectral indices {glue:text}`fastica_index_first`,
-# {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`. The
-# source of the first resembles free-free emission (the thin plane, compact regions), the others synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane are negative.
+# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all
+# three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
+# {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
+# The source of the first resembles free-free emission (the thin plane, compact regions), the others
+# synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of
+# the plane are negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
@@ -188,12 +194,13 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # %% [markdown]
 # ## Dependence on the start
 #
-# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema. Six separations from different random rotations are compared: a correlation of 1 means that the source
-# is recovered again. For the degraded beam no correlation is below {glue:text}`fastica_same_degraded`. With four
-# and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest correlations
-# {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
+# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema.
+# Six separations from different random rotations are compared; a correlation of 1 means that the source is
+# recovered again. For the degraded beam no correlation is below {glue:text}`fastica_same_degraded`. With four
+# and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest
+# correlations {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs from other random rotations. The cleaned maps are the same in all of them."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs from other random rotations."}}
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
@@ -250,13 +257,13 @@ channel_figure(study, hardest, removers[hardest][0])
 # %% [markdown]
 # ## The power spectra
 #
-# The curves of FastICA coincide with those of PCA.
+# The curves of FastICA coincide with those of PCA, as both remove the same foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Both remove the same foreground, so their curves coincide. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, whose curves coincide, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
@@ -265,7 +272,8 @@ show(study.band_numbers(removers))
 # %% [markdown]
 # ## Conclusions
 #
-# - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are those of PCA.
+# - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are
+#   the same.
 # - Its sources look more like emission, but are not physical components, as these are not independent.
 # - With four and five components the sources depend on the random start; what is removed does not.
 #

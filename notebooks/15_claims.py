@@ -102,7 +102,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # ## The ledger
 #
 # The stored ledger has the real Galaxy (templates of nside 64), at half the paper's resolution in pixels and
-# frequency (`laptop`: nside 128, 250 channels), measured by
+# frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`), measured by
 #
 # ```sh
 # himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
