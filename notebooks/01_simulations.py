@@ -106,8 +106,7 @@ panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": r"mean temperatu
 stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 
 # %% [markdown]
-# Structures subtend larger angles in the nearer channel, and the pattern changes within a few channels: HI is
-# not smooth in frequency.
+# Structures subtend larger angles in the nearer channel.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The colour scales differ."}}
 near = int(0.9 * sky.n_channels)
@@ -116,6 +115,9 @@ maps = {
     for channel in (middle // 4, near)
 }
 stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
+
+# %% [markdown]
+# The pattern changes within a few channels: HI is not smooth in frequency.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "HI along the Galactic equator against frequency, which is distance: structures span few pixels in the distant channels (left) and many in the near ones (right)."}}
 longitude = np.linspace(-180, 180, 720)

@@ -178,7 +178,7 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # %% [markdown]
 # ## HI peaks, or ripples of the beam?
 #
-# The paper conjectures that with the oscillating beam the clip takes ripples of the first fit for HI. The fit
+# The paper conjectures that with the oscillating beam the clip mistakes ripples of the first fit for HI. The fit
 # is linear, so its residual is the sum of those of HI plus noise and of the foreground; the figure has the
 # share of the foreground for every masked channel. A curve that reaches 1 left of the dotted line (equal
 # contributions) means that all peaks are mostly HI.

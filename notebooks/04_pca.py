@@ -140,11 +140,13 @@ quote(
 # ## The removed components
 #
 # For a beam that does not change with frequency the spectra are smooth: the mean spectrum of the Galaxy, and
-# its variations over the sky. As they are orthogonal and ordered by variance, no component is synchrotron or
-# free-free emission.
+# its variations over the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
 mixing_figure(study, selected, remover)
+
+# %% [markdown]
+# As the spectra are orthogonal and ordered by variance, no source is synchrotron or free-free emission.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
@@ -155,7 +157,7 @@ sources_figure(study, selected, remover)
 # The difference from the truth has foreground residuals along the Galactic plane and around its centre, and
 # mostly signal loss elsewhere.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by PCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by PCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
@@ -163,12 +165,14 @@ channel_figure(study, hardest, removers[hardest][0])
 # ## The power spectra
 #
 # With the degraded beam the ratios are below 1, where signal is lost with the components. With the
-# oscillating beam they are above 1, most at the lowest and highest $\ell$; along the line of sight the excess
-# at small $k_\nu$ and the narrow peak at the period of the ripple are foreground that five components do not
-# describe. The paper's Figs. 1 and 2 have that excess at low $\ell$ and that peak.
+# oscillating beam they are above 1, most at the lowest (as in the paper) and highest $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, with the paper's numbers of components, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
+
+# %% [markdown]
+# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the period of the ripple, which
+# the paper has too, are foreground that five components do not describe.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)

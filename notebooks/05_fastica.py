@@ -25,8 +25,7 @@
 # > - **Time and memory**: {cost}`05_fastica`.
 #
 # PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves.
-# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999`
-# searches the rotation that comes closest to it, and was among the first blind methods applied to 21 cm maps
+# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999` determines the rotation that is closest to it, and was among the first blind methods applied to 21 cm maps
 # {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter
 # shows that both have the same cleaned maps.
 
@@ -130,9 +129,6 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all
 # three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
 # {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
-# The source of the first resembles free-free emission (the thin plane, compact regions), the others
-# synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of
-# the plane are negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
@@ -153,6 +149,11 @@ quote(
     fastica_index_second=(indices[1], 0.02),
     fastica_index_third=(indices[2], 0.02),
 )
+
+# %% [markdown]
+# The source of the first resembles free-free emission (the thin plane, compact regions), the others
+# synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of
+# the plane are negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
@@ -250,7 +251,7 @@ show(
 #
 # They are those of {numref}`fig-pca-maps`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by FastICA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by FastICA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
@@ -262,6 +263,9 @@ channel_figure(study, hardest, removers[hardest][0])
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
+
+# %% [markdown]
+# They coincide along the line of sight, too.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)

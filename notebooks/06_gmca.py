@@ -214,10 +214,13 @@ study.stamped(
 # %% [markdown]
 # ## The removed components
 #
-# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA. The brightest sources exceed the sky and cancel: they are not components of emission.
+# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
+
+# %% [markdown]
+# The brightest sources exceed the sky and cancel: they are not components of emission.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
@@ -227,7 +230,7 @@ sources_figure(study, selected, remover)
 #
 # The difference from the truth has structure near the Galactic centre: foreground residual or signal loss.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: observed map, map cleaned by GMCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "A channel in the middle of the band: observed, cleaned by GMCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 channel_figure(study, selected, remover)
 
 # %% [markdown]
@@ -237,14 +240,17 @@ channel_figure(study, selected, remover)
 # {glue:text}`gmca_degraded_off` at most in the bands of the table. With the other two beams a component of
 # the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is
 # {glue:text}`gmca_evolving_low` above that of PCA (evolving) and {glue:text}`gmca_oscillating_low` times it
-# (oscillating), at $k_\nu < 0.03$ {glue:text}`gmca_evolving_slow` above it and
-# {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak`
-# times as high. At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
+# (oscillating). At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
 # of that of PCA.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
+
+# %% [markdown]
+# At $k_\nu < 0.03$ the power of GMCA is {glue:text}`gmca_evolving_slow` above that of PCA (evolving) and
+# {glue:text}`gmca_oscillating_slow` times it (oscillating); its peak at the ripple is
+# {glue:text}`gmca_oscillating_peak` times as high.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)

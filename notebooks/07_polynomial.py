@@ -189,19 +189,22 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 # %% [markdown]
 # In a map, the foreground residual is the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the polynomial, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the polynomial, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$ and, in $P$, a loss
-# at the smallest $k_\nu$ and an excess beyond. With the oscillating beam the excess grows with $\ell$, and
-# $P$ is far above the truth at nearly every $k_\nu$, most at the ripple, as in the paper.
+# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$. With the oscillating
+# beam the excess grows with $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
+
+# %% [markdown]
+# With the degraded and the evolving beam $P$ has a loss at the smallest $k_\nu$ and an excess beyond. With
+# the oscillating beam it is far above the truth at nearly every $k_\nu$, most at the ripple, as in the paper.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)

@@ -224,7 +224,7 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 # %% [markdown]
 # In a map through the oscillating beam HI is faint compared with the residual in the plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the parametric fit, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true map; white: no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the parametric fit, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
@@ -238,6 +238,9 @@ channel_figure(study, hardest, remover)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
+
+# %% [markdown]
+# Along the line of sight, too, compare the evolving and the oscillating beam with the degraded one.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)

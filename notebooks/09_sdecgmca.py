@@ -177,12 +177,14 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## The foreground model
 #
-# The columns of $\mathbf{A}$ are nearly parallel, and the sources partly cancel, as with GMCA. Look for a
-# column with structure from channel to channel: its source contains HI, and the faintest source decides how
-# much HI is lost.
+# The columns of $\mathbf{A}$ are nearly parallel. Look for a column with structure from channel to channel:
+# its source contains HI, and the faintest source decides how much HI is lost.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts) against frequency. A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
+
+# %% [markdown]
+# The sources partly cancel, as with GMCA.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, medoid)
@@ -192,14 +194,20 @@ sources_figure(study, selected, medoid)
 #
 # Foreground residual would be a ridge along the Galactic plane in the maps.
 #
-# In the spectra, compare the median with 1 and with the width of the band. The paper has, with the
-# oscillating beam, an excess at low $\ell$ and low $k_\nu$ and a small peak at the ripple.
+
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
 
+# %% [markdown]
+# Compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess
+# at low $\ell$.
+
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, with the paper's numbers of sources, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
+
+# %% [markdown]
+# With the oscillating beam the paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)

@@ -151,7 +151,7 @@ quote(
 # quarter the error does not follow the brightness of the foreground.
 #
 # In the profiles, look for errors confined to a part of the band, and for oscillations with the period of the
-# ripple (20 MHz), which are foreground; in the map, for the Galactic plane.
+# ripple (20 MHz), which are foreground.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (of SDecGMCA: the medoid of the restarts; the paper's Fig. 5, left); if not all are drawn, evenly spaced in rank of error. Left: recovered brightness temperature against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines that are not flagged. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the flagged lines."}}
 shown = study.medoid(selected, removers[method])
@@ -191,6 +191,9 @@ for title, cube in (("recovered", recovered), ("recovered minus true", recovered
         }
     )
 study.stamped(plotting.lines(panels, legend_above=True), beam=selected, method=method, **stated)
+
+# %% [markdown]
+# In the maps, look for the Galactic plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -318,8 +321,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 
 # %% [markdown]
 # On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the signal
-# loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. Above 1 the rule
-# finds *foreground*; well below, it finds *bright HI* that was removed. For SDecGMCA signal loss is
+# loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. Above 1 the rule flags *foreground*; well below, *bright HI* that was removed. For SDecGMCA signal loss is
 # {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the squared
 # error is in the last tenth of the band, where HI is nearest.
 #
@@ -359,6 +361,9 @@ def curves_of(methods):
 
 
 both_figure(study, selected, curves_of(component), n_sources=n_sources, reading=reading)
+
+# %% [markdown]
+# The errors of the two fits are larger by orders of magnitude.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra recovered by the polynomial and the parametric fit, of the full sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth under the same mask, on a logarithmic axis."}}
 fits = [remover for remover in removers.values() if remover not in component]

@@ -100,8 +100,7 @@ for study in (full, dimmed):
 # %% [markdown]
 # ## The weight
 #
-# The weight changes smoothly, and only within the edges. In the maps the ridge along the plane is gone; at
-# the lowest weight the plane is fainter than the sky next to it.
+# The weight changes smoothly, and only within the edges.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude; it reaches 1 at the dashed lines."}}
 rings, first = np.unique(sphere.pixel_latitude(256), return_index=True)
@@ -122,6 +121,9 @@ full.stamped(
     plotting.lines([panel], columns=1, size=(6.4, 3)), plane_weight=plane_weight, plane_edge=plane_edge
 )
 
+# %% [markdown]
+# The ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
+
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, with the same logarithmic colours."}}
 channel = full.survey.n_channels // 2
 foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
@@ -136,9 +138,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 #
-# The first figure has all six methods on the dimmed sky. The second compares three of them with the full
-# Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. Overlapping
-# bands show no change.
+# With the dimmed Galaxy, compare the methods at low $\ell$ and at the peak near $k_\nu = 0.31$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
@@ -151,6 +151,10 @@ curves = [
 ]
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 both_figure(dimmed, selected, curves, **look)
+
+# %% [markdown]
+# Compared with the full Galaxy, an excess that falls towards 1 was due to the plane; a ratio below 1 that
+# moves is HI. Overlapping bands show no change.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and angular (right) power spectrum to the truth with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []

@@ -208,9 +208,9 @@ LedgerTable(recorded, links, others)
 # has been changed twice ({ref}`readings-default`).
 
 # %% [markdown]
-# ## Judged here
+# ## Verdicts for other parameters
 #
-# All claims for the parameters of this chapter, by default one run on a synthetic sky at `ci` (nside 32),
+# All claims for the parameters of this chapter, by default a single run on a synthetic sky at `ci` (nside 32),
 # which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
 
 # %%

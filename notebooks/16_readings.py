@@ -178,6 +178,9 @@ plotting.stamp(claims_figure(outcomes), made)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky, the line the truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are drawn at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
+# %% [markdown]
+# Compare the medians with 1, and restarts with their median.
+
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and each restart as a thin line. Runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 

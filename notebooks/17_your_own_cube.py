@@ -153,13 +153,15 @@ cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; the last ones, as many as there were sources, are then zero to rounding. Right: spectra of the removed sources."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
+# %% [markdown]
+# Foreground residual would appear in the rms along the Galactic plane.
+
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-maps", "caption": "Residual in the channel in the middle of the band, and its rms over all channels. Unobserved pixels are white."}}
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# Foreground residual would appear in the rms along the Galactic plane. The command writes these figures to a
-# page; `save_cleaned` writes the cube with the channels, pixels and unit of the input, in float32, and the
-# foreground in float64 where float32 would cost HI, as below 100 MHz.
+# The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and
+# unit of the input, in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")

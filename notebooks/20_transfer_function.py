@@ -26,8 +26,7 @@
 # Every method removes some HI with the foreground and leaves some foreground. The paper measures both against
 # the truth, which an observation does not have. This chapter estimates them from **mocks**, skies of HI and
 # noise whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the
-# mock $m$ replaces the HI and noise of the data, and with the foreground $\hat f$ that the method found it is
-# cleaned like the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$,
+# mock $m$ replaces the HI and noise of the data, and with the foreground $\hat f$ that the method estimated it is cleaned like the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$,
 # and their means give
 #
 # ```{math}
@@ -438,15 +437,14 @@ quote(
 show_table(rows)
 
 # %% [markdown]
-# - **The foreground residual of a number of sources can be seen without the truth**: one source more removes
+# - **The foreground residual of a number of sources is detected without the truth**: one source more removes
 #   more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three
 #   sources has a residual on most skies, and is corrected with four there (column *sources* of the tables
 #   above).
-# - **The correction is only as good as the foreground that was found.** A residual that is spread over
+# - **The correction is only as good as the estimated foreground.** A residual that is spread over
 #   several components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the
 #   synthetic Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the
-#   foreground that was found contain HI, and are therefore brighter and more stable in members than in the
+# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the estimated foreground contain HI, and are therefore brighter and more stable in members than in the
 #   data.
 # - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
 #   by up to the share of one source. Use as many as the foreground needs, not more.
@@ -462,7 +460,7 @@ show_table(rows)
 #
 # ## Exercises
 #
-# **1.** Does the number of mocks limit the result? Take twelve.
+# **1.** Does the number of mocks limit the result? Use twelve.
 #
 # ```sh
 # himap run 20_transfer_function -p n_mocks=12

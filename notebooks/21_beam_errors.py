@@ -128,7 +128,10 @@ records = [Record.load(EXPERIMENT, path) for path in paths]
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies, synthetic Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "The same quantity for the real Galaxy: foreground residual over the power of HI and noise, in the worst band, by the error of each kind. Grey line: 1 %."}}
+# %% [markdown]
+# With the real Galaxy, compare the errors at which the lines rise.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies, real Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]

@@ -21,7 +21,7 @@
 # > - **Good to know**: the Wiener filter.
 # > - **Time and memory**: {cost}`23_thresholds`.
 #
-# The paper ends with the wish for better thresholds. A power ratio of 1 does not show that HI is preserved,
+# The paper's outlook is to improve the thresholds. A power ratio of 1 does not show that HI is preserved,
 # because signal loss and foreground residual can cancel. This chapter separates them,
 #
 # ```{math}
@@ -204,8 +204,7 @@ bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
 # %% [markdown]
-# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A mean near 1 of
-# a curve that crosses 1 says little.
+# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the two other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; with ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
@@ -279,7 +278,7 @@ quote(
 #   {glue:text}`thresholds_many` sources.
 # - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at
 #   the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
-# - **A ratio near 1 says little.** With {glue:text}`thresholds_fill_n` sources SDecGMCA preserves
+# - **A ratio near 1 is not sufficient.** With {glue:text}`thresholds_fill_n` sources SDecGMCA preserves
 #   {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and has a foreground residual of
 #   {glue:text}`thresholds_fill_left`; the mean $C/C_0$, {glue:text}`thresholds_fill_both`, is the sum of the
 #   two.

@@ -252,7 +252,7 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Which share of the sky lies beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
+# **1.** Which share of the sky is beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>

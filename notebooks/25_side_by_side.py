@@ -27,7 +27,7 @@
 # skies; the last section recommends one for each kind of data.
 #
 # SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and
-# BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has
+# BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`), SmoothSpectra has
 # more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
 # ({cite:t}`olivari2016`). SDecGMCA is run once on each sky, so that its scatter over skies includes that of
 # restarts ({doc}`27_restarts`).
@@ -104,7 +104,11 @@ first = EXPERIMENT.table([first_sky])
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
 study.stamped(methods_figure({"": first}, "angular"))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, on the first sky: signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near k = 0.31 with too few components."}}
+# %% [markdown]
+# There is signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near
+# $k_\nu = 0.31$ with too few components.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, on the first sky, through each beam."}}
 study.stamped(methods_figure({"": first}, "frequency"))
 
 # %% [markdown]
@@ -155,7 +159,10 @@ records = stored(results, "quick")
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
 figure_of(records, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "Frequency power spectrum of the residual over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom). Below 1 at the lowest wavenumbers is signal loss; a peak near k = 0.31 is the ripple of the beam."}}
+# %% [markdown]
+# Below 1 at the lowest wavenumbers is signal loss; a peak near $k_\nu = 0.31$ is the ripple of the beam.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "Frequency power spectrum of the residual over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
@@ -164,10 +171,13 @@ figure_of(records, "frequency")
 # figures have the same spectra divided by the transfer function from {glue:text}`side_mocks` mocks: the loss
 # is corrected, the foreground residual (above 1) is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom). Values above 1 are foreground residual."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
 figure_of(records, "angular", corrected=True)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom). The loss at the lowest wavenumbers is corrected, the peak near k = 0.31 is not."}}
+# %% [markdown]
+# The loss at the lowest wavenumbers is corrected, the peak near $k_\nu = 0.31$ is not.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
 figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
@@ -201,17 +211,21 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$ and at the ripple of the beam ($k_\nu \approx 0.3$): with more pixels and
-# channels more of the foreground is detectable, and components that suffice at `quick` may not suffice here.
+# Look at the highest $\ell$: with more pixels and channels more of the foreground is detectable, and
+# components that suffice at `quick` may not suffice here. A line outside its band is due to a few skies on
+# which the method failed.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
 quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right). A line outside its band is due to a few skies on which the method failed."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right)."}}
 figure_of(finer, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right). PCA with six components has a peak near k = 0.31 that it does not have at quick."}}
+# %% [markdown]
+# PCA with six components has a peak at the ripple of the beam that it does not have at `quick`.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right)."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]

@@ -88,8 +88,8 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 #
 # Dishes scan at one elevation while the sky drifts. Each block covers a sheared parallelogram; hits are most
 # where many overlap, and the noise falls with their square root. A few channels are lost completely, others
-# in bursts, and some voxels singly (`himap.paper.patch.Patch`). Compare the edge with the middle, and the
-# lost channels with the others.
+# in bursts, and some voxels singly (`himap.paper.patch.Patch`). Compare the edge of the patch with its
+# middle.
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -114,7 +114,10 @@ maps_of_hits = {
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is lost on each line of sight (right)."}}
 study.stamped(patch_maps(maps_of_hits, field.box, unit=""), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel. Channels at 100 % are not in the cube."}}
+# %% [markdown]
+# Channels at 100 % are not in the cube.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel."}}
 lost = 100 * flags[:, inside].mean(axis=1)
 panel = {
     "curves": [(study.survey.freqs, lost, {"color": styles.BLUE})],
@@ -239,7 +242,7 @@ study.stamped(
 #
 # Pixels are weighted by their hits, and gaps are 0, in truth and residual alike. In a small patch with few
 # modes more of HI resembles the foreground by chance than on the full sky, most at the largest scales.
-# Compare the three ways in each panel, for the power of the residual and then for that of the error.
+# Compare the three ways in each panel; a ratio above 1 is foreground residual.
 
 # %% tags=["hide-input"]
 power = PatchPower(
@@ -293,7 +296,10 @@ def over_truth(found):
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power of the residual over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
 study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise: foreground residual and signal loss together."}}
+# %% [markdown]
+# In the power of the error foreground residual and signal loss do not cancel.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
 panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
 scales = {"xscale": "log", "yscale": "log", "ylim": (0.01, 20)}
 study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selected, patch=patch)

@@ -235,7 +235,10 @@ plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[0].made
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "The same on the real Galaxy."}}
+# %% [markdown]
+# On the real Galaxy, compare the tails, which are the failed runs.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with two floors of the last step, real Galaxy; panels as for the synthetic one."}}
 name = (others or [name])[0]
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[-1].made
