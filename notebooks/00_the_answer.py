@@ -133,7 +133,7 @@ Table(
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios. The axis is linear near 1 and logarithmic beyond; grey band: 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
+# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")

@@ -94,7 +94,7 @@ def stamped(figure, source=milky_way):
 # Simulated maps scatter around {eq}`eq-mean-temperature` most near the top of the band, where a channel is a
 # small shell.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line). The scatter is large-scale structure."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line)."}}
 hi = pipeline.hi(sky)
 theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
@@ -119,7 +119,7 @@ stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
 # %% [markdown]
 # The pattern changes within a few channels: HI is not smooth in frequency.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "HI along the Galactic equator against frequency, which is distance: structures span few pixels in the distant channels (left) and many in the near ones (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "HI along the Galactic equator against frequency, which is distance. Structures span few pixels in the distant channels (left) and many in the near ones (right)."}}
 longitude = np.linspace(-180, 180, 720)
 equator = sphere.pixel_at(sky.nside, longitude, 0.0)
 cone = 1e3 * hi[:, equator].T
@@ -174,7 +174,7 @@ Table(head, CRIME, align="l" + 5 * "r")
 # $P(k_\nu)$ at $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
 # {glue:text}`simulations_small` to {glue:text}`simulations_smooth_small`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right), at 1320 to 1400 MHz in a smaller box with finer cells. Smoothing removes power on small scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing removes power on small scales."}}
 near = replace(sky, freq_min=1320.0, freq_max=1400.0, n_channels=80, box_size=512.0, box_cells=192)
 panels = [
     {
@@ -303,7 +303,7 @@ stamped(
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): medians in bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, this seed) and the real sky (dots, nside 64): medians by Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -386,7 +386,7 @@ beside
 #
 # Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled so that those of a Euclidean universe are constant; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of the map with all sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts over those of a Euclidean universe; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of all sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)
@@ -432,7 +432,7 @@ stamped(plotting.lines(panels))
 # the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times in the plane. They
 # are smooth in frequency; HI is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature of each component against frequency along two lines of sight, in the Galactic plane (left) and away from it (right), on a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature of each component along a line of sight in the Galactic plane (left) and away from it (right), on a logarithmic axis."}}
 component_styles = {
     "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
     "free-free": {"color": styles.ORANGE, "linestyle": "--"},

@@ -90,7 +90,7 @@ def stamped(figure, **parameters):
 #
 # The oscillating beam is the widest; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Spacing 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
 width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
@@ -210,7 +210,7 @@ stamped(plotting.lines(panels))
 # {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is
 # {glue:text}`beams_foreground`. A method that removes smooth spectra must separate the two curves.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. The scales differ."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
@@ -255,7 +255,7 @@ stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 # %% [markdown]
 # The beams hardly change HI.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, on the same colours. The degraded beam smooths the noise too."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, same colours. The degraded beam smooths the noise too."}}
 channel = sky.n_channels // 2
 truth = {name: observation.truth[channel] for name, observation in observations.items()}
 maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}

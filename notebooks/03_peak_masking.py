@@ -77,7 +77,7 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 #
 # On the scale of the foreground the peak is hardly visible.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: the same around the peak, on a logarithmic scale; stars mark flagged channels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: around the peak, on a logarithmic scale; stars mark flagged channels."}}
 width = 12 * np.diff(freqs).max()
 near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
@@ -105,7 +105,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # %% [markdown]
 # After subtraction it is evident. The first baseline bends towards the peak, the second does not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the two baselines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with both baselines (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
 second_style = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
@@ -133,7 +133,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # %% [markdown]
 # The masked spectrum differs from the observed one at the flagged channels alone.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
 close = np.abs(freqs - freqs[channel]) <= width / 2
 masked_style = {"color": styles.VERMILION, "linestyle": "--", "label": "masked"}
@@ -254,7 +254,7 @@ quote(
 # PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6,
 # $5\,\sigma$). Without it power is lost, mostly in $P$ at the smallest $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the spectra of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams). Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
 angular, frequency, numbers, changes = [], [], {}, {}
 for name in beams:
     pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]

@@ -109,7 +109,7 @@ remover = removers[selected][0]
 # {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed the largest of HI
 # plus noise; where the paper removes fewer, a foreground residual is expected.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise in the beam shown in detail."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the beam in detail), and of HI plus noise in the latter."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
@@ -167,7 +167,7 @@ channel_figure(study, hardest, removers[hardest][0])
 # With the degraded beam the ratios are below 1, where signal is lost with the components. With the
 # oscillating beam they are above 1, most at the lowest (as in the paper) and highest $\ell$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, with the paper's numbers of components, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
 # %% [markdown]

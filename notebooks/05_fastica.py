@@ -130,7 +130,7 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
 # {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
 
 
@@ -161,7 +161,7 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # No source is Gaussian, before or after the rotation.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails continue beyond 6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), less mean and over standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails continue beyond 6."}}
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
@@ -201,7 +201,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest
 # correlations {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs from other random rotations."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another, for five other random rotations."}}
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
@@ -260,14 +260,14 @@ channel_figure(study, hardest, removers[hardest][0])
 #
 # The curves of FastICA coincide with those of PCA, as both remove the same foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the maps cleaned by PCA and FastICA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
 # %% [markdown]
 # They coincide along the line of sight, too.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the maps cleaned by PCA and FastICA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]

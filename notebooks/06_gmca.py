@@ -91,7 +91,7 @@ pca = PCA(n_sources=n_sources)
 # kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add
 # up to the map.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left. They add up to 1 at every multipole."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
 looks = [{"color": styles.COLOURS[n], "linestyle": dashes[n]} for n in range(5)]
 filters = starlet_filters(n_scales, 3 * study.survey.nside - 1)
@@ -116,7 +116,7 @@ study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_sc
 # {glue:text}`gmca_share_finest` of the square sum of the finest, and {glue:text}`gmca_share_smooth` of that
 # of the smooth one.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against the share of coefficients counted."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against their share in number."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves, brightest = [], {}
 for n, (name, scale) in enumerate(scale_maps.items()):
@@ -170,7 +170,7 @@ quote(
 # cancel, so thresholds in mK need not fall. $\mathbf{A}$ still drifts at the end, but its space departs from
 # that of PCA in the first iterations and then hardly changes.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
 centred = (masked - masked.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
 steps = list(remover.iterate(centred))
@@ -216,7 +216,7 @@ study.stamped(
 #
 # The spectra are positive, fall with frequency, and are closer to each other than those of FastICA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
 
 # %% [markdown]
@@ -243,7 +243,7 @@ channel_figure(study, selected, remover)
 # (oscillating). At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
 # of that of PCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the maps cleaned by PCA and GMCA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
@@ -252,7 +252,7 @@ angular_figure(study, both)
 # {glue:text}`gmca_oscillating_slow` times it (oscillating); its peak at the ripple is
 # {glue:text}`gmca_oscillating_peak` times as high.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the maps cleaned by PCA and GMCA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
@@ -285,7 +285,7 @@ quote(
 #
 # Penalty, number of scales and last threshold, which the data do not determine, change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other parameters of GMCA and for PCA."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, in the beam shown in detail."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
 changes = {
     f"{penalty}, {n_scales} scales, {n_sigma:g} $\\sigma$": {},

@@ -104,7 +104,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% [markdown]
 # Coefficients of higher order are fainter, and with a constant beam all look like the Galaxy.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours: central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels. Colours: central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
 sources = {f"order {n}": study.separation(selected, remover).sources[n] / 1000 for n in chosen}
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
@@ -164,7 +164,7 @@ quote(
 # {numref}`fig-polynomial-orders`. For the oscillating beam the ripple exceeds HI in the plane, and is
 # comparable to it far from the plane at the low end of the band.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight, for the three beams, and the truth less its polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and the truth less its polynomial. The scales differ."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
@@ -219,7 +219,7 @@ show(study.band_numbers(removers))
 # beyond the order, and signal loss, from those of the signal up to it. The total is near its minimum where
 # the two cross; with the oscillating beam they do not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams, in units of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam coincide except at the lowest orders."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam coincide except at the lowest orders."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 

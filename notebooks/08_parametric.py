@@ -96,7 +96,7 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # Each curve has one minimum. With the degraded beam it reaches the dotted line: the model fits. With the
 # other two it does not in the plane; at high latitude it is close to it at a biased $\beta$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Root mean square residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Rms residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0
 betas = np.linspace(beta_min, beta_max, 181)
 
@@ -134,7 +134,7 @@ study.stamped(plotting.lines(panels))
 #
 # Compare $\alpha_1$ with the true free-free emission.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission at the same frequency, before the beam. Colours: central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
     part
@@ -160,7 +160,7 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 #
 # The derivatives with respect to the amplitudes are nearly the same; that to the index changes sign.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to the amplitudes alpha 1 and alpha 2 and the index beta, at the median parameters of the sky: the columns of the mixing matrix, each scaled to its largest value."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to alpha 1, alpha 2 and beta, at the median parameters of the sky: the columns of the mixing matrix, each over its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
 colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
@@ -201,7 +201,7 @@ quote(
 # near a line of sight fade or brighten; this bends its spectrum as no power law does, and the residual is
 # smooth and large. The oscillating beam adds its ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and HI plus noise. The scales differ."}}
 panels = []
 for place, (lon, lat) in places.items():
     pixel = sphere.pixel_at(study.survey.nside, lon, lat)
@@ -263,7 +263,7 @@ quote(
 # To the right of the dotted line the error exceeds the signal. The curve of the degraded beam falls left of
 # it, those of the other two right of it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels (cleaned minus true) is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
 for name in beams:
     squares = study.assessed(beams[name], remover).line_errors

@@ -180,7 +180,7 @@ Markdown("\n".join(Table(head, body).markdown()))
 # The columns of $\mathbf{A}$ are nearly parallel. Look for a column with structure from channel to channel:
 # its source contains HI, and the faintest source decides how much HI is lost.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts) against frequency. A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts). A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
 
 # %% [markdown]
@@ -203,13 +203,13 @@ channel_figure(study, selected, medoid)
 # Compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess
 # at low $\ell$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, with the paper's numbers of sources, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
 # %% [markdown]
 # With the oscillating beam the paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -234,7 +234,7 @@ show(numbers)
 # The curves coincide up to the dotted line. Beyond it an excess of “regularised” is the paper's spurious
 # peak.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of recovered to true frequency (left) and angular (right) power spectrum for three treatments of the multipoles beyond the last one of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},
@@ -316,7 +316,7 @@ runs["BeamSubspace"] = [
     for level in (1, 0.999, 1.001)
 ]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter: runs (thin), their median and 16 to 84 % band. Left: restarts of SDecGMCA in the reading of this chapter. Middle: in another reading. Right: BeamSubspace with three noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter: runs (thin), their median and 16 to 84 % band. Left: SDecGMCA in the reading of this chapter. Middle: in another. Right: BeamSubspace with noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
 panels = []
 for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE, styles.INDIGO), strict=True):
     drawn = np.array([one.angular_ratio for one in results])

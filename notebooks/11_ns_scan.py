@@ -235,7 +235,7 @@ whole = whole | {"ylim": None, "title": "full range"}
 # not show foreground residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the
 # last table.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: contributions of the two spectra to the thick line, medians of the restarts. Right: the same near the minimum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -285,7 +285,7 @@ quote(
 #
 # Compare the minima for the other two definitions:
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum; curves are cut off at the top."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum."}}
 panels = [
     scan_panel(other) | {"ylabel": f"total MSE, {other}"} for other in MSE_DEFINITIONS if other != definition
 ]
@@ -298,7 +298,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # same on all scales: in the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend gives how many failed. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]
@@ -376,7 +376,7 @@ quote(
 # In the left panel the excess falls steeply and the loss grows slowly with $n_s$. In the right panel $P/P_0$
 # follows the dotted line, and $C/C_0$ falls faster.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; parts that are zero are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 over all k and mean C/C0 over the l of the total, for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 
 
 def part(name, sign):

@@ -153,7 +153,7 @@ quote(
 # In the profiles, look for errors confined to a part of the band, and for oscillations with the period of the
 # ripple (20 MHz), which are foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (of SDecGMCA: the medoid of the restarts; the paper's Fig. 5, left); if not all are drawn, evenly spaced in rank of error. Left: recovered brightness temperature against frequency. Right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the lines that are not flagged. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the flagged lines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (of SDecGMCA: the medoid; the paper's Fig. 5, left); if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the flagged lines."}}
 shown = study.medoid(selected, removers[method])
 stated = {"reading": reading, "restart": shown.restart} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
@@ -195,7 +195,7 @@ study.stamped(plotting.lines(panels, legend_above=True), beam=selected, method=m
 # %% [markdown]
 # In the maps, look for the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (1), with their share of the sky in the title (the paper's Fig. 5, right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (1), with their share of the sky (the paper's Fig. 5, right)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
 maps = {error_title: errors, flag_title: lines.astype(float)}
 study.stamped(
@@ -292,7 +292,7 @@ quote(
 # %% [markdown]
 # Compare the two parts in each panel: lines flagged for foreground have the residual above the signal loss.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms over the flagged lines of sight of foreground residual, signal loss and truth against frequency, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {
     "foreground residual": {"color": styles.BLUE, "linestyle": "-"},
     "signal loss": {"color": styles.VERMILION, "linestyle": "--"},
@@ -332,7 +332,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # method at low $k_\nu$, at the peak, and at low $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians of the restarts, each with its mask. PCA and FastICA coincide. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians of the restarts, each with its mask. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky. PCA and FastICA coincide."}}
 def both(remover):
     """Ensembles of a method on the whole sky, and without the lines of sight that each member got wrong."""
     return study.ensemble(selected, remover), study.ensemble(selected, remover, masked=True)
@@ -365,7 +365,7 @@ both_figure(study, selected, curves_of(component), n_sources=n_sources, reading=
 # %% [markdown]
 # The errors of the two fits are larger by orders of magnitude.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra recovered by the polynomial and the parametric fit, of the full sky (thin) and without the flagged lines of sight (thick), and their ratio to the truth under the same mask, on a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "The same for the polynomial and the parametric fit, of the full sky (thin) and without the flagged lines of sight (thick), with ratios on a logarithmic axis."}}
 fits = [remover for remover in removers.values() if remover not in component]
 both_figure(study, selected, curves_of(fits))
 

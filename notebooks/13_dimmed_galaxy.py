@@ -124,7 +124,7 @@ full.stamped(
 # %% [markdown]
 # The ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, with the same logarithmic colours."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, same logarithmic colours."}}
 channel = full.survey.n_channels // 2
 foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
 freq = f"{full.survey.freqs[channel]:.0f} MHz"
@@ -156,7 +156,7 @@ both_figure(dimmed, selected, curves, **look)
 # Compared with the full Galaxy, an excess that falls towards 1 was due to the plane; a ratio below 1 that
 # moves is HI. Overlapping bands show no change.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and angular (right) power spectrum to the truth with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "P/P0 (left) and C/C0 (right) with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
 for remover in (removers[0], removers[2], removers[3]):
     method = styles.method_style(remover)
@@ -306,7 +306,7 @@ quote(
 # right panel the edge. The peak and the excess at low $k_\nu$ shrink with both; look how much of the peak
 # remains.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
 observation = full.observed(selected)
 nside = full.survey.nside
 

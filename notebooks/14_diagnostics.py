@@ -205,7 +205,7 @@ for remover in component:
 # %% [markdown]
 # In the right panel, compare the methods at the low end of the band.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra; it sums to the number of sources. Right: variance of the foreground residual over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra, whose sum is the number of sources. Right: variance of the foreground residual over that of the truth, from 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(np.median(np.atleast_2d(values), axis=0).max() for values in signal_lost.values())
 panels = [
@@ -316,7 +316,7 @@ quote(
 # Look between the grey lines, where the paper has SDecGMCA lowest.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole (the paper's Fig. A.2). Left: all six methods. Right: the component methods. The grey lines are the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 against multipole (the paper's Fig. A.2). Left: all six methods. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(members):
     """l from 2 to 2 nside, or where the curve ends, C_l of each member and channel, and those of the truth."""
     powers, of_truth = [one.power_spectra.angular for one in members], study.truth(selected).angular

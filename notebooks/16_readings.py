@@ -166,7 +166,7 @@ Table(["claim", "statement", *READINGS, "choices that change the default's verdi
 # A row of a single shade is a claim that no reading changes, as those about other methods; a column that
 # differs from the first is a choice that matters.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; the signs are those of the ledger."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; signs as in the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
 
 # %% [markdown]
@@ -175,13 +175,13 @@ plotting.stamp(claims_figure(outcomes), made)
 #
 # The distance of the points from the line is the bias, their spread the scatter over restarts and skies.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky, the line the truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are drawn at the edge."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
 # %% [markdown]
 # Compare the medians with 1, and restarts with their median.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and each restart as a thin line. Runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and restarts (thin). Runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]
@@ -302,7 +302,7 @@ Table(head, readings_table.option_rows(outcomes))
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
 compared = {variant: code.compared(variant) for variant in VARIANTS}
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: largest difference between the mixing matrices of himap and of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: effect on A of a relative change of that start by 1e-12. Two variants differ only in the refinement and coincide here."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: largest difference between the mixing matrices of himap and of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: effect on A of a relative change of that start by 1e-12. Two variants coincide before the refinement."}}
 code_figure(compared, ITERATIONS)
 
 # %% tags=["hide-input"]

@@ -121,7 +121,7 @@ except InputError as error:
 # minimum of an information criterion, and the number after which one more source changes the spectra little.
 # {doc}`22_how_many` measures how often each is right. Here they should agree on one number.
 
-# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
+# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
@@ -150,7 +150,7 @@ cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 # %% [markdown]
 # The left panel shows which eigenvalues were removed. Spectra that oscillate with frequency (right) describe the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; the last ones, as many as there were sources, are then zero to rounding. Right: spectra of the removed sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; the last ones, as many as there were sources, are then zero to rounding. Right: removed spectra."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
@@ -177,7 +177,7 @@ print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unsee
 # line). Ratios below 1 are signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of
 # the beam. Ratios above the grey band would be foreground residual.
 
-# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, with the ratio to the truth below. Grey band: 10 %. The coupling of multipoles by the mask is undone, and C_l are binned."}}
+# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, and the ratio to the truth. Grey band: 10 %. C_l are decoupled from the mask and binned."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
 study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources=n_sources, missing=missing)
 

@@ -149,7 +149,7 @@ panels = [
 # $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground,
 # and decreases with the number of components.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber along frequency (right), each method with the number of sources that the bootstrap needs."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber (right), each method with the number of sources that the bootstrap needs."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -187,7 +187,7 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 # %% [markdown]
 # The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and their ratios to the truth. Grey band: 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -282,7 +282,7 @@ panels = [
     },
 ]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "The transfer function of the first method from a changed mock, over that from the original mock. Curves beyond 3 % are cut off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "Transfer function of the first method from a changed mock over that from the original. Curves beyond 3 % are cut off."}}
 study.stamped(
     plotting.lines(panels), beam=case.beam, method=first.name, n_sources=getattr(first, "n_sources", None)
 )
@@ -348,7 +348,7 @@ def summarised(records):
 
 records = stored(results, "ci")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; the bars are the standard deviation of a single sky). Deviations above 20 % are not drawn. The grey lines are at 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Deviations above 20 % are not drawn. Grey lines: 1 %."}}
 shown(records)
 
 # %% tags=["hide-input"]
@@ -364,7 +364,7 @@ summarised(records)
 # %% tags=["hide-input"]
 finer = stored(larger, "quick")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies of power over that of the truth in bands at quick, uncorrected (open) and corrected (filled; the bars are the standard deviation of a single sky)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
 shown(finer)
 
 # %% tags=["hide-input"]

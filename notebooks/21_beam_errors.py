@@ -102,7 +102,7 @@ table = EXPERIMENT.table([first_sky])
 # without a beam is better. An error that oscillates with frequency costs far more than one that all channels
 # share: bright pixels then have spectra that no fitted spectrum describes.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. The horizontal curve is a method without a beam; the grey line is 1 %. Values below 0.1 % are not shown."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. Horizontal: a method without a beam; grey line: 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
 
 # %% [markdown]
@@ -125,13 +125,13 @@ galaxies = ("synthetic", "templates")
 paths = results or [RESULTS / f"beam_errors_quick_{name}.json" for name in galaxies]
 records = [Record.load(EXPERIMENT, path) for path in paths]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies, synthetic Galaxy. Grey line: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, synthetic Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 
 # %% [markdown]
 # With the real Galaxy, compare the errors at which the lines rise.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies, real Galaxy. Grey line: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, real Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]
@@ -197,7 +197,7 @@ panel = {
 # The two beams agree at low $\ell$ and differ at high $\ell$, where the Gaussian continues and the true beam
 # ends.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with its side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6, 3.6)))
 
 # %% tags=["hide-input"]

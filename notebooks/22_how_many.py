@@ -137,7 +137,7 @@ for panel in panels:
 # method they should agree on one number: where the eigenvalues reach their line, BIC is least, the spectra
 # become stable, and the error is least. A beam-aware method needs fewer sources.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources. Eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; the change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources: eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]

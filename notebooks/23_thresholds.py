@@ -206,7 +206,7 @@ curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 # %% [markdown]
 # The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the two other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; with ratios to the truth. Grey band: 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
 
 # %% [markdown]

@@ -176,7 +176,7 @@ panel = {
 # Solid and dashed lines of a method separate near the edge and agree further in; the distance at which they
 # separate, compared with the margin, is the cost of the edge.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). The grey line is the margin."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). Grey line: margin."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=case.beam, latitude=latitude)
 
 # %% [markdown]

@@ -101,14 +101,14 @@ first = EXPERIMENT.table([first_sky])
 # (above 1), the others signal loss (below 1). In all figures ratios are linear near 1 and logarithmic beyond,
 # and the grey band is 10 %.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "C/C0 of each method, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
 study.stamped(methods_figure({"": first}, "angular"))
 
 # %% [markdown]
 # There is signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near
 # $k_\nu = 0.31$ with too few components.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, on the first sky, through each beam."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "P/P0 of each method, on the first sky, through each beam."}}
 study.stamped(methods_figure({"": first}, "frequency"))
 
 # %% [markdown]
@@ -156,13 +156,13 @@ records = stored(results, "quick")
 # %% [markdown]
 # A narrow band is a method that gives the same on every sky. Compare the rows for the effect of the Galaxy.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "C/C0 of each method: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular")
 
 # %% [markdown]
 # Below 1 at the lowest wavenumbers is signal loss; a peak near $k_\nu = 0.31$ is the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "Frequency power spectrum of the residual over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "P/P0 of each method: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
@@ -171,13 +171,13 @@ figure_of(records, "frequency")
 # figures have the same spectra divided by the transfer function from {glue:text}`side_mocks` mocks: the loss
 # is corrected, the foreground residual (above 1) is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular", corrected=True)
 
 # %% [markdown]
 # The loss at the lowest wavenumbers is corrected, the peak near $k_\nu = 0.31$ is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real one (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "P/P0 divided by the transfer function: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
@@ -219,13 +219,13 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 finer = stored(larger, "laptop")
 quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "C/C0 of each method at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right)."}}
 figure_of(finer, "angular")
 
 # %% [markdown]
 # PCA with six components has a peak at the ripple of the beam that it does not have at `quick`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real one (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "P/P0 of each method at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right)."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]

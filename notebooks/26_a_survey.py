@@ -222,7 +222,7 @@ span = {title: (low, high) for title in pictures if title != "before"}
 errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS}
 widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; and the residual of PCA with weights and flags, and with neither, all but the first on one colour scale. Unobserved pixels are white."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; the residual of PCA with weights and flags, and with neither; all but the first on one colour scale. Unobserved pixels are white."}}
 study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
 
 # %% [markdown]
@@ -293,13 +293,13 @@ def over_truth(found):
     return {key: {kind: one[kind][1] / true[kind][1] for kind in true} for key, one in found.items()}
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power of the residual over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "C/C0 (left) and P/P0 (right) of the residual, for each method (rows)."}}
 study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
 
 # %% [markdown]
 # In the power of the error foreground residual and signal loss do not cancel.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise, angular (left) and frequency (right), for each method (rows)."}}
 panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
 scales = {"xscale": "log", "yscale": "log", "ylim": (0.01, 20)}
 study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selected, patch=patch)
@@ -329,7 +329,7 @@ corrected = {
     key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "Power of the residual divided by the transfer function, over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "C/C0 (left) and P/P0 (right) divided by the transfer function, for each method (rows)."}}
 study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
 
 # %% [markdown]

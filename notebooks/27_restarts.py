@@ -125,7 +125,7 @@ quote(
     restarts_order_theirs=order["theirs"],
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "Growth of a change of the start by 1e-10: sine of the largest angle between the columns of the mixing matrix of a restart and of the plain start, against iteration. Thin: restarts; thick: median. Left: himap, reading `code`. Right: the public code of C21."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "Sine of the largest angle between the columns of the mixing matrix of a restart and of the plain start, against iteration, for a change of the start by 1e-10. Thin: restarts; thick: median. Left: himap, reading `code`. Right: the public code of C21."}}
 panels = {}
 for name in ours:
     panels |= {f"himap, {NAMES[name]}": ours[name], f"authors' code, {NAMES[name]}": theirs[name]}
@@ -183,7 +183,7 @@ growth = {
     for name, options in VARIANTS.items()
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "Growth of the change (left) and condition number of the mixing matrix (right) against iteration, for variants of the reading `code` run here with thresholds on an exact grid instead of HEALPix pixels. Thin: restarts; thick: medians. Variants with nearly complete sources are stable."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "Growth of the change (left) and condition number of the mixing matrix (right) against iteration, for variants of the reading `code` with thresholds on an exact grid instead of HEALPix pixels. Thin: restarts; thick: medians."}}
 study.stamped(variants_figure(growth), beam=beam, n_sources=n_sources)
 
 # %% [markdown]
@@ -229,7 +229,7 @@ for title, each in RUNS.items():
     rows.append([title, *(f"{(errors[floor] > FAILING).sum()} of {len(errors)}" for floor in FLOORS)])
 Table(["runs that fail", *FLOORS.values()], rows, align="lrr")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with two floors of the last step, synthetic Galaxy: mean ratios to the truth in two bands of multipoles and two of wavenumbers (1/MHz), highest ratio near the ripple, share of the sky flagged by the paper's criterion, condition number of the mixing matrix. P/P0 has the truth at all multipoles and runs end at 64; flags use the truth up to there."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with two floors of the last step, synthetic Galaxy: mean ratios to the truth in bands of multipoles and of wavenumbers (1/MHz), highest ratio near the ripple, share of the sky flagged by the paper's criterion, condition number of the mixing matrix. P/P0 has the truth at all multipoles and runs end at 64; flags use the truth up to there."}}
 name, *others = ours
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[0].made
@@ -238,7 +238,7 @@ plotting.stamp(
 # %% [markdown]
 # On the real Galaxy, compare the tails, which are the failed runs.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with two floors of the last step, real Galaxy; panels as for the synthetic one."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "The same distributions for himap (solid) and the authors' code (dashed), with two floors of the last step, on the real Galaxy."}}
 name = (others or [name])[0]
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[-1].made
