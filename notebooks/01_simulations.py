@@ -19,14 +19,13 @@
 #
 # > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
 # > - **Good to know**: redshift, and what an angular power spectrum is.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`F1`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`F1`.
 # > - **Time and memory**: {cost}`01_simulations`.
 #
 # The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at
 # $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one distance, between
 # 900 and 1400 MHz at $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter
-# simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Each component has a separate random stream,
-# so that changing it does not affect the others.
+# simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -143,8 +142,8 @@ stamped(
 # Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`,
 # and with the paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no
 # structure below the cell. The table compares CRIME with himap before any beam, with the paper's cosmology,
-# bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. CRIME is
-# not part of himap, so these ratios are stored as measured.
+# bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. These
+# ratios are stored, as CRIME is not part of himap.
 
 # %% tags=["hide-input"]
 CRIME = [
@@ -158,20 +157,20 @@ Table(head, CRIME, align="l" + 5 * "r")
 
 # %% [markdown]
 # The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
-# counts ten points per cell, whose noise adds power, and himap interpolates between cells, which removes
-# power. Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond
-# $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz
-# agrees to 6 %. CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and
-# lower velocities, as differences of neighbouring cells; himap has neither.
+# counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
+# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$
+# of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6
+# %. CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
+# velocities, as differences of neighbouring cells; himap has neither.
 #
 # CRIME's option `r_smooth` multiplies the modes of the matter by $e^{-k^2 r^2/2}$, which affects density and
-# velocities. Its sample file has 2 Mpc/h, its script with the paper's cosmology no smoothing, and the paper
-# does not mention it; in himap it is a field of the survey, 0 by default. In a smaller box with cells of
+# velocities. Its sample file has 2 Mpc/h, its script with the paper's cosmology none; the paper does not
+# mention it, and the default of himap is 0. In a smaller box with cells of
 # {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h
 # reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
 # {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from
-# {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam
-# $P(k_\nu)$ at $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
+# {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam $P(k_\nu)$ at
+# $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
 # {glue:text}`simulations_small` to {glue:text}`simulations_smooth_small`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing removes power on small scales."}}
@@ -229,8 +228,8 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly; each row
-# is a pair of runs. Claims B1 to B3 and D3 ({doc}`15_claims`) depend on cell and smoothing;
+# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly (each row
+# is a pair of runs). Claims B1 to B3 and D3 ({doc}`15_claims`) depend on cell and smoothing;
 # `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the
 # cell smooths more than 2 Mpc/h does.
 
@@ -273,7 +272,7 @@ Table(head, CHOICES, align="ll" + 4 * "r")
 #   {cite:p}`miville2007,thorne2017`;
 # - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
 #
-# Synchrotron and free-free emission are concentrated in the plane; index and point sources are not.
+# Only synchrotron and free-free emission are concentrated in the plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
@@ -381,8 +380,7 @@ beside
 # ```
 #
 # About {glue:text}`simulations_sources` sources between 10 mJy and 1 Jy are placed individually; brighter
-# ones are assumed removed. The spectral index of each pixel is drawn from a normal distribution of mean
-# $-2.7$ and width 0.2.
+# ones are assumed removed. Spectral indices of pixels are normal with mean $-2.7$ and width 0.2.
 #
 # Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
 
@@ -468,8 +466,8 @@ for title, pixel in lines_of_sight.items():
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# The contrast between the Galaxy and HI is largest at low $\ell$. The paper states “over four” orders of
-# magnitude and “up to five”, even at high latitudes; {doc}`15_claims` has the measured ratio.
+# The contrast between the Galaxy and HI is largest at low $\ell$: in the paper “over four” orders of
+# magnitude and “up to five”, even at high latitudes ({doc}`15_claims` has the measured ratio).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -525,10 +523,11 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is {glue:text}`simulations_foreground` in the median pixel and at most
-#   {glue:text}`simulations_brightest`. Removing it to one part in $10^5$ is not enough where it is brightest.
+# - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is
+#   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
+#   Removing it to one part in $10^5$ is not enough where it is brightest.
 # - HI has a lognormal density, linear velocities, and no structure below the cell of the box. This suffices
-#   for tests of foreground removal, but not for the brightest peaks at the top of the band.
+#   for foreground removal, but not for the brightest peaks at the top of the band.
 #
 # ## Exercise
 #

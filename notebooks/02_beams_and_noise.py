@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`01_simulations`.
 # > - **Good to know**: what a convolution is.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`V4`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`V4`.
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
 # A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`02_beams_and_noise`.
 # > - **Good to know**: least squares.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`B1`, {claim}`B2`, {claim}`B3`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`B1`, {claim}`B2`, {claim}`B3`.
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
 # A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part

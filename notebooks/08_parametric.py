@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`V3`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
 # {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every line of sight $p$ with free-free emission of known index

@@ -19,14 +19,13 @@
 #
 # > - **Read first**: {doc}`06_gmca`.
 # > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`R1`, {claim}`V1`, {claim}`V6`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`R1`, {claim}`V1`, {claim}`V6`.
 # > - **Time and memory**: {cost}`09_sdecgmca`.
 #
 # PCA, FastICA and GMCA assume that a source has the same map in every channel. A beam that changes with
-# frequency smooths it differently in each, so that every bright pixel acquires spectral structure.
-# {cite:t}`gkogkou2025` therefore apply SDecGMCA {cite:p}`carloni2021` (C21 below), which has the beam in its
-# model: in harmonic space a circular beam is a factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq.
-# 21)
+# frequency smooths it differently in each. {cite:t}`gkogkou2025` therefore apply SDecGMCA
+# {cite:p}`carloni2021` (C21 below), which has the beam in its model: in harmonic space a circular beam is a
+# factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq. 21)
 #
 # ```{math}
 # :label: eq-sdecgmca-mixture
@@ -34,7 +33,7 @@
 # ```
 #
 # Starts that differ by $10^{-10}$ give different results ({doc}`27_restarts`), so figures show an ensemble of
-# restarts (median, 16 to 84 % band, each restart as a thin line), and maps the {term}`medoid`.
+# restarts (median, 16 to 84 % band, restarts as thin lines), maps the {term}`medoid`.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -162,9 +161,9 @@ show(rows)
 # (sdecgmca-reading)=
 # ## What the paper leaves open
 #
-# The text can be implemented in several ways, and the public code of C21 deviates from it. Each choice has a
-# name, and a set of choices is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings`
-# compares them. Captions state the reading; in this chapter {glue:text}`sdecgmca_reading`.
+# The text can be implemented in several ways, and the public code of C21 deviates from it. A set of choices
+# is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. Captions state
+# the reading, here {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
 head = ["Choice", *READINGS]
@@ -207,7 +206,7 @@ channel_figure(study, selected, medoid)
 angular_figure(study, removers)
 
 # %% [markdown]
-# With the oscillating beam the paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
+# The paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -226,10 +225,10 @@ show(numbers)
 # %% [markdown]
 # ## Beyond the last multipole
 #
-# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there;
-# what maps and $P(k_\nu)$ contain beyond is not given. With `beyond="cut"` nothing is estimated there, and
-# the residual lacks that power; with `"regularised"` {eq}`eq-sdecgmca-sources` is continued to
-# $3\,N_\mathrm{side}$ with its $\epsilon$, with `"projection"` without.
+# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there.
+# With `beyond="cut"` nothing is estimated there, and the residual lacks that power; with `"regularised"`
+# {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$, with `"projection"`
+# without.
 #
 # The curves coincide up to the dotted line. Beyond it an excess of “regularised” is the paper's spurious
 # peak.
@@ -276,9 +275,9 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 
 # %% [markdown]
 # The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
-# exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$. Strategy 3, which the paper uses in
-# the warm-up, gives the following first multipole with $\epsilon > 0$, with $c$ of Table 1 and the
-# $\mathbf{A}$ of each restart (–: none):
+# exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$; the first multipole with
+# $\epsilon > 0$ of strategy 3, that of the warm-up, for $c$ of Table 1 and the $\mathbf{A}$ of each restart
+# is (–: none):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -297,9 +296,9 @@ show(numbers)
 # %% [markdown]
 # ## Sensitivity to the start
 #
-# The start of $\mathbf{A}$ is changed by $10^{-10}$ in the reading of this chapter (left) and in another
-# (middle). BeamSubspace converges from any start; there the noise level is changed by 0.1 % (right). Curves
-# that differ are possible results of the same data.
+# The start is changed by $10^{-10}$ in the reading of this chapter (left) and in another (middle).
+# BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Curves that differ are
+# possible results of the same data.
 
 # %% tags=["hide-input"]
 other = "letter" if reading != "letter" else "default"
@@ -362,20 +361,19 @@ quote(
 )
 
 # %% [markdown]
-# At the most sensitive multipole the highest $C/C_0$ of the left panel is {glue:text}`sdecgmca_moves` times
-# the lowest; in the reading “{glue:text}`sdecgmca_other`” it is {glue:text}`sdecgmca_other_moves` times, for
-# BeamSubspace {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
+# At the most sensitive multipole the highest $C/C_0$ is {glue:text}`sdecgmca_moves` times the lowest (left),
+# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times, for BeamSubspace
+# {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
 # {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in
 # the other; {ref}`restarts-failures` has the probability of failure. Stability is not accuracy: compare the
 # medians with 1 too.
 #
 # ## BeamSubspace
 #
-# SDecGMCA fits $\mathbf{A}$ to thresholded sources, which exceed HI by orders of magnitude and cancel to that
-# precision in every channel; what a threshold removes remains in the data, smoothed differently in each
-# channel, and biases $\mathbf{A}$. BeamSubspace, which is not in the paper, has the same mixture without
-# $\epsilon$ or constraint on signs, and estimates $\mathbf{A}$ from the residual of the sources before
-# thresholds:
+# SDecGMCA fits $\mathbf{A}$ to thresholded sources, which exceed HI by orders of magnitude; what a threshold
+# removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace,
+# which is not in the paper, has the same mixture without $\epsilon$ or constraint on signs, and estimates
+# $\mathbf{A}$ from the residual of the sources before thresholds:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction

@@ -18,7 +18,7 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
 # The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of

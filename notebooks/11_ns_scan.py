@@ -18,7 +18,7 @@
 # # The number of sources
 #
 # > - **Read first**: {doc}`10_results`.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
 # A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps.

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: mean and standard deviation.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`, {claim}`V2`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`M1`, {claim}`M2`, {claim}`M3`, {claim}`M4`, {claim}`M5`, {claim}`V2`.
 # > - **Time and memory**: {cost}`12_post_masking`.
 #
 # {cite:t}`gkogkou2025` flag lines of sight of the recovered maps by their mean squared error,

@@ -18,7 +18,7 @@
 # # A dimmed Galaxy
 #
 # > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
 # > - **Time and memory**: {cost}`13_dimmed_galaxy`.
 #
 # SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation.

@@ -19,7 +19,7 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: correlation and linear regression.
-# > - **Tests** (verdicts at half the paper's resolution, real Galaxy): {claim}`A1`, {claim}`A2`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
 # In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so

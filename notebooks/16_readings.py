@@ -37,8 +37,7 @@
 #
 # A difference between single runs can be that between restarts ({doc}`27_restarts`). The record of this page
 # has {glue:text}`readings_runs` of each reading, over {glue:text}`readings_skies`. A run fails if its mean
-# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
-# to the end of the maps).
+# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$.
 
 # %% tags=["parameters"]
 results: str | None = None  # what `himap measure readings` wrote; None: that of the book
@@ -83,8 +82,8 @@ Markdown(f"*{made.footer()}*")
 # (readings-answer)=
 # ## Which claims depend on the reading
 #
-# A claim *holds* if it is reproduced, at least in part. Verdicts on these small maps differ from those of the
-# ledger at `laptop`; only differences between readings matter here. Of {glue:text}`readings_claims` claims
+# A claim *holds* if it is reproduced, at least in part. On these small maps only differences between readings
+# matter. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
@@ -95,8 +94,7 @@ Markdown(f"*{made.footer()}*")
 # {glue:text}`readings_deciders_n` of the choices change a verdict when they alone are changed in the default:
 # {glue:text}`readings_deciders`. The others change none: {glue:text}`readings_idle`. For
 # {glue:text}`readings_unmoved_n` claims every reading gives the same number, or none:
-# {glue:text}`readings_unmoved`. Undecided under the default, so that a difference between readings can be
-# that between restarts: {glue:text}`readings_split`.
+# {glue:text}`readings_unmoved`. Undecided under the default: {glue:text}`readings_split`.
 
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
@@ -163,8 +161,8 @@ Table(["claim", "statement", *READINGS, "choices that change the default's verdi
 # (readings-claims)=
 # ## All claims under all readings
 #
-# A row of a single shade is a claim that no reading changes, as those about other methods; a column that
-# differs from the first is a choice that matters.
+# A row of one shade is a claim that no reading changes; a column that differs from the first is a choice that
+# matters.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; signs as in the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
@@ -188,22 +186,20 @@ plotting.stamp(curves_figure(outcomes), made)
 # (readings-default)=
 # ## Choice of the default
 #
-# The default is chosen by charity and not by performance: of the candidates (each named reading, with each
-# treatment of the multipoles beyond $\ell = 200$), the reading under which most of the paper's statements on
-# SDecGMCA hold is most likely what its authors ran. A main part that holds in a share $p$ of the members,
-# compared with the truth at all multipoles, counts $p$; a tie goes to the candidate with fewer departures
-# from the text.
+# The default is chosen by charity and not by performance: of the named readings, with each treatment of the
+# multipoles beyond $\ell = 200$, that under which most of the paper's statements on SDecGMCA hold is most
+# likely what its authors ran. A main part that holds in a share $p$ of the members, compared with the truth
+# at all multipoles, counts $p$; a tie goes to the candidate with fewer departures from the text.
 #
-# The tables have this count, the departures, and the failures for each stored ensemble; candidates share
-# starts and skies. The most charitable is {glue:text}`readings_charitable`.
+# The tables have this count, departures and failures for each stored ensemble; candidates share starts and
+# skies. The most charitable is {glue:text}`readings_charitable`.
 #
 # **The default is provisional.** The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot test
 # what the paper states up to 200: selection on the skies of two seeds, confirmation on three others. The
-# table has one start on the first of the two skies: a single member, so that every part holds or does not,
-# and candidates with close counts are not separated. Until the record has both skies with several starts, the
-# default rests on eight starts on each of two skies at that size and on one at the paper's, in which
-# `code-rounding` did not fail and had the paper's spectra, peak, flagged lines of sight and dependence on the
-# number of sources.
+# table has one start on the first of the two skies, a single member, which does not separate candidates with
+# close counts. Until the record has both skies with several starts, the default rests on eight starts on each
+# of two skies at that size and on one at the paper's, in which `code-rounding` did not fail and had the
+# paper's spectra, peak, flagged lines of sight and dependence on the number of sources.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -219,8 +215,8 @@ quote(readings_charitable=listed([f"{label} at {size}" for size, label in charit
 
 # %% [markdown]
 # The next table has, for the readings above, the choices that contradict the text, the statements that hold,
-# the failures, and the verdicts (signs as in the ledger); the last table, in each band, the value of any run
-# furthest from 1 (no column: {glue:text}`readings_empty`).
+# failures and verdicts (signs as in the ledger); the last table, in each band, the value furthest from 1 of
+# any run (no column: {glue:text}`readings_empty`).
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -242,9 +238,8 @@ Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 # on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, of the
 # default by {glue:text}`readings_moved_default`.
 #
-# Two earlier defaults were chosen by performance: the letter with the sign of $\mathbf{A}$ free, rejected
-# when it failed in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the
-# text.
+# Two earlier defaults were chosen by performance: the letter with free signs of $\mathbf{A}$, until it failed
+# in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
 
 # %% tags=["hide-input"]
 sound = [known[label].title for label, one in outcomes.items() if not one.n_failing]
@@ -271,9 +266,9 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# The table has the paper's words for each choice and the readings that include it; for a choice that the
-# default does not have, how often the default fails with it, and which claims then change. A reading is set
-# by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# The table has the paper's words for each choice and the readings that include it; for others than those of
+# the default, how often the default fails with it, and which claims then change. A reading is set by
+# `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`. Choices that do not concern SDecGMCA, such as the smoothing of
 # HI, are in {doc}`../book/conventions`.
 
@@ -296,7 +291,7 @@ Table(head, readings_table.option_rows(outcomes))
 # The reading `code` is compared with the public code of {cite:t}`carloni2021` on a small problem (16
 # channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute
 # deviation or from the propagated noise, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ instead of
-# the spectra. The differences (left) should not exceed the effect of a change of the start (right).
+# the spectra. The differences (left) should not exceed the effect of another start (right).
 
 # %% tags=["hide-input"]
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
@@ -329,8 +324,8 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By the rule it can: the paper shows a single run. For an observation the failed run has to be identified
-# without the truth ({ref}`restarts-flags`).
+# By the rule, yes: the paper shows a single run. For an observation the failed run must be identified without
+# the truth ({ref}`restarts-flags`).
 #
 # </details>
 #

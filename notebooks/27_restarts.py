@@ -27,7 +27,7 @@
 #
 # SDecGMCA has no random numbers, but a relative change of its start by $10^{-10}$ gives a different mixing
 # matrix and residual. This chapter measures how the change grows, why, and how often the result fails, for
-# the public code of {cite:t}`carloni2021` (C21) and for himap, and compares alternatives.
+# the public code of {cite:t}`carloni2021` (C21) and for himap.
 #
 # **The paper.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the
 # refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). The method “already delivers
@@ -38,7 +38,7 @@
 # channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer
 # versions of numpy do not have, and himap in the reading `code`, which has the same steps
 # ({doc}`16_readings`). *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the
-# plain start. Runs of both are stored with the book; a few are repeated here.
+# plain start. Most runs are stored with the book.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -103,8 +103,8 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # ## Growth of a small change
 #
 # Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain
-# start after the same number of iterations; it does not depend on scale, sign or order of the columns. Where
-# $\sin\theta = 1$ each space has a spectrum that the other does not.
+# start after the same number of iterations. Where $\sin\theta = 1$ each space has a spectrum that the other
+# does not.
 #
 # Look at the first five iterations. The first multiplies the change by {glue:text}`restarts_first_ours`
 # (himap) and {glue:text}`restarts_first_theirs` (authors' code; medians over both Galaxies). The median
@@ -165,17 +165,17 @@ Table(
 #
 # $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise a share $K$ is kept,
 # which grows from zero: in the first iteration a scale of a source has about five, the minimum of the code.
-# The fitted columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the
+# The columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the
 # condition number, and the next thresholds select other coefficients.
 #
 # The figure tests this by changing elements. *No $K$* keeps all coefficients above the noise from the first
 # iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated
 # noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Without $K$ alone the growth remains, because the MAD includes the signal: three times the scatter of a
-# field removes most of it, whatever its noise. With the instrument's noise, without $K$ and with free signs
-# of $\mathbf{A}$, the iteration converges after {glue:text}`restarts_settled` iterations and the change stays
-# below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
+# Without $K$ alone the growth remains, because the MAD includes the signal: three times its scatter removes
+# most of a field. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the iteration
+# converges after {glue:text}`restarts_settled` iterations and the change stays below
+# {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
 
 # %% tags=["hide-input"]
 growth = {
@@ -246,8 +246,8 @@ plotting.stamp(
 
 # %% [markdown]
 # The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a difference at least as large if both
-# samples have the same distribution, from permutations of the runs. The last row combines all quantities
-# (mean distance of the distribution functions).
+# distributions are the same, from permutations. The last row combines all quantities (mean distance of the
+# distribution functions).
 
 # %% tags=["hide-input"]
 columns = {}
@@ -325,7 +325,9 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# For several diagnostics the table has the share of the failed runs that a flag detects, the share of the others that it flags, the probability that a failed run has the larger value (one half: chance), and how often the restart with the smallest value fails (for the distance from the others: the {term}`medoid`).
+# The table has the share of the failed runs that a flag detects, the share of the others that it flags, the
+# probability that a failed run has the larger value (one half: chance), and how often the restart with the
+# smallest value fails (for the distance from the others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -347,7 +349,8 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# The table has median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised inversion beyond the last multipole alone raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
+# Median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised
+# inversion beyond the last multipole raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}
@@ -415,8 +418,8 @@ else:
 # %% [markdown]
 # ## Conclusions
 #
-# - The iteration of SDecGMCA is chaotic in its authors' code as in himap, and both agree as distributions. A
-#   result needs its scatter over restarts.
+# - SDecGMCA is chaotic in its authors' code as in himap, and both agree as distributions. A result needs its
+#   scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
 # - Most failures disappear without the eigenvalue floor of $10^{-9}$ in the last step.
@@ -429,7 +432,8 @@ else:
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# With probability $p$ this occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that every third fails.
+# This occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that
+# every third fails.
 #
 # </details>
 #
