@@ -22,10 +22,10 @@
 # > - **Time and memory**: {cost}`06_gmca`.
 #
 # Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
-# in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources
-# are in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
-# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate
-# $\ell$ down, and relate it to its reliance on sparsity. This chapter compares GMCA with PCA.
+# in a wavelet basis a map has few large coefficients, and those of different sources are in different places.
+# It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025` (Sect. 3.1.3)
+# report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its
+# reliance on sparsity. This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -166,9 +166,9 @@ quote(
 # a projection again, which depends only on the space of $\mathbf{A}$; that of PCA leaves the smallest
 # variance. The [conventions](../book/conventions.md) list what the paper leaves open of GMCA.
 #
-# During the iteration the columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign
-# cancel, so thresholds in mK need not fall. $\mathbf{A}$ still drifts at the end, but its space departs from
-# that of PCA in the first iterations and then hardly changes.
+# The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
+# need not fall. $\mathbf{A}$ still drifts at the end, but its space hardly changes after the first
+# iterations.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
@@ -228,7 +228,7 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference from the truth has structure near the Galactic centre: foreground residual or signal loss.
+# The difference has structure near the Galactic centre: foreground residual or signal loss.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "A channel in the middle of the band: observed, cleaned by GMCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 channel_figure(study, selected, remover)

@@ -30,8 +30,8 @@
 # T(\nu) = \alpha_1(p) \left(\frac{\nu}{\nu_0}\right)^{-2.13} + \alpha_2(p) \left(\frac{\nu}{\nu_0}\right)^{\beta(p)} .
 # ```
 #
-# They assume that point sources are absorbed by these two terms, and report that the fit fails with the
-# evolving and the oscillating beam. This chapter tests where the model holds.
+# They assume that point sources are absorbed by these terms, and report that the fit fails with the evolving
+# and the oscillating beam. This chapter tests where it holds.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -77,7 +77,7 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # %% [markdown]
 # ## The method
 #
-# Given $\beta$, the model is linear in $\alpha_1$ and $\alpha_2$, so the sum of squares is a function of $\beta$ alone,
+# Given $\beta$, the model is linear, so the sum of squares is a function of $\beta$ alone,
 #
 # ```{math}
 # :label: eq-variable-projection
@@ -156,7 +156,7 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 # {glue:text}`parametric_alpha` with the degraded beam, that of the true free-free emission
 # {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and
 # the sum of synchrotron emission and radio galaxies is curved like a little free-free emission. Only the
-# *sum* of both terms is well constrained, and only the sum is subtracted.
+# *sum*, which is subtracted, is well constrained.
 #
 # The derivatives with respect to the amplitudes are nearly the same; that to the index changes sign.
 
@@ -197,9 +197,9 @@ quote(
 # %% [markdown]
 # ## The residual
 #
-# With the degraded beam it is at the level of HI. The evolving beam narrows with frequency, so that sources
-# near a line of sight fade or brighten; this bends its spectrum as no power law does, and the residual is
-# smooth and large. The oscillating beam adds its ripple.
+# With the degraded beam it is at the level of HI. Through the evolving beam sources near a line of sight fade
+# or brighten with frequency, as no power law does, and the residual is smooth and large. The oscillating beam
+# adds its ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and HI plus noise. The scales differ."}}
 panels = []
@@ -260,8 +260,8 @@ quote(
 # %% [markdown]
 # ## Which lines of sight fail
 #
-# To the right of the dotted line the error exceeds the signal. The curve of the degraded beam falls left of
-# it, those of the other two right of it.
+# The curve of the degraded beam falls left of the dotted line, where the error is below the signal, the other
+# two right of it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
@@ -328,8 +328,8 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - With the degraded beam, where the model holds, three parameters recover HI as well as PCA does ({doc}`10_results`).
-# - The parameters are not measurements of emission: only the sum is constrained.
+# - With the degraded beam, where the model holds, three parameters recover HI as well as PCA does
+#   ({doc}`10_results`).
 # - With a beam that changes with frequency the fit fails by orders of magnitude in both spectra, although the
 #   search converges everywhere, in about {glue:text}`parametric_steps` steps, and only
 #   {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating`

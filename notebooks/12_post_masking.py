@@ -31,12 +31,12 @@
 #
 # with mean and standard deviation over the sky, and compute both power spectra without them. They find the
 # flagged lines along the Galactic plane, and that SDecGMCA improves most. The rule needs the truth: it is a
-# diagnostic and not part of a method.
+# diagnostic.
 #
 # This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground
-# residual from lost HI on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA,
-# which is chaotic ({doc}`27_restarts`), has different flags: tables have the median and the 16 to 84 % band,
-# maps and profiles the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
+# residual from lost HI on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA
+# ({doc}`27_restarts`) has different flags: tables have the median and the 16 to 84 % band, maps and profiles
+# the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -225,8 +225,8 @@ study.stamped(
 # ```
 #
 # The table has the rms of both on flagged and other lines; the share of the squared error of the flagged
-# lines in the last tenth of the channels; and the percentile of their median in foreground brightness and in
-# variance of the truth (50 for random lines).
+# lines in the last tenth of the channels; and the percentile of their median in brightness of the foreground
+# and variance of the truth (50: random).
 
 
 # %% tags=["hide-input"]
@@ -453,9 +453,9 @@ quote(
 #
 # ## Accuracy of the masked spectrum
 #
-# The truth is known on the full sky, which tests the decoupling: the table has its $C_\ell$ under a mask over
-# that of the full sky, for the flagged lines of SDecGMCA (medoid), the same mask turned by 180° about the
-# axis through the Galactic centre, and a cut at 15° of latitude.
+# The decoupling is tested with the truth: the table has its $C_\ell$ under a mask over that of the full sky,
+# for the flagged lines of SDecGMCA (medoid), the same mask turned by 180° about the axis through the Galactic
+# centre, and a cut at 15° of latitude.
 
 # %% tags=["hide-input"]
 full = study.truth(selected).angular
@@ -485,17 +485,15 @@ quote(
 # %% [markdown]
 # Under the two masks that are independent of HI the decoupled spectrum is accurate to
 # {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of
-# SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A larger difference is due to the
-# mask: made from errors, it can select HI. Masked spectra are therefore compared with a truth under the same
-# mask.
+# SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A mask made from errors can select
+# HI, so masked spectra are compared with a truth under the same mask.
 
 # %% [markdown]
 # ## Conclusions
 #
 # - The rule flags what a method gets wrong: the Galactic plane where foreground remains, bright HI where that
 #   was removed.
-# - The improvement has to be weighed against the excluded sky. A real survey cannot apply the rule; it can
-#   cut in latitude ({doc}`24_masks`).
+# - A real survey cannot apply the rule; it can cut in latitude ({doc}`24_masks`).
 # - This is a single sky; on the real Galaxy the share in the plane (M1) can differ.
 #
 # ## Exercise

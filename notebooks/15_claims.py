@@ -150,9 +150,9 @@ quote(
 )
 
 # %% [markdown]
-# The last column has the measured cause of each verdict that is not *reproduced*: the stored records in which
-# the claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA
-# fails, the methods that fail. SD is SDecGMCA, POL and PAR are the polynomial and the parametric fit.
+# The last column has the cause of each verdict that is not *reproduced*: the stored records in which the
+# claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA fails,
+# the methods that fail. SD is SDecGMCA, POL and PAR are the two fits.
 
 # %% tags=["hide-input"]
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
@@ -160,7 +160,7 @@ others = other_records(about)
 LedgerTable(recorded, links, others)
 
 # %% [markdown]
-# A part that fails for another method points to the simulation, the size, or choices such as the average over
+# Where another method fails, the cause can be the simulation, the size, or choices such as the average over
 # channels, the sigma of the clipping, or the variable of the polynomial.
 #
 # ## What is not tested
@@ -184,8 +184,8 @@ LedgerTable(recorded, links, others)
 # (changed-readings)=
 # ## Changed readings
 #
-# Changes made after unblinding can favour a verdict, and are listed. On 25 November 2026, after ledgers of
-# single runs of SDecGMCA and before any ensemble, the rules above and these readings were rewritten:
+# Changes after unblinding can favour a verdict. On 25 November 2026, after ledgers of single runs of SDecGMCA
+# and before any ensemble, the rules above and these readings were rewritten:
 #
 # | claims | reading | before |
 # |---|---|---|

@@ -27,8 +27,8 @@
 # > - **Time and memory**: {cost}`19_scale`.
 #
 # Time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³
-# cells) on two cores, how they grow, what protects long runs, and how to use a cluster. The times were
-# measured and stored with the book; {doc}`../book/contributing` has the commands.
+# cells) on two cores, how they grow, what protects long runs, and how to use a cluster.
+# {doc}`../book/contributing` has the commands that measured them.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -71,8 +71,7 @@ Markdown(steps_table(paper))
 # What the floors count:
 #
 # - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per
-#   step of each ray, whose sixteen numbers are scattered over the box; gathering them takes most of the time
-#   and is not counted.
+#   step of each ray; gathering their sixteen scattered numbers takes most of the time and is not counted.
 # - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis
 #   in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
 # - **Peak masking, polynomial**: two reads and one write of the cube, one projection of each line of sight;
@@ -114,9 +113,8 @@ Markdown(steps_table(laptop))
 # ## How the cost grows
 #
 # The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box
-# grows as well, four cells per unit of `nside`. The pace of a shared machine varies within minutes, so a
-# fixed piece of work is timed before and after each measurement, and all times are scaled to the quickest
-# pace.
+# grows as well, four cells per unit. On a shared machine a fixed piece of work is timed before and after each
+# measurement, and times are scaled to the quickest pace.
 #
 # The slope of a line is the exponent.
 
@@ -149,7 +147,7 @@ Markdown(growth_table(scaling))
 # CRIME, the simulator of the paper, was run for comparison with the light cone
 # ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85
 # with 1024³: for twice the cells along a side it grew by a factor of 8.4, that of CRIME by a factor of 9.2.
-# Memory is alike. These ratios are not measured again.
+# Memory is alike.
 
 # %% [markdown]
 # ## Long runs
@@ -164,9 +162,9 @@ Markdown(growth_table(scaling))
 # - **Memory** is estimated first, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`)
 #   sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the
 #   memory.
-# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case of
-#   one realisation while it works and then deletes them, except those of an interrupted run;
-#   `himap cache clear pipeline.observation` deletes cubes at any time.
+# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case
+#   while it works, and those of an interrupted run; `himap cache clear pipeline.observation` deletes cubes at
+#   any time.
 #
 # (kills)=
 # ### Tests of interruption
@@ -174,7 +172,7 @@ Markdown(growth_table(scaling))
 # Processes were killed at random times and restarted until they finished; their results were compared bit by
 # bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends without a clear message;
 # *left behind* counts files, shared memory and processes that were not removed. On a full disk a command ends
-# with a message that names the file, or continues without storing.
+# with a message, or continues without storing.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -212,7 +210,7 @@ Markdown(endurance_table(read_stored("endurance", results)))
 #   products to one core unless the prologue sets these variables.
 # - `HIMAP_MAX_MEMORY` is the limit of one worker; without it each worker uses the free memory of its node,
 #   whatever SLURM has granted.
-# - The cubes of all realisations of a command are on disk until their claims are measured. Portions
+# - The cubes of all realisations of a command are on disk until their claims are measured; portions
 #   (`-p seed=2045 -p n_realisations=20`, ...) need less.
 
 # %% [markdown]
@@ -240,18 +238,17 @@ Markdown("\n".join(Table(head, rows).markdown()))
 # %% [markdown]
 # The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps
 # after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and
-# {glue:text}`scale_more` in channels, are uncertain by a factor of two: they are from small maps, the
-# oscillating beam, and two cores of a shared machine. The cubes of one realisation take
-# {glue:text}`scale_disk` times the disk space of the paper's size.
+# {glue:text}`scale_more` in channels, from small maps, the oscillating beam and a shared machine, are
+# uncertain by a factor of two. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
+# of the paper's size.
 #
 # Dask does not divide a product: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size,
 # so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Use one worker
 # per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the prologue.
-# There are two stages, the second of which begins when the first has ended everywhere:
-# {glue:text}`scale_cases` observations, of which those of the same sky wait for its light cone, and
-# {glue:text}`scale_cleanings` cleanings, all independent. With {glue:text}`scale_nodes` such workers of two
-# cores both take {glue:text}`scale_days`, if the shared disk keeps up; with more cores for each worker they
-# take less.
+# There are two stages, one after the other: {glue:text}`scale_cases` observations, of which those of the same
+# sky wait for its light cone, and {glue:text}`scale_cleanings` independent cleanings. With
+# {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk
+# keeps up.
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]

@@ -23,11 +23,12 @@
 # > - **Good to know**: what an estimator and its bias are.
 # > - **Time and memory**: {cost}`20_transfer_function`.
 #
-# Every method removes some HI with the foreground and leaves some foreground. The paper measures both against
-# the truth, which an observation does not have. This chapter estimates them from **mocks**, skies of HI and
-# noise whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the
-# mock $m$ replaces the HI and noise of the data, and with the foreground $\hat f$ that the method estimated it is cleaned like the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$,
-# and their means give
+# Every method removes some HI and leaves some foreground. The paper measures both against the truth, which an
+# observation does not have. This chapter estimates them from **mocks**, skies of HI and noise whose truth is
+# known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock $m$ replaces
+# the HI and noise of the data, and with the foreground $\hat f$ that the method estimated it is cleaned like
+# the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their
+# means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -191,10 +192,10 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% [markdown]
-# The table has bands of the uncorrected power with the number of sources given for the method, and of the
-# corrected power with the number that the bootstrap needs, over the truth. The pull is (corrected $-$ truth)
-# over the error bar; *foreground* is the foreground residual of the given number of sources, and *systematic*
-# the change of the result by one source more.
+# The table has the power in bands over the truth, uncorrected with the given number of sources, and corrected
+# with the number that the bootstrap needs. The pull is (corrected $-$ truth) over the error bar; *foreground*
+# is the foreground residual of the given number of sources, and *systematic* the change of the result by one
+# source more.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -242,9 +243,9 @@ study.stamped(
 # %% [markdown]
 # ## Sensitivity to the mocks
 #
-# The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a higher
-# bias of HI (by 30 %), with twice and half the HI, and as Gaussian fields with the same power spectra but
-# without peaks, over $T$ of the original. A line at 1 is a change that does not matter.
+# The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a bias of HI
+# that is higher by 30 %, with twice and half the HI, and as Gaussian fields with the same power spectra, over
+# $T$ of the original. A line at 1 is a change that does not matter.
 
 # %% tags=["hide-input"]
 variants = {
@@ -303,7 +304,7 @@ quote(
 # ## Coverage over many skies
 #
 # An error bar is right if the truth is within it in 68 % of the cases. This was measured with other mocks for
-# every sky, and stored with the book:
+# every sky:
 #
 # ```sh
 # himap measure transfer --preset ci -p n_mocks=12 -p 'methods=[["beam_subspace", 3], ["smooth_spectra", 4], ["pca", 6]]' --jobs 2
@@ -313,7 +314,7 @@ quote(
 #
 # In the table, *sources* is the range of the number that the bootstrap needed, *scatter* the standard
 # deviation of the corrected ratio over skies, and *error bar* the mean of the expected ones. The last columns
-# have the number of skies on which the truth is within the error bar, with the binomial 95 % interval of that
+# have the number of skies on which the truth is within the error bar, the binomial 95 % interval of that
 # share, and the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar
 # of 1.
 
@@ -358,8 +359,8 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`. The skies are few, so that the intervals of the coverage are wide, and the bands of a
-# sky are not independent.
+# The same at `quick`. The skies are few, so the intervals of the coverage are wide; the bands of a sky are
+# not independent.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick")
@@ -431,7 +432,7 @@ quote(
 # skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
 # the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$.
 # Coverage is of all bands, by the error bar, and by error bar and systematic in quadrature; the squared pull
-# is the median of bands. Error bars are right where the coverage is 68 % and the squared pull 1.
+# is the median of bands.
 
 # %% tags=["hide-input"]
 show_table(rows)
@@ -439,17 +440,16 @@ show_table(rows)
 # %% [markdown]
 # - **The foreground residual of a number of sources is detected without the truth**: one source more removes
 #   more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three
-#   sources has a residual on most skies, and is corrected with four there (column *sources* of the tables
-#   above).
-# - **The correction is only as good as the estimated foreground.** A residual that is spread over
-#   several components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the
-#   synthetic Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the estimated foreground contain HI, and are therefore brighter and more stable in members than in the
-#   data.
+#   sources has a residual on most skies, and is corrected with four there (column *sources*).
+# - **The correction is only as good as the estimated foreground.** A residual that is spread over several
+#   components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the synthetic
+#   Galaxy. The systematic contains a part of it.
+# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the
+#   estimated foreground contain HI, and are therefore brighter and more stable in members than in the data.
 # - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
 #   by up to the share of one source. Use as many as the foreground needs, not more.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
-#   commands below have them in a separate column.
+#   commands below list them separately.
 #
 # For your cube:
 #

@@ -24,13 +24,14 @@
 # > - **Time and memory**: {cost}`25_side_by_side`.
 #
 # The paper's method, PCA, and the methods that this book adds are compared through the three beams over many
-# skies; the last section recommends one for each kind of data.
+# skies; the last section recommends one for each kind of data. $C/C_0$ and $P/P_0$ are the power of the
+# residual over that of the truth.
 #
 # SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and
-# BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`), SmoothSpectra has
-# more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
-# ({cite:t}`olivari2016`). SDecGMCA is run once on each sky, so that its scatter over skies includes that of
-# restarts ({doc}`27_restarts`).
+# BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`),
+# SmoothSpectra has more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
+# ({cite:t}`olivari2016`). SDecGMCA is run once on each sky; its scatter includes that of restarts
+# ({doc}`27_restarts`).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -166,10 +167,9 @@ figure_of(records, "angular")
 figure_of(records, "frequency")
 
 # %% [markdown]
-# The signal loss is for every method largest at the lowest $k_\nu$, where HI is as smooth as the foreground.
-# It varies little from sky to sky, so that mocks can measure it ({doc}`20_transfer_function`). The next two
-# figures have the same spectra divided by the transfer function from {glue:text}`side_mocks` mocks: the loss
-# is corrected, the foreground residual (above 1) is not.
+# The signal loss, largest at the lowest $k_\nu$, varies little from sky to sky, so that mocks can measure it
+# ({doc}`20_transfer_function`). The next two figures have the same spectra divided by the transfer function
+# from {glue:text}`side_mocks` mocks: the loss is corrected, the foreground residual (above 1) is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular", corrected=True)
@@ -211,9 +211,8 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$: with more pixels and channels more of the foreground is detectable, and
-# components that suffice at `quick` may not suffice here. A line outside its band is due to a few skies on
-# which the method failed.
+# Look at the highest $\ell$: components that suffice at `quick` may not suffice with more pixels and
+# channels. A line outside its band is due to a few skies on which the method failed.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
@@ -302,8 +301,8 @@ quote(
 # (what-to-use)=
 # ## What should I use?
 #
-# From the table at `quick`, in the worst band and for the Galaxy where it is larger; through the oscillating
-# beam unless stated. The number of sources is that of `himap suggest`.
+# From the table at `quick`; through the oscillating beam unless stated. The number of sources is that of
+# `himap suggest`.
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
