@@ -148,14 +148,16 @@ Markdown(picture(large, "fig-results-frequency", folder))
 # ## 1. The degraded beam
 #
 # In the tables $C/C_0$ and $P/P_0$ are recovered over true angular and frequency power; SD is SDecGMCA, PAR
-# and POL are the parametric and the polynomial fit. Of a claim with several parts the number is that of one;
-# below it are the main parts that hold in less than 84 % of the skies and restarts, with that share.
+# and POL are the parametric and the polynomial fit. Below the number of a claim are its main parts that hold
+# in less than 84 % of the skies and restarts, with that share.
 
 # %% tags=["remove-input"]
 claims_of(1)
 
 # %% [markdown]
-# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: its residual has foreground of the Galactic plane, an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`). At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
+# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: foreground
+# residual in the Galactic plane, an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`).
+# At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
 #
 # ## 2. The evolving beam
 

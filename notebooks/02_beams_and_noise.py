@@ -309,8 +309,9 @@ quote(
 # ## Conclusions
 #
 # - A beam that changes with frequency turns angular structure of the foreground into spectral structure.
-# - Smoothing every channel to the worst resolution prevents that, if the beam is known, at the cost of small scales.
-# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
+# - Smoothing to the worst resolution prevents that, if the beam is known, at the cost of small scales.
+# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at
+#   $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
 # ## Exercise
 #
@@ -323,6 +324,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# It grows by less: without the polynomial of {eq}`eq-oscillating` the beam is narrower and includes less of the plane. The slower wave, which is due to that polynomial, nearly vanishes.
+# It grows by less: without the polynomial of {eq}`eq-oscillating`, which causes the slower wave, the beam is
+# narrower and includes less of the plane. The wave nearly vanishes.
 #
 # </details>

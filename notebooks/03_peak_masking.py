@@ -24,9 +24,8 @@
 #
 # A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part
 # of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any
-# method runs, and call this step essential. Here the foreground is estimated from the masked maps and
-# subtracted from the **original** ones, so that the peaks remain in the cleaned maps
-# ([conventions](../book/conventions.md)).
+# method runs, and call this step essential. Here the estimated foreground is subtracted from the **original**
+# maps, so that the peaks remain ([conventions](../book/conventions.md)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

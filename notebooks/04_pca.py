@@ -21,11 +21,11 @@
 # > - **Good to know**: eigenvectors of a covariance matrix.
 # > - **Time and memory**: {cost}`04_pca`.
 #
-# Foregrounds dominate the variance of the data and are smooth in frequency, so that a few spectra describe
-# them, while HI changes from channel to channel. Principal component analysis (PCA) estimates these spectra
-# from the covariance of the channels and removes them {cite:p}`alonso2015,cunnington2021`.
-# {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5 components for the degraded, the evolving and the
-# oscillating beam. This chapter does so, for one beam in detail and then for all three.
+# Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
+# channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
+# removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5
+# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in
+# detail and then for all three.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -154,8 +154,8 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference from the truth has foreground residuals along the Galactic plane and around its centre, and
-# mostly signal loss elsewhere.
+# The difference has foreground residuals along the Galactic plane and around its centre, mostly signal loss
+# elsewhere.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by PCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail

@@ -25,7 +25,8 @@
 # > - **Time and memory**: {cost}`05_fastica`.
 #
 # PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves.
-# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999` determines the rotation that is closest to it, and was among the first blind methods applied to 21 cm maps
+# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999`
+# determines the rotation that is closest to it, and was applied early to 21 cm maps
 # {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter
 # shows that both have the same cleaned maps.
 
@@ -85,8 +86,8 @@ pca = PCA(n_sources=n_sources)
 # \mathbf{Z} = \mathbf{D}^{-1/2}\,\mathbf{U}^{\top}\,\mathbf{X} .
 # ```
 #
-# Independent sources of unit variance are uncorrelated too, so they are a rotation of these,
-# $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
+# Independent sources of unit variance are a rotation of these, $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
+# $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
 #
 # **Rotation.** A sum of independent variables is closer to a Gaussian than the variables are, so the sources
 # are the *least Gaussian* projections of $\mathbf{Z}$. FastICA brings a contrast $\mathrm{E}[G(s)]$, such as

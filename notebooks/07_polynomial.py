@@ -28,9 +28,8 @@
 # T_\mathrm{fg}(\nu, p) = \sum_{n=0}^{6} a_n(p)\,\nu^n .
 # ```
 #
-# They report that this fit is insensitive to the evolving beam and fails with the oscillating one. It uses
-# neither covariance nor beam, and assumes that seven coefficients describe a foreground to one part in $10^5$
-# or better. This chapter tests that.
+# They report that this fit is insensitive to the evolving beam and fails with the oscillating one. It assumes
+# that seven coefficients describe a foreground to one part in $10^5$ or better. This chapter tests that.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -162,7 +161,7 @@ quote(
 #
 # In the plane the residual is a wave even for the degraded beam, the error of
 # {numref}`fig-polynomial-orders`. For the oscillating beam the ripple exceeds HI in the plane, and is
-# comparable to it far from the plane at the low end of the band.
+# comparable to it at high latitude at the low end of the band.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and the truth less its polynomial. The scales differ."}}
 panels = []
@@ -279,8 +278,8 @@ quote(
 # ## Conclusions
 #
 # - Order 6 removes seven spectra from every line of sight, and more signal at the smallest $k_\nu$ than PCA
-#   with three ({doc}`10_results`). The foreground residual in the Galactic plane gives an excess at
-#   $\ell < 10$ and at $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
+#   with three ({doc}`10_results`). The residual in the Galactic plane gives an excess at $\ell < 10$ and
+#   $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
 # - The fit is insensitive to the evolving beam, whose effect along a line of sight is smooth.
 # - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. Unlike
 #   PCA, a fit by line of sight cannot use that the ripple is coherent over the sky.

@@ -28,10 +28,9 @@
 #
 # Cleaned maps are compared with the truth, HI plus noise through the same beam. A ratio above 1 is foreground
 # residual, a ratio below 1 signal loss; a ratio of 1 can be a sum of both ({doc}`14_diagnostics` and
-# {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`) and is shown as an ensemble of
-# runs whose starts differ by $10^{-10}$: its numbers are medians, with the 16 to 84 % of the restarts in
-# brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)); {doc}`16_readings` has what depends
-# on the reading.
+# {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
+# restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading));
+# {doc}`16_readings` has what depends on the reading.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -110,7 +109,7 @@ frequency_figure(study, removers, titles=titles)
 #
 # Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near
 # $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the period of the ripple. The last row is PCA with one component more
-# than in the paper: knowledge of the beam is compared with an additional component.
+# than in the paper.
 
 # %% tags=["hide-input"]
 MORE = "PCA, one component more"
@@ -206,8 +205,8 @@ quote(
 #   components compared.** In the mean over the bands it is {glue:text}`results_oscillating_nearest`.
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
-# All this is based on a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels
-# and frequency; {doc}`18_paper_size` has the paper's size.
+# All this is a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and
+# frequency; {doc}`18_paper_size` has the paper's size.
 #
 # ## Exercise
 #

@@ -25,8 +25,8 @@
 # Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for
 # SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats
 # the scan, adds a method without knowledge of the beam, and tests how sensitive the optimum is to the
-# definition of the error and to the start of SDecGMCA, which is chaotic ({doc}`27_restarts`): each $n_s$ has
-# several restarts. {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
+# definition of the error and to the start of SDecGMCA ({doc}`27_restarts`). {glue:text}`scan_reading`
+# ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -230,10 +230,9 @@ detail["ylim"] = (
 whole = whole | {"ylim": None, "title": "full range"}
 
 # %% [markdown]
-# From left to right, each curve falls while foreground residual dominates and rises as further sources remove
-# HI. Where the bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does
-# not show foreground residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the
-# last table.
+# Each curve falls while foreground residual dominates and rises as further sources remove HI. Where the bands
+# of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show foreground
+# residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the last table.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
@@ -363,7 +362,6 @@ quote(
 # %% [markdown]
 # The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$; here the first method
 # has {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and {glue:text}`scan_best_intermediate`.
-# Neighbouring values can be nearly as good.
 #
 # ## Excess and loss
 #
@@ -469,14 +467,13 @@ show(unconverged)
 # %% [markdown]
 # ## Conclusions
 #
-# - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests
-#   criteria without it.
+# - The best $n_s$ is defined by the truth, here on a single sky; {doc}`22_how_many` tests criteria without
+#   it.
 # - A method without knowledge of the beam needs more sources to describe its effect: with
 #   {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times
 #   the minimum of the first.
 # - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$
 #   and low $\ell$.
-# - These are results for a single sky.
 #
 # ## Exercise
 #
@@ -485,7 +482,8 @@ show(unconverged)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$; absolute: the same ratio at each $i$; logarithmic: $\ln^2 10$ for both. A relative total is dominated by foreground residual and nearly insensitive to lost HI.
+# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$; absolute: the same ratio at each $i$; logarithmic:
+# $\ln^2 10$ for both.
 #
 # </details>
 #

@@ -36,9 +36,9 @@
 # make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA,
 # FastICA and SDecGMCA, and that the peak at the ripple falls below 2 % for SDecGMCA only.
 #
-# Dimming is no method for real data. It measures which part of the errors of {doc}`10_results` is due to the
-# brightest foreground, here for the oscillating beam and the synthetic Galaxy, with several restarts of
-# SDecGMCA ({doc}`27_restarts`). {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
+# Dimming measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for
+# the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`).
+# {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -376,10 +376,14 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit (below 1: it grows).
-# - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA.
-# - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within 10 % with the dimmed Galaxy; the table has the others.
-# - A method without foreground residual cannot improve.
+# - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and
+#   FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA,
+#   {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit
+#   (below 1: it grows).
+# - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and
+#   {glue:text}`dimmed_peak_sd` for SDecGMCA.
+# - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within
+#   10 % with the dimmed Galaxy; the table has the others.
 #
 # ## Exercise
 #

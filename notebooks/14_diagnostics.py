@@ -27,7 +27,7 @@
 # the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and
 # the *variance* of the error of $C_\ell$ over channels, smallest for SDecGMCA at
 # $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam,
-# with several restarts of SDecGMCA, which is chaotic ({doc}`27_restarts`). {glue:text}`diagnostics_reading`
+# with several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`diagnostics_reading`
 # ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
@@ -102,10 +102,10 @@ freqs = study.survey.freqs
 # \delta T_{\nu,p} = T_{\nu,p} - \langle T_\nu \rangle_p .
 # ```
 #
-# It is sensitive to foreground residual and to signal loss, but not to a constant factor in a channel. With a
-# foreground residual of variance $f$ and a lost share $q$ of the signal variance (in units of that variance,
-# the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles
-# beyond the last one of the inversion of SDecGMCA are included.
+# It is not sensitive to a constant factor in a channel. With a foreground residual of variance $f$ and a lost
+# share $q$ of the signal variance (in units of that variance, the loss being a projection),
+# $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond the last one of the
+# inversion of SDecGMCA are included.
 #
 # Look for oscillations with the period of the ripple, which are foreground, and for channels in which
 # SDecGMCA is not the highest.
@@ -297,7 +297,7 @@ quote(
 #
 # In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s`
 # sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is
-# {glue:text}`diagnostics_r_sd`. The smallest error and the highest $r$ need not coincide.
+# {glue:text}`diagnostics_r_sd`.
 #
 # ## Variance over channels
 #
@@ -310,8 +310,7 @@ quote(
 # ```
 #
 # The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the
-# latter is possible. The variance is zero for an error that all channels share, however large, and a single
-# channel can dominate it.
+# latter is possible. It is zero for an error that all channels share, and a single channel can dominate it.
 #
 # Look between the grey lines, where the paper has SDecGMCA lowest.
 

@@ -139,9 +139,9 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# PCA works on each line of sight, so that missing pixels do not matter. Methods that transform maps need a
-# smooth continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part
-# of the sky.
+# PCA works on each line of sight, whatever pixels are missing. Methods that transform maps need a
+# continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the
+# sky.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
@@ -173,9 +173,9 @@ print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unsee
 # %% [markdown]
 # ## Comparison with the truth
 #
-# For a simulation the same file without foregrounds shows how good the result is (`--truth` on the command
-# line). Ratios below 1 are signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of
-# the beam. Ratios above the grey band would be foreground residual.
+# For a simulation the truth shows how good the result is (`--truth` on the command line). Ratios below 1 are
+# signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios above
+# the grey band would be foreground residual.
 
 # %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, and the ratio to the truth. Grey band: 10 %. C_l are decoupled from the mask and binned."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
@@ -256,6 +256,6 @@ show_table(rows)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Fewer than through the oscillating beam, and all criteria give the same number. With fewer the foreground residual is larger by orders of magnitude; with more, signal is lost.
+# Fewer than through the oscillating beam, and all criteria give the same number.
 #
 # </details>

@@ -25,9 +25,8 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
-# In the paper, methods that use the beam assume the true one; the beam of a telescope is measured, with an
-# error. Here the assumed beam is wrong by a known amount. At which error is a method without a beam better,
-# and do additional sources help?
+# The paper assumes the true beam; that of a telescope is measured, with an error. Here the assumed beam is
+# wrong by a known amount. At which error is a method without a beam better, and do additional sources help?
 #
 # The assumed FWHM is the true one times $1 + e$:
 #
@@ -91,8 +90,8 @@ study = Study(
 # %% [markdown]
 # ## One sky
 #
-# Each method cleans the same observation, each time with another assumed beam. The figure shows the band with
-# the largest residual, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
+# Each method cleans the same observation with several assumed beams. The figure shows the band with the
+# largest residual, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
 
 # %%
 table = EXPERIMENT.table([first_sky])
@@ -282,7 +281,7 @@ quote(
 # <summary>Answer</summary>
 #
 # 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well;
-# but an error that is smooth in frequency acts like one more spectrum, which can be fitted.
+# but an error that is smooth in frequency acts like one more spectrum.
 #
 # </details>
 #

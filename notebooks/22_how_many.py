@@ -133,9 +133,9 @@ for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
 # %% [markdown]
-# The first three panels show what the criteria use, the last the error, which needs the truth. For each
-# method they should agree on one number: where the eigenvalues reach their line, BIC is least, the spectra
-# become stable, and the error is least. A beam-aware method needs fewer sources.
+# For each method the panels should agree on one number: where the eigenvalues reach their line, BIC is least,
+# the spectra become stable, and the error, which needs the truth, is least. A beam-aware method needs fewer
+# sources.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources: eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)

@@ -41,8 +41,8 @@
 # SmoothSpectra avoids the second: its spectra, before the beam, are combinations of a few smooth functions,
 # which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by
 # more than expected of random matrices of that size ({cite:t}`donoho2018`), with a Wiener filter whose
-# covariance of HI and noise is estimated from the residual. An excess source then removes nothing, no noise
-# level is needed, and the signal loss is *known* from that covariance.
+# covariance of HI and noise is estimated from the residual. An excess source then removes nothing, and the
+# signal loss is *known* from that covariance.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -138,8 +138,8 @@ for band, title in (
         )
 
 # %% [markdown]
-# Left: a flat line means that additional sources cost no signal, a falling one that they do. Right: a flat
-# line means that the smallest number of sources suffices. Points outside the frame are failed runs.
+# Left: a flat line means that additional sources cost no signal. Right: a flat line means that the smallest
+# number of sources suffices. Points outside the frame are failed runs.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom)."}}
 study.stamped(plotting.lines(panels), beam=case.beam)

@@ -20,9 +20,9 @@
 # > - **Read first**: {doc}`12_post_masking`, {doc}`13_dimmed_galaxy`.
 # > - **Time and memory**: {cost}`24_masks`.
 #
-# Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation
+# Foregrounds are brightest in the Galactic plane. The paper masks *after* the separation
 # ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as
-# future work. Surveys of a part of the sky need them too.
+# future work.
 #
 # For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and
 # should solve, on the kept pixels $p$,
@@ -239,8 +239,8 @@ quote(
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | | | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
 # - **A beam-aware method needs no mask**: its model describes the plane too. Without a mask, masked
-#   afterwards and with a dimmed plane it does equally well. Masking the plane within the separation adds
-#   foreground residual from the edge, at small $k_\nu$ and at the ripple of the beam.
+#   afterwards and with a dimmed plane it is equally accurate. Masking within the separation adds foreground
+#   residual from the edge, at small $k_\nu$ and at the ripple.
 # - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
 # - **The edge costs a margin** of about two beam widths, where spectra should not be measured.
 # - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least;

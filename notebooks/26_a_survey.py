@@ -86,10 +86,9 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # %% [markdown]
 # ## The survey
 #
-# Dishes scan at one elevation while the sky drifts. Each block covers a sheared parallelogram; hits are most
-# where many overlap, and the noise falls with their square root. A few channels are lost completely, others
-# in bursts, and some voxels singly (`himap.paper.patch.Patch`). Compare the edge of the patch with its
-# middle.
+# Dishes scan at one elevation while the sky drifts. Hits are most where many blocks overlap, and the noise
+# falls with their square root. A few channels are lost completely, others in bursts, and some voxels singly
+# (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -226,8 +225,8 @@ widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
 
 # %% [markdown]
-# The next figure has the errors, residual less truth, on a scale that shows them: with weights or flags HI
-# and noise that the components removed; with neither, foreground residual from the interpolation.
+# The errors (residual less truth) on a scale that shows them: with weights or flags HI and noise that the
+# components removed; with neither, foreground residual from the interpolation.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: residual of PCA less the truth, with weights and flags, with flags alone, and with neither, on one colour scale."}}
 study.stamped(
@@ -403,10 +402,10 @@ quote(
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
 # | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
 #
-# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across a gap has an error far
-#   above HI, different for each gap, which a few components cannot describe.
-# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, but fewer
-#   pixels contribute, to which components adapt more closely: compare the signal loss, and correct for it.
+# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across gaps has errors far above
+#   HI, which a few components cannot describe.
+# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, which adapt
+#   more closely to fewer pixels: correct the signal loss.
 # - **A small patch loses more signal** than the full sky; mocks through the same gaps measure it.
 # - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted
 #   separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at
