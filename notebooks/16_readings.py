@@ -37,7 +37,8 @@
 #
 # A difference between single runs can be that between restarts ({doc}`27_restarts`). The record of this page
 # has {glue:text}`readings_runs` of each reading, over {glue:text}`readings_skies`. A run fails if its mean
-# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$.
+# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
+# to the end of the maps).
 
 # %% tags=["parameters"]
 results: str | None = None  # what `himap measure readings` wrote; None: that of the book
@@ -266,8 +267,8 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# The table has the paper's words for each choice and the readings that include it; for others than those of
-# the default, how often the default fails with it, and which claims then change. A reading is set by
+# The table has the paper's words for each choice and the readings that include it; for a choice that differs
+# from the default, how often the default fails with it, and which claims then change. A reading is set by
 # `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`. Choices that do not concern SDecGMCA, such as the smoothing of
 # HI, are in {doc}`../book/conventions`.

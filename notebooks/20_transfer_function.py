@@ -313,10 +313,10 @@ quote(
 # and the same with `-p galaxy=templates -p template_dir=FOLDER`.
 #
 # In the table, *sources* is the range of the number that the bootstrap needed, *scatter* the standard
-# deviation of the corrected ratio over skies, and *error bar* the mean of the expected ones. The last columns
-# have the number of skies on which the truth is within the error bar, the binomial 95 % interval of that
-# share, and the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar
-# of 1.
+# deviation of the corrected ratio over skies, and *error bar* the mean of the expected ones. *Within 1σ*
+# counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
+# *χ²* is the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar of
+# 1.
 
 # %% tags=["hide-input"]
 GALAXIES = ("synthetic", "templates")
