@@ -158,7 +158,8 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 # the sum of synchrotron emission and radio galaxies is curved like a little free-free emission. Only the
 # *sum*, which is subtracted, is well constrained.
 #
-# The derivatives with respect to the amplitudes are nearly the same; that to the index changes sign.
+# The derivatives with respect to the amplitudes are nearly the same; that with respect to the index changes
+# sign.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to alpha 1, alpha 2 and beta, at the median parameters of the sky: the columns of the mixing matrix, each over its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]

@@ -116,8 +116,8 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 #
 # With more sources (compare the lines of BeamSubspace) the curves turn over at large errors, where the effect
 # of the wrong beam on the foreground is bright enough to be fitted by the additional source. Just below,
-# where it is as bright as the HI, no source fits it. SDecGMCA, with the paper's five sources, fails on a few
-# skies with any beam, which raises its mean.
+# where it is as bright as the HI, no source fits it. SDecGMCA, with five sources and an earlier default
+# reading (`instrument-noise`), fails on a few skies with any beam, which raises its mean.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")

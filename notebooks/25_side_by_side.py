@@ -31,7 +31,8 @@
 # BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`),
 # SmoothSpectra has more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
 # ({cite:t}`olivari2016`). SDecGMCA is run once on each sky; its scatter includes that of restarts
-# ({doc}`27_restarts`).
+# ({doc}`27_restarts`). Stored results of it are in an earlier default reading, `instrument-noise`
+# ({doc}`16_readings`).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
