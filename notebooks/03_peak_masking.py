@@ -104,7 +104,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # %% [markdown]
 # After subtraction it is evident. The first baseline bends towards the peak, the second does not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, with both baselines (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the baselines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
 second_style = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
@@ -132,7 +132,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # %% [markdown]
 # The masked spectrum differs from the observed one at the flagged channels alone.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
 close = np.abs(freqs - freqs[channel]) <= width / 2
 masked_style = {"color": styles.VERMILION, "linestyle": "--", "label": "masked"}

@@ -90,7 +90,7 @@ study.prepare(everything)
 # component methods differ, GMCA most at low $\ell$. Where the band of SDecGMCA includes another curve, the
 # figure does not decide which of the two is more accurate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the three beams, and its ratio to the truth (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
 
 # %% [markdown]
@@ -101,7 +101,7 @@ angular_figure(study, removers, titles=titles)
 # which the paper reports for all methods, lowest for SDecGMCA. A reading of SDecGMCA that ends at the last
 # $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth at all multipoles (the paper's Fig. 2). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The truth is that of all multipoles."}}
 frequency_figure(study, removers, titles=titles)
 
 # %% [markdown]

@@ -365,7 +365,7 @@ both_figure(study, selected, curves_of(component), n_sources=n_sources, reading=
 # %% [markdown]
 # The errors of the two fits are larger by orders of magnitude.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "The same for the polynomial and the parametric fit, of the full sky (thin) and without the flagged lines of sight (thick), with ratios on a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra recovered by the polynomial and the parametric fit, of the full sky (thin) and without the flagged lines of sight (thick), with ratios to the truth on a logarithmic axis."}}
 fits = [remover for remover in removers.values() if remover not in component]
 both_figure(study, selected, curves_of(fits))
 

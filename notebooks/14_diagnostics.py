@@ -110,7 +110,7 @@ freqs = study.survey.freqs
 # Look for oscillations with the period of the ripple, which are foreground, and for channels in which
 # SDecGMCA is not the highest.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency (the paper's Fig. A.1). Left: all six methods. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 correlations = {  # (n_members, n_channels) of an ensemble
     name: np.squeeze([one.correlation for one in members]) for name, members in assessments.items()
 }
@@ -315,7 +315,7 @@ quote(
 # Look between the grey lines, where the paper has SDecGMCA lowest.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 against multipole (the paper's Fig. A.2). Left: all six methods. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(members):
     """l from 2 to 2 nside, or where the curve ends, C_l of each member and channel, and those of the truth."""
     powers, of_truth = [one.power_spectra.angular for one in members], study.truth(selected).angular

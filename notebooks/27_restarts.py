@@ -238,7 +238,7 @@ plotting.stamp(
 # %% [markdown]
 # On the real Galaxy, compare the tails, which are the failed runs.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "The same distributions for himap (solid) and the authors' code (dashed), with two floors of the last step, on the real Galaxy."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed) as in the previous figure, on the real Galaxy."}}
 name = (others or [name])[0]
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[-1].made
