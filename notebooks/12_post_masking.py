@@ -153,7 +153,7 @@ quote(
 # In the profiles, look for errors confined to a part of the band, and for oscillations with the period of the
 # ripple (20 MHz), which are foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (of SDecGMCA: the medoid; the paper's Fig. 5, left); if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the flagged lines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the flagged lines."}}
 shown = study.medoid(selected, removers[method])
 stated = {"reading": reading, "restart": shown.restart} if method == "sdecgmca" else {}
 MOST_DRAWN = 3000  # lines of sight; more take long and show nothing more
