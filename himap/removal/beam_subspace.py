@@ -26,8 +26,8 @@ class BeamSubspace(ForegroundRemover):
 
     Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 21), the start and the sparsity in
     starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); the estimate of A is not. H is the beam
-    over the best beam of any channel, so at most 1. S follows from A by plain least squares at every l, and
-    A from S, channel by channel, by one Newton step towards, in alternation,
+    over the best beam of any channel, so at most 1. In alternation, S follows from A by plain least squares
+    at every l, and A from S, channel by channel, by one Newton step towards
 
         sum_l H_l (X_l - H_l A S_l) T_l^T = 0,
 

@@ -106,7 +106,7 @@ class Ensemble:
 
     @property
     def medoid(self):
-        """The `Cleaning` that stands for all, the one that is not far from most of the others."""
+        """The `Cleaning` that represents all: the smallest sum of distances from the others."""
         return self.members[self.medoid_index]
 
     @cached_property
