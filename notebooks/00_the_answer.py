@@ -34,8 +34,9 @@
 # method that does not depend on its start, such as BeamSubspace ([a table by what you have](what-to-use)); if
 # you use SDecGMCA, compare several restarts.
 #
-# This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in the provisional default reading, chosen by charity to the paper ({doc}`16_readings`). Of
-# the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
+# This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
+# the provisional default reading, chosen by charity to the paper ({doc}`16_readings`). Of the
+# {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
 # {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in
@@ -44,7 +45,8 @@
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
 # {glue:text}`15_claims.ipynb::claims_others_undecided:s` and
-# {glue:text}`15_claims.ipynb::claims_others_failed:s`.
+# {glue:text}`15_claims.ipynb::claims_others_failed:s` (not applicable in all:
+# {glue:text}`15_claims.ipynb::claims_inapplicable:s`).
 #
 # The paper has five conclusions. Each is judged by claims of the ledger, whose readings were fixed before any
 # ensemble was measured ({doc}`15_claims`):

@@ -163,7 +163,8 @@ print(*cube.remarks, sep="\n")
 # %% [markdown]
 # ## Cleaning
 #
-# *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps are interpolated linearly in frequency and then treated as observed.
+# *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps
+# are interpolated linearly in frequency and then treated as observed. Compare the residuals with the truth.
 
 # %%
 WAYS = {"weights and flags": "-", "flags alone": "--", "neither": ":"}
