@@ -26,11 +26,30 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$ changes its result at order one, in its authors' public code as here, and no run converges ({doc}`27_restarts`). This page therefore quotes ensembles over skies and restarts. On the real Galaxy, at half the paper's resolution (`laptop`) and in the provisional default reading, chosen by charity to the paper ({doc}`16_readings`), of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
-# {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part, {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are {glue:text}`15_claims.ipynb::claims_others_reproduced:s`, {glue:text}`15_claims.ipynb::claims_others_in_part:s`, {glue:text}`15_claims.ipynb::claims_others_undecided:s` and {glue:text}`15_claims.ipynb::claims_others_failed:s`. **For your data** use a method that does not depend on its start, such as BeamSubspace
-# ([a table by what you have](what-to-use)); if you use SDecGMCA, run restarts and compare them (`himap clean --restarts`).
+# **SDecGMCA, the method of {cite:t}`gkogkou2025`, is chaotic**: a relative change of its start by $10^{-10}$
+# changes its result at order one, in its authors' public code as here, and no run converges
+# ({doc}`27_restarts`). **What holds all the same**: fits along each line of sight fail where the beam
+# oscillates with frequency, and with the paper's numbers of components SDecGMCA is the most accurate of its
+# six methods where a run does not fail; with one component more PCA is comparable. **For your data** use a
+# method that does not depend on its start, such as BeamSubspace ([a table by what you have](what-to-use)); if
+# you use SDecGMCA, compare several restarts.
 #
-# The paper has five conclusions. Each is judged by claims of the ledger, whose readings were fixed before their numbers were known ({doc}`15_claims`):
+# This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
+# the provisional default reading, chosen by charity to the paper ({doc}`16_readings`). Of the
+# {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
+# {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
+# {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
+# {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in
+# others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
+# {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
+# {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
+# {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
+# {glue:text}`15_claims.ipynb::claims_others_undecided:s` and
+# {glue:text}`15_claims.ipynb::claims_others_failed:s` (not applicable in all:
+# {glue:text}`15_claims.ipynb::claims_inapplicable:s`).
+#
+# The paper has five conclusions. Each is judged by claims of the ledger, whose readings were fixed before any
+# ensemble was measured ({doc}`15_claims`):
 #
 # | the conclusion is | if its claims are |
 # |---|---|
@@ -39,7 +58,9 @@
 # | not reproduced | all not reproduced |
 # | undecided | any other |
 #
-# The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and restarts. The second is of one older run at the paper's size (`nside` 256, 500 channels), in another reading of the text.
+# The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and restarts,
+# the second of one older run at the paper's size (`nside` 256, 500 channels), in another reading of the text.
+# {doc}`../book/status` states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -108,13 +129,13 @@ Table(
 )
 
 # %% [markdown]
-# {doc}`../book/status` says which of the records and figures are stale. The angular power spectra at the paper's size: nearly all methods agree with the truth through the degraded beam, fewer through the other two.
+# Nearly all methods agree with the truth through the degraded beam, fewer through the other two:
 
 # %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios. The axis is linear near 1 and logarithmic beyond; the grey band is 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
+# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
@@ -128,13 +149,17 @@ Markdown(picture(large, "fig-results-frequency", folder))
 # %% [markdown]
 # ## 1. The degraded beam
 #
-# In the tables $C/C_0$ and $P/P_0$ are recovered over true angular and frequency power; SD is SDecGMCA, PAR and POL are the parametric and the polynomial fit. Of a claim with several parts the number is that of one; below it are the main parts that hold in less than 84 % of the skies and restarts, with the share in which they do.
+# In the tables $C/C_0$ and $P/P_0$ are recovered over true angular and frequency power; SD is SDecGMCA, PAR
+# and POL are the parametric and the polynomial fit. Below the number of a claim are its main parts that hold
+# in less than 84 % of the skies and restarts, with that share.
 
 # %% tags=["remove-input"]
 claims_of(1)
 
 # %% [markdown]
-# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: its residual has foreground of the Galactic plane, an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`). At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
+# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: foreground
+# residual in the Galactic plane, an excess at the lowest $\ell$ and at small $k_\nu$ ({doc}`07_polynomial`).
+# At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
 #
 # ## 2. The evolving beam
 
@@ -142,8 +167,11 @@ claims_of(1)
 claims_of(2)
 
 # %% [markdown]
-# **The parametric fit fails and SDecGMCA recovers $C_\ell$, as in the paper; PCA and FastICA are less accurate than there.** With four components they deviate at the highest multipoles (the worst method by up to {glue:text}`answer_evolving` at 95 % of all multipoles), where the beam adds spectral modes to the foreground. A fifth component
-# removes these ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower multipoles than in the paper.
+# **The parametric fit fails and SDecGMCA recovers $C_\ell$, as in the paper; PCA and FastICA are less
+# accurate than there.** With four components they deviate at the highest multipoles (the worst method by up
+# to {glue:text}`answer_evolving` at 95 % of all multipoles), where the beam adds spectral modes to the
+# foreground. A fifth component removes these ({doc}`22_how_many`). GMCA has a larger excess than PCA, at
+# lower multipoles than in the paper.
 #
 # ## 3. The oscillating beam
 
@@ -151,9 +179,14 @@ claims_of(2)
 claims_of(3)
 
 # %% [markdown]
-# **With the paper's numbers of components, SDecGMCA is the most accurate of the six where its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median; the paper: 5 %). PCA, without knowledge of the beam, needs one component more to compare with it: on the synthetic Galaxy of {doc}`10_results` its mean
-# $C/C_0$ at $10 < \ell < 128$ is then {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts). The peak of SDecGMCA at $k_\nu = 0.3$ and its excess at low $\ell$ and $k_\nu$ differ between restarts.
-# Its probability of failure is in {doc}`27_restarts`, its dependence on the reading of the text in {doc}`16_readings`.
+# **With the paper's numbers of components, SDecGMCA is the most accurate of the six where its run does not
+# fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median; the paper: 5 %). PCA,
+# without knowledge of the beam, needs one component more: on the synthetic Galaxy of {doc}`10_results` its
+# mean $C/C_0$ at $10 < \ell < 128$ is then {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`,
+# that of SDecGMCA {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its
+# restarts). The peak of SDecGMCA at $k_\nu = 0.3$ and its excess at low $\ell$ and $k_\nu$ differ between
+# restarts. {doc}`27_restarts` has its probability of failure, {doc}`16_readings` its dependence on the
+# reading of the text.
 #
 # ## 4. The number of sources
 
@@ -161,13 +194,14 @@ claims_of(3)
 claims_of(4)
 
 # %% [markdown]
-# The figure is of the older run, with the noise of the instrument in the thresholds, where each further source removes HI. In the reading of this page the error has a minimum, as in the paper ({doc}`11_ns_scan`).
+# The figure is of the older run, with the noise of the instrument in the thresholds, where each further
+# source removes HI. In the reading of this page the error has a minimum, as in the paper ({doc}`11_ns_scan`).
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
-# **The result is sensitive to the number of sources.** With too few the residual contains foreground, with too many it has lost HI, and from ten on its error rises by orders of magnitude. {doc}`22_how_many` chooses the number without the truth.
+# **The result is sensitive to the number of sources.** With too few the residual contains foreground, with too many it has lost HI. {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks
 

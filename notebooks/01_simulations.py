@@ -19,11 +19,13 @@
 #
 # > - **Read first**: nothing; the words are in {doc}`../book/glossary`.
 # > - **Good to know**: redshift, and what an angular power spectrum is.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`F1`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`F1`.
 # > - **Time and memory**: {cost}`01_simulations`.
 #
-# The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one
-# distance. Between 900 and 1400 MHz this is $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1. Each component has a separate random stream: changing it does not affect the others.
+# The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at
+# $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one distance, between
+# 900 and 1400 MHz at $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter
+# simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -76,9 +78,9 @@ def stamped(figure, source=milky_way):
 #
 # {glue:text}`simulations_theory` in the middle of the band. Fluctuations trace matter with the bias $b_\mathrm{HI}(z) = 0.3\,(1+z) + 0.6$ {cite:p}`martin2012,carucci2020`.
 #
-# The simulation follows CRIME {cite:p}`alonso2014`. A Gaussian field $\delta_G$ with the linear power spectrum of CAMB {cite:p}`lewis2000`
-# fills a periodic box of $3\ h^{-1}$ Gpc around the observer. At distance $r$ it is scaled by the growth factor
-# $D(z)$ and made lognormal {cite:p}`coles1991`,
+# As in CRIME {cite:p}`alonso2014`, a Gaussian field $\delta_G$ with the linear power spectrum of CAMB
+# {cite:p}`lewis2000` fills a periodic box of $3\ h^{-1}$ Gpc around the observer. At distance $r$ it is
+# scaled by the growth factor $D(z)$ and made lognormal {cite:p}`coles1991`,
 #
 # ```{math}
 # :label: eq-lognormal
@@ -88,9 +90,10 @@ def stamped(figure, source=milky_way):
 # The linear velocities of the box displace HI along the line of sight by $f D\,\psi_r$, with
 # $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`. Rays through the box collect it into channels.
 #
-# The mean falls with frequency, as $(1+z)^2/H(z)$ and the abundance do. Simulated maps scatter around {eq}`eq-mean-temperature` most near the top of the band, where a channel is a small shell.
+# Simulated maps scatter around {eq}`eq-mean-temperature` most near the top of the band, where a channel is a
+# small shell.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line). The scatter is large-scale structure, largest in the nearest channels, whose volume is smallest."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line)."}}
 hi = pipeline.hi(sky)
 theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
@@ -102,15 +105,18 @@ panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": r"mean temperatu
 stamped(plotting.lines([panel], columns=1, size=(6.8, 3.6)), "no")
 
 # %% [markdown]
-# Structures subtend larger angles in the nearer channel, and the pattern changes within a few channels: HI is not smooth in frequency.
+# Structures subtend larger angles in the nearer channel.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. Structures of one size look larger in the near one. The colour scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-maps", "caption": "HI in a far and a near channel. The colour scales differ."}}
 near = int(0.9 * sky.n_channels)
 maps = {
     f"{freqs[channel]:.0f} MHz, z = {redshift(freqs[channel]):.2f}": 1e3 * hi[channel]
     for channel in (middle // 4, near)
 }
 stamped(plotting.sky_maps(maps, unit=r"$\mu$K"), "no")
+
+# %% [markdown]
+# The pattern changes within a few channels: HI is not smooth in frequency.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-slice", "caption": "HI along the Galactic equator against frequency, which is distance. Structures span few pixels in the distant channels (left) and many in the near ones (right)."}}
 longitude = np.linspace(-180, 180, 720)
@@ -133,8 +139,11 @@ stamped(
 # (simulations-resolution)=
 # ### Resolution and smoothing
 #
-# Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`, and with the
-# paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no structure below the cell. The table compares CRIME with himap before any beam, both with the paper's cosmology, bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. The ratios are stored as measured, since CRIME is not part of himap.
+# Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`,
+# and with the paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no
+# structure below the cell. The table compares CRIME with himap before any beam, with the paper's cosmology,
+# bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. These
+# ratios are stored, as CRIME is not part of himap.
 
 # %% tags=["hide-input"]
 CRIME = [
@@ -147,15 +156,24 @@ head = ["MHz", "mean T", "C_l, l 2–51", "l 52–99", "l 100–191", "brightest
 Table(head, CRIME, align="l" + 5 * "r")
 
 # %% [markdown]
-# The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME counts ten points per cell, whose noise adds power, and himap interpolates between cells, which removes power.
-# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6 %.
-# CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, as differences of neighbouring cells; himap has neither.
+# The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
+# counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
+# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$
+# of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6
+# %. CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
+# velocities, as differences of neighbouring cells; himap has neither.
 #
-# CRIME's option `r_smooth` multiplies the modes of the matter, from which density and velocities follow, by $e^{-k^2 r^2/2}$. Its sample file has 2 Mpc/h, its script with the paper's cosmology no smoothing, and the paper does not mention it. In himap it is a field of the survey, 0 by default.
-# In a smaller box with cells of {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
-# {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam it leaves {glue:text}`simulations_smooth_low` of $P(k_\nu)$ at $k_\nu < 0.3$, and {glue:text}`simulations_smooth_small` of $C_\ell$ at {glue:text}`simulations_small`.
+# CRIME's option `r_smooth` multiplies the modes of the matter by $e^{-k^2 r^2/2}$, which affects density and
+# velocities. Its sample file has 2 Mpc/h, its script with the paper's cosmology none; the paper does not
+# mention it, and the default of himap is 0. In a smaller box with cells of
+# {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h
+# reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
+# {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from
+# {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam $P(k_\nu)$ at
+# $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
+# {glue:text}`simulations_small` to {glue:text}`simulations_smooth_small`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right). From a smaller box with finer cells, at 1320 to 1400 MHz. Smoothing removes power on small scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing removes power on small scales."}}
 near = replace(sky, freq_min=1320.0, freq_max=1400.0, n_channels=80, box_size=512.0, box_cells=192)
 panels = [
     {
@@ -210,8 +228,10 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly; each row is a pair of runs. Claims B1 to B3 and D3 ({doc}`15_claims`)
-# depend on cell and smoothing; `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the cell smooths more than 2 Mpc/h does.
+# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly (each row
+# is a pair of runs). Claims B1 to B3 and D3 ({doc}`15_claims`) depend on cell and smoothing;
+# `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the
+# cell smooths more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -242,14 +262,17 @@ Table(head, CHOICES, align="ll" + 4 * "r")
 # T(\nu, p) = T(\nu_0, p)\,\left(\frac{\nu}{\nu_0}\right)^{\beta(p)},
 # ```
 #
-# with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free emission. The paper uses the maps of PySM
-# {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map {cite:p}`miville2008`. The parameter `galaxy` chooses
+# with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free
+# emission, so that the foregrounds have more than one spectrum. The paper uses the maps of PySM
+# {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map
+# {cite:p}`miville2008`. The parameter `galaxy` chooses
 #
 # - `pysm3`, the paper's maps;
-# - `templates`, FITS maps, if need be with a Gaussian field that continues their spectrum to smaller scales {cite:p}`miville2007,thorne2017`;
+# - `templates`, FITS maps, if need be with a Gaussian field that continues their spectrum to smaller scales
+#   {cite:p}`miville2007,thorne2017`;
 # - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
 #
-# As the synchrotron index varies over the sky, the foregrounds have more than one spectrum.
+# Only synchrotron and free-free emission are concentrated in the plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components(sky, milky_way)
@@ -269,8 +292,9 @@ stamped(
 )
 
 # %% [markdown]
-# {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps at nside 64, {numref}`fig-galaxy-statistics` the statistics it is calibrated on. It lacks the
-# coherent clouds of the real sky (Cygnus, Orion, the Gum nebula).
+# {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps, {numref}`fig-galaxy-statistics`
+# the statistics it is calibrated on. It lacks the coherent clouds of the real sky (Cygnus, Orion, the Gum
+# nebula).
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
@@ -278,7 +302,7 @@ stamped(
 # {cite:p}`draine2011`, in mK, nside 64.
 # ```
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, of this seed) and the real sky (dots, nside 64): medians in bands of Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy-statistics", "caption": "The synthetic Galaxy (lines, this seed) and the real sky (dots, nside 64): medians by Galactic latitude, and angular power spectra, of synchrotron emission at 408 MHz and free-free emission at 30 GHz."}}
 STATISTICS = {
     "edges": [0, 2, 5, 10, 20, 40, 90],
     "synchrotron": [65, 48, 34, 24, 16, 12],
@@ -343,8 +367,9 @@ beside
 # %% [markdown]
 # ### Radio galaxies
 #
-# The logarithm of the counts of sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are
-# a field {cite:p}`olivari2016` with the mean and the spectrum
+# The logarithm of the counts of sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order
+# polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are a field {cite:p}`olivari2016`
+# with
 #
 # ```{math}
 # :label: eq-sources
@@ -354,12 +379,12 @@ beside
 # + \left(\frac{\lambda^2}{2 k_\mathrm{B}}\right)^{2} \int S^2\,\frac{\mathrm{d}N}{\mathrm{d}S}\,\mathrm{d}S .
 # ```
 #
-# About {glue:text}`simulations_sources` sources between 10 mJy and 1 Jy are placed individually; brighter ones are assumed removed. The spectral index of each pixel is
-# drawn from a normal distribution of mean $-2.7$ and width 0.2.
+# About {glue:text}`simulations_sources` sources between 10 mJy and 1 Jy are placed individually; brighter
+# ones are assumed removed. Spectral indices of pixels are normal with mean $-2.7$ and width 0.2.
 #
 # Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts, scaled so that those of a Euclidean universe are constant; sources of the thick part are placed individually. Right: angular power spectra of the faint sources, clustering and Poisson, and of the map with all sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts over those of a Euclidean universe; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of all sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)
@@ -401,9 +426,11 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## All components
 #
-# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times on that in the plane. They are smooth in frequency; HI is not.
+# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on
+# the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times in the plane. They
+# are smooth in frequency; HI is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature against frequency along two lines of sight, in the Galactic plane (left) and away from it (right), for each component. The axis of temperature is logarithmic."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature of each component along a line of sight in the Galactic plane (left) and away from it (right), on a logarithmic axis."}}
 component_styles = {
     "synchrotron": {"color": styles.BLUE, "linestyle": "-"},
     "free-free": {"color": styles.ORANGE, "linestyle": "--"},
@@ -439,7 +466,8 @@ for title, pixel in lines_of_sight.items():
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# The contrast between the Galaxy and HI is largest at low $\ell$. The paper states “over four” orders of magnitude and “up to five”, even at high latitudes; {doc}`15_claims` has the measured ratio.
+# The contrast between the Galaxy and HI is largest at low $\ell$: in the paper “over four” orders of
+# magnitude and “up to five”, even at high latitudes ({doc}`15_claims` has the measured ratio).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -495,9 +523,11 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is {glue:text}`simulations_foreground` in the median pixel and at most
-#   {glue:text}`simulations_brightest`. Removing it to one part in $10^5$ is not enough where it is brightest.
-# - The density is lognormal, velocities are linear, and HI has no structure below the cell of the box. This suffices for tests of foreground removal, but not for the brightest peaks at the top of the band.
+# - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is
+#   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
+#   Removing it to one part in $10^5$ is not enough where it is brightest.
+# - HI has a lognormal density, linear velocities, and no structure below the cell of the box. This suffices
+#   for foreground removal, but not for the brightest peaks at the top of the band.
 #
 # ## Exercise
 #
@@ -510,6 +540,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The means stay within their scatter. The contrast along the two lines of sight changes, as the synthetic Galaxy is drawn from the seed.
+# The means stay within their scatter. The contrast along the two lines of sight changes with the synthetic
+# Galaxy.
 #
 # </details>

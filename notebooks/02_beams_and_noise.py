@@ -19,11 +19,13 @@
 #
 # > - **Read first**: {doc}`01_simulations`.
 # > - **Good to know**: what a convolution is.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`V4`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`V4`.
 # > - **Time and memory**: {cost}`02_beams_and_noise`.
 #
-# A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while
-# their separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three beams of rising realism, and the noise of a survey with the dishes of SKA-Mid.
+# A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at
+# its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while their
+# separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three
+# beams of rising realism, and the noise of a survey with the dishes of SKA-Mid.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -70,9 +72,11 @@ def stamped(figure, **parameters):
 # ```
 #
 # - **Evolving**: $\mathrm{FWHM} = \lambda / D$ with $D = 13.5$ m.
-# - **Degraded**: the maps of the evolving beam, signal and noise, smoothed to the resolution of the worst channel, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. (The paper adds white noise after all smoothing: `degraded:noise=white`.)
-# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, with a ripple from the interference of
-#   primary and secondary reflector,
+# - **Degraded**: the maps of the evolving beam, signal and noise, smoothed to the resolution of the worst
+#   channel, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. (The paper adds white noise after
+#   all smoothing: `degraded:noise=white`.)
+# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, with a ripple from the
+#   interference of primary and secondary reflector,
 #
 # ```{math}
 # :label: eq-oscillating
@@ -80,11 +84,13 @@ def stamped(figure, **parameters):
 # \qquad T = 20\ \mathrm{MHz}.
 # ```
 #
-# The paper gives $A = 0.1$ arcmin inside a dimensionless bracket. Of three readings of it ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width; `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
+# The paper gives $A = 0.1$ arcmin inside a dimensionless bracket. Of three readings of it
+# ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width;
+# `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
 # The oscillating beam is the widest; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Both at a spacing of 0.5 MHz; dots mark the channels of this run."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Spacing 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
 width = {"degraded": np.full_like(fine, beams["degraded"].fwhm(freqs, dish_diameter=dish)[0])}
 width |= {name: beams[name].fwhm(fine, dish_diameter=dish) for name in ("evolving", "oscillating")}
@@ -124,9 +130,10 @@ ripple_panel = {
 stamped(plotting.lines([widths_panel, ripple_panel]), ripple=ripple)
 
 # %% [markdown]
-# Between the two panels the transfer functions of the evolving and the oscillating beam change, that of the degraded beam does not.
+# Between the two panels the transfer functions of the evolving and the oscillating beam change; in the
+# highest channel the degraded beam suppresses scales that the other two keep.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel. In the lowest the degraded beam is the evolving one; in the highest it suppresses scales that the other two keep."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel."}}
 transfers = {name: beam.of_survey(sky) for name, beam in beams.items()}
 degrees = np.arange(sky.lmax + 1)
 panels = [
@@ -161,7 +168,10 @@ stamped(plotting.lines(panels), ripple=ripple)
 # \end{aligned}
 # ```
 #
-# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. As in the paper it is applied per *pixel*, whatever its size, so coarser maps have a higher noise power $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance: `noise_reading=variance` ([conventions](../book/conventions.md)).
+# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. As in the paper it is
+# applied per *pixel*, whatever its size, so coarser maps have a higher noise power
+# $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance:
+# `noise_reading=variance` ([conventions](../book/conventions.md)).
 #
 # System temperature falls with frequency; noise rises, since the beam area falls faster.
 
@@ -192,12 +202,15 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## The effect of the beam on a foreground
 #
-# From the foreground along a line of sight close to the Galactic plane a smooth spectrum (third order in log-log) is subtracted. Through the
-# degraded beam the residual is negligible. Through the evolving beam it is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The oscillating beam adds a ripple with the
-# period of 20 MHz, an rms difference of adjacent channels of {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a
-# slower wave of {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is {glue:text}`beams_foreground`.
+# From the foreground along a line of sight close to the Galactic plane a smooth spectrum (third order in
+# log-log) is subtracted. Through the degraded beam the residual is negligible. Through the evolving beam it
+# is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The
+# oscillating beam adds a ripple with the period of 20 MHz, an rms difference of adjacent channels of
+# {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a slower wave of
+# {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is
+# {glue:text}`beams_foreground`. A method that removes smooth spectra must separate the two curves.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum (third order in log-log), for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. A method that removes smooth spectra must separate the two curves. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. The scales differ."}}
 observations = {
     name: pipeline.observation(pipeline.Case(survey=sky, galaxy=milky_way, beam=beam))
     for name, beam in beams.items()
@@ -242,7 +255,7 @@ stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 # %% [markdown]
 # The beams hardly change HI.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, on the same colours. The degraded beam smooths the noise too."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, same colours. The degraded beam smooths the noise too."}}
 channel = sky.n_channels // 2
 truth = {name: observation.truth[channel] for name, observation in observations.items()}
 maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}
@@ -252,7 +265,8 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 # %% [markdown]
 # ## The truth, and the numbers
 #
-# The *truth* that all methods are compared with is HI plus noise, both through the beam (noise only through smoothing after the receiver).
+# The *truth* to which all methods are compared is HI plus noise, both through the beam (noise only through
+# smoothing after the receiver).
 
 # %% tags=["hide-input"]
 wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}
@@ -295,8 +309,9 @@ quote(
 # ## Conclusions
 #
 # - A beam that changes with frequency turns angular structure of the foreground into spectral structure.
-# - Smoothing every channel to the worst resolution prevents that, if the beam is known, at the cost of small scales.
-# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
+# - Smoothing to the worst resolution prevents that, if the beam is known, at the cost of small scales.
+# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at
+#   $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
 # ## Exercise
 #
@@ -309,6 +324,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# It grows by less: without the polynomial of {eq}`eq-oscillating` the beam is narrower and includes less of the plane. The slower wave, which is due to that polynomial, nearly vanishes.
+# It grows by less: without the polynomial of {eq}`eq-oscillating`, which causes the slower wave, the beam is
+# narrower and includes less of the plane. The wave nearly vanishes.
 #
 # </details>

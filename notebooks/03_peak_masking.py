@@ -19,11 +19,13 @@
 #
 # > - **Read first**: {doc}`02_beams_and_noise`.
 # > - **Good to know**: least squares.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`B1`, {claim}`B2`, {claim}`B3`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`B1`, {claim}`B2`, {claim}`B3`.
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
-# A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any method runs, and call this step essential.
-# Here the foreground is estimated from the masked maps and subtracted from the **original** ones, so that the peaks stay in the cleaned maps ([conventions](../book/conventions.md)).
+# A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part
+# of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any
+# method runs, and call this step essential. Here the estimated foreground is subtracted from the **original**
+# maps, so that the peaks remain ([conventions](../book/conventions.md)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -74,7 +76,7 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 #
 # On the scale of the foreground the peak is hardly visible.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: the same around the peak, on a logarithmic scale; stars mark flagged channels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: around the peak, on a logarithmic scale; stars mark flagged channels."}}
 width = 12 * np.diff(freqs).max()
 near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
@@ -102,7 +104,7 @@ study.stamped(plotting.lines(panels), beam=selected)
 # %% [markdown]
 # After subtraction it is evident. The first baseline bends towards the peak, the second does not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the two baselines."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
 second_style = {"color": styles.ORANGE, "linestyle": "--", "label": "two fits"}
 limit = n_sigma * np.std(line - first)
@@ -159,9 +161,9 @@ show(
 # %% [markdown]
 # ## What is masked
 #
-# `mask_peaks` treats all lines of sight alike.
-#
-# As the threshold is relative to the line of sight, fewer channels are flagged where the polynomial leaves a foreground residual: in the Galactic plane and, for the oscillating beam, over most of the sky.
+# `mask_peaks` treats all lines of sight alike. As the threshold is relative to the line of sight, fewer
+# channels are flagged where the polynomial has a foreground residual: in the Galactic plane and, for the
+# oscillating beam, over most of the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
 masked = {
@@ -175,10 +177,12 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # %% [markdown]
 # ## HI peaks, or ripples of the beam?
 #
-# The paper conjectures that with the oscillating beam the clip takes ripples of the first fit for HI. The fit is linear, so its residual is the sum of those of HI plus noise and of the foreground; the figure has the share of
-# the foreground for every masked channel.
+# The paper conjectures that with the oscillating beam the clip mistakes ripples of the first fit for HI. The fit
+# is linear, so its residual is the sum of those of HI plus noise and of the foreground; the figure has the
+# share of the foreground for every masked channel. A curve that reaches 1 left of the dotted line (equal
+# contributions) means that all peaks are mostly HI.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Cumulative distribution of the foreground's share in the height of masked peaks: 0 is HI, 1 foreground. A curve that reaches 1 left of the dotted line (equal contributions) means that all peaks are mostly HI. Below 0 the foreground lies under its baseline."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Cumulative distribution of the foreground's share in the height of masked peaks: 0 is HI, 1 foreground; below 0 the foreground is under its baseline. Dotted: equal contributions."}}
 
 
 def left_over(maps, kept):
@@ -234,20 +238,22 @@ quote(
 )
 
 # %% [markdown]
-# With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no ripple can be flagged: a sine of amplitude $a$ has
-# $\sigma = a/\sqrt{2}$ and its crests are at $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those
-# flagged in HI plus noise alone, {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating` with the
-# oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane, {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper does not define: with that of the channel or the cube (`spread` of `mask_peaks`)
-# ripples can be flagged. Claim O8 is judged with each of them ({doc}`15_claims`).
+# With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no
+# ripple can be flagged: a sine of amplitude $a$ has $\sigma = a/\sqrt{2}$ and its crests are at
+# $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those flagged in HI plus noise alone,
+# {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating`
+# with the oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane,
+# {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper
+# does not define: with that of the channel or the cube (`spread` of `mask_peaks`) ripples can be flagged.
+# Claim O8 is judged with each of them ({doc}`15_claims`).
 
 # %% [markdown]
 # ## The effect on a cleaning
 #
-# PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6, $5\,\sigma$).
-#
-# Without masking power is lost, mostly in $P$ at the smallest $k_\nu$.
+# PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6,
+# $5\,\sigma$). Without it power is lost, mostly in $P$ at the smallest $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the spectra of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams). Left: angular power spectrum; right: frequency power spectrum, on a linear axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
 angular, frequency, numbers, changes = [], [], {}, {}
 for name in beams:
     pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]
@@ -298,9 +304,12 @@ quote(
 # ## Conclusions
 #
 # - A clip at $5\,\sigma$ of each line flags HI peaks and practically nothing else.
-# - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest $k_\nu$ falls by
-#   {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and
-#   changes by {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step prevents a small signal loss and is not essential; the paper, at a resolution four times finer, reports that it is, and a bias of $P$ on all scales.
+# - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest
+#   $k_\nu$ falls by {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and
+#   {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and changes by
+#   {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick` the step prevents a small
+#   signal loss and is not essential; the paper, at a resolution four times finer, reports that it is, and a
+#   bias of $P$ on all scales.
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
 # ## Exercise
@@ -314,6 +323,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# More than twice as many voxels, still nearly all HI. The share of peaks that the ripple hides stays about the same.
+# More than twice as many voxels, still nearly all HI. The share of peaks that the ripple hides is about the
+# same.
 #
 # </details>

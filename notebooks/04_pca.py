@@ -21,8 +21,11 @@
 # > - **Good to know**: eigenvectors of a covariance matrix.
 # > - **Time and memory**: {cost}`04_pca`.
 #
-# Foregrounds dominate the variance of the data and are smooth in frequency, so that a few spectra describe them, while HI changes from channel to channel.
-# Principal component analysis (PCA) estimates these spectra from the covariance of the channels and removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5 components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in detail and then for all three.
+# Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
+# channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
+# removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5
+# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in
+# detail and then for all three.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -78,8 +81,8 @@ remover = removers[selected][0]
 # \mathbf{X} = \mathbf{A}\,\mathbf{S} + \mathbf{N}
 # ```
 #
-# of $n_s$ *sources* $\mathbf{S}$ (maps) with a *mixing matrix*
-# $\mathbf{A}$ (spectra), where $\mathbf{N}$ is HI and noise. If the sources are uncorrelated, $\mathbf{A}$ diagonalises the covariance of the channels,
+# of $n_s$ *sources* $\mathbf{S}$ (maps) with a *mixing matrix* $\mathbf{A}$ (spectra), where $\mathbf{N}$ is
+# HI and noise. If the sources are uncorrelated, $\mathbf{A}$ diagonalises the covariance of the channels,
 #
 # ```{math}
 # :label: eq-covariance
@@ -94,16 +97,19 @@ remover = removers[selected][0]
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{\top}\,\mathbf{X}.
 # ```
 #
-# {eq}`eq-pca-residual` is a projection: it removes everything along the $n_s$ spectra, **HI included**. Too small an $n_s$ leaves foreground, too large an $n_s$ removes signal.
+# This projection removes everything along the $n_s$ spectra, **HI included**. Too small an $n_s$ leaves
+# foreground, too large an $n_s$ removes signal.
 
 # %% [markdown]
 # ## The number of components
 #
-# Eigenvalues of the foreground fall by orders of magnitude from one to the next; those of HI plus noise (dotted; unknown in a real survey) form a plateau. For the
-# degraded, evolving and oscillating beam {glue:text}`pca_above_degraded`, {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed
-# the largest of HI plus noise; where the paper removes fewer, a foreground residual is expected.
+# Eigenvalues of the foreground fall by orders of magnitude from one to the next; those of HI plus noise
+# (dotted; unknown in a real survey) form a plateau. The steeper the fall, the fewer components are needed.
+# For the degraded, evolving and oscillating beam {glue:text}`pca_above_degraded`,
+# {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed the largest of HI
+# plus noise; where the paper removes fewer, a foreground residual is expected.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the one shown in detail), and of HI plus noise in the beam shown in detail. The steeper the fall, the fewer components are needed; it is less steep for a beam that changes with frequency."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the beam in detail), and of HI plus noise in the latter."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 
@@ -133,22 +139,25 @@ quote(
 # %% [markdown]
 # ## The removed components
 #
-# For a beam that does not change with
-# frequency the spectra are smooth: the mean spectrum of the Galaxy, and its variations over the sky. As they are orthogonal and ordered by variance, no
-# component is synchrotron or free-free emission.
+# For a beam that does not change with frequency the spectra are smooth: the mean spectrum of the Galaxy, and
+# its variations over the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-mixing", "caption": "The spectra that PCA removes: columns of the mixing matrix against frequency, each of unit length."}}
 mixing_figure(study, selected, remover)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
+# %% [markdown]
+# As the spectra are orthogonal and ordered by variance, no source is synchrotron or free-free emission.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-sources", "caption": "The sources that PCA removes, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference from the truth has foreground residuals along the Galactic plane and around its centre, and mostly signal loss elsewhere.
+# The difference has foreground residuals along the Galactic plane and around its centre, mostly signal loss
+# elsewhere.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by PCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by PCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
@@ -156,17 +165,21 @@ channel_figure(study, hardest, removers[hardest][0])
 # ## The power spectra
 #
 # With the degraded beam the ratios are below 1, where signal is lost with the components. With the
-# oscillating beam they are above 1, most at the lowest and highest $\ell$; along the line of sight the excess at small $k_\nu$ and the narrow peak at the period of the
-# ripple are foreground that five components do not describe. The paper's Figs. 1 and 2 have that excess at low $\ell$ and that peak.
+# oscillating beam they are above 1, most at the lowest (as in the paper) and highest $\ell$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, with the paper's numbers of components, and its ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (PCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (PCA's share of the paper's Fig. 2.)"}}
+# %% [markdown]
+# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the period of the ripple, which
+# the paper has too, are foreground that five components do not describe.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% [markdown]
-# Means of the ratios over bands, and the highest ratio near $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple. The notebook stores the tolerance of each.
+# The table has means of the ratios over bands, and the highest ratio near
+# $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple.
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
@@ -203,13 +216,18 @@ quote(
 #
 # All numbers are of this run.
 #
-# - **Degraded beam, 3 components**: the mean $C/C_0$ is {glue:text}`pca_angular_degraded` at $\ell > 10$,
-#   and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
-# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and {glue:text}`pca_second_evolving`
-#   at the next, a foreground residual, and $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
-# - **Oscillating beam, 5 components**: a bias at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`), above
-#   ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth component reduces the latter to {glue:text}`pca_ripple_of_six` and removes
-#   signal: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
+# - **Degraded beam, 3 components**: the mean $C/C_0$ is {glue:text}`pca_angular_degraded` at $\ell > 10$, and
+#   $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI
+#   is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
+# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and
+#   {glue:text}`pca_second_evolving` at the next, a foreground residual, and $C/C_0$ is
+#   {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
+# - **Oscillating beam, 5 components**: a bias at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`),
+#   above ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$
+#   ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth
+#   component reduces the latter to {glue:text}`pca_ripple_of_six` and removes signal: $P/P_0$ is
+#   {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at
+#   $\ell < 10$.
 #
 # ## Exercise
 #
@@ -222,7 +240,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The peak and the excess at low $\ell$ vanish: both were the same component of the foreground. The cost is signal: the ratios are below 1
-# on large scales and at small $k_\nu$.
+# The peak and the excess at low $\ell$ vanish: both were the same component of the foreground. The cost is
+# signal: the ratios are below 1 on large scales and at small $k_\nu$.
 #
 # </details>

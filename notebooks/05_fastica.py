@@ -24,8 +24,11 @@
 # > - **Good to know**: independence of random variables, which is more than no correlation.
 # > - **Time and memory**: {cost}`05_fastica`.
 #
-# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves. Independent component analysis (ICA) requires statistical independence. FastICA {cite:p}`hyvarinen1999` searches the rotation that comes closest to it; it was among the first
-# blind methods applied to 21 cm maps {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter shows that both have the same cleaned maps.
+# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves.
+# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999`
+# determines the rotation that is closest to it, and was applied early to 21 cm maps
+# {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter
+# shows that both have the same cleaned maps.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -83,8 +86,7 @@ pca = PCA(n_sources=n_sources)
 # \mathbf{Z} = \mathbf{D}^{-1/2}\,\mathbf{U}^{\top}\,\mathbf{X} .
 # ```
 #
-# Independent sources of unit variance are uncorrelated too, so they are a rotation of these,
-# $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
+# Independent sources of unit variance are a rotation of these, $\mathbf{S} = \mathbf{W}\,\mathbf{Z}$ with
 # $\mathbf{W}\mathbf{W}^{\top} = \mathbf{1}$.
 #
 # **Rotation.** A sum of independent variables is closer to a Gaussian than the variables are, so the sources
@@ -97,8 +99,8 @@ pca = PCA(n_sources=n_sources)
 #   - \mathrm{E}\!\left[g'(\mathbf{w}^{\top}\mathbf{z})\right]\mathbf{w},
 # ```
 #
-# for all rows $\mathbf{w}$ of $\mathbf{W}$, made orthogonal after each step, from a random rotation. The mixing matrix is
-# $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$.
+# for all rows $\mathbf{w}$ of $\mathbf{W}$, made orthogonal after each step, from a random rotation. The
+# mixing matrix is $\mathbf{A} = \mathbf{U}\,\mathbf{D}^{1/2}\,\mathbf{W}^{\top}$.
 
 # %% [markdown]
 # ## The rotation cancels
@@ -111,8 +113,9 @@ pca = PCA(n_sources=n_sources)
 #  = \mathbf{U}\,\mathbf{U}^{\top}\,\mathbf{X}.
 # ```
 #
-# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or not. This holds for scikit-learn's `FastICA(n_components=n_s)` as well, as a test compares. They can differ only if the whitening
-# keeps more components than are removed.
+# **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or
+# not; those of scikit-learn's `FastICA(n_components=n_s)` too, as a test compares. They can differ only if
+# the whitening keeps more components than are removed.
 
 # %%
 different = {
@@ -124,11 +127,11 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # %% [markdown]
 # ## The removed components
 #
-# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all three look like emission at the defaults, positive and falling with frequency, with mean spectral indices {glue:text}`fastica_index_first`,
-# {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`. The
-# source of the first resembles free-free emission (the thin plane, compact regions), the others synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane are negative.
+# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all
+# three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
+# {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
 
 
@@ -148,13 +151,18 @@ quote(
     fastica_index_third=(indices[2], 0.02),
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
+# %% [markdown]
+# The source of the first resembles free-free emission (the thin plane, compact regions), the others
+# synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of
+# the plane are negative.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
 # No source is Gaussian, before or after the rotation.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), each less its mean and divided by its standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails continue beyond 6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-histograms", "caption": "Distribution of the pixels of the sources of PCA (left) and FastICA (right), less mean and over standard deviation. Black: a Gaussian. Curves have gaps where there is no pixel; the bright tails continue beyond 6."}}
 edges = np.linspace(-6, 6, 61)
 centres = (edges[1:] + edges[:-1]) / 2
 gaussian = np.exp(-(centres**2) / 2) / np.sqrt(2 * np.pi)
@@ -188,12 +196,13 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # %% [markdown]
 # ## Dependence on the start
 #
-# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema. Six separations from different random rotations are compared: a correlation of 1 means that the source
-# is recovered again. For the degraded beam no correlation is below {glue:text}`fastica_same_degraded`. With four
-# and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest correlations
-# {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
+# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema.
+# Six separations from different random rotations are compared; a correlation of 1 means that the source is
+# recovered again. For the degraded beam no correlation is below {glue:text}`fastica_same_degraded`. With four
+# and five sources, for the evolving and the oscillating beam, some runs have other sources (smallest
+# correlations {glue:text}`fastica_same_evolving` and {glue:text}`fastica_same_oscillating`).
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another run, for five runs from other random rotations. The cleaned maps are the same in all of them."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-seeds", "caption": "Largest absolute correlation of each source of the first run with a source of another, for five other random rotations."}}
 panels, iterations, smallest = [], {}, {}
 for name, methods in removers.items():
     method = methods[0]
@@ -243,20 +252,23 @@ show(
 #
 # They are those of {numref}`fig-pca-maps`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by FastICA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by FastICA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, removers[hardest][0])
 
 # %% [markdown]
 # ## The power spectra
 #
-# The curves of FastICA coincide with those of PCA.
+# The curves of FastICA coincide with those of PCA, as both remove the same foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and FastICA, and the ratio to the truth. Both remove the same foreground, so their curves coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (FastICA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-angular", "caption": "Angular power spectrum of the maps cleaned by PCA and FastICA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and FastICA, whose curves coincide, and the ratio to the truth. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (FastICA's share of the paper's Fig. 2.)"}}
+# %% [markdown]
+# They coincide along the line of sight, too.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the maps cleaned by PCA and FastICA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
@@ -265,7 +277,8 @@ show(study.band_numbers(removers))
 # %% [markdown]
 # ## Conclusions
 #
-# - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are those of PCA.
+# - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are
+#   the same.
 # - Its sources look more like emission, but are not physical components, as these are not independent.
 # - With four and five components the sources depend on the random start; what is removed does not.
 #

@@ -21,8 +21,11 @@
 # > - **Good to know**: the pseudo-inverse of a matrix; wavelets are introduced here.
 # > - **Time and memory**: {cost}`06_gmca`.
 #
-# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*: in a wavelet basis a map has a few large coefficients and many small ones, and those of different sources lie in different places. It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`.
-# {cite:t}`gkogkou2025` (Sect. 3.1.3) report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its reliance on sparsity. This chapter compares GMCA with PCA.
+# Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
+# in a wavelet basis a map has few large coefficients, and those of different sources are in different places.
+# It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025` (Sect. 3.1.3)
+# report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its
+# reliance on sparsity. This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,9 +87,11 @@ pca = PCA(n_sources=n_sources)
 # %% [markdown]
 # ## Starlets
 #
-# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences of a map smoothed with kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add up to the map.
+# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences of a map smoothed with
+# kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add
+# up to the map.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left. They add up to 1 at every multipole."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
 looks = [{"color": styles.COLOURS[n], "linestyle": dashes[n]} for n in range(5)]
 filters = starlet_filters(n_scales, 3 * study.survey.nside - 1)
@@ -100,17 +105,18 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% [markdown]
 # Detail scales are large near compact emission and at the edges of the plane and nearly zero elsewhere; the smooth scale is not sparse.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours: central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
 scales = starlets(channel - channel.mean(), n_scales)
 scale_maps = dict(zip(names, scales, strict=True))
 study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_scales=n_scales)
 
 # %% [markdown]
-# The finer the scale, the sparser it is: one coefficient in a thousand has {glue:text}`gmca_share_finest` of the square sum of the finest, and
-# {glue:text}`gmca_share_smooth` of that of the smooth one.
+# The finer the scale, the sparser it is and the earlier its curve rises: one coefficient in a thousand has
+# {glue:text}`gmca_share_finest` of the square sum of the finest, and {glue:text}`gmca_share_smooth` of that
+# of the smooth one.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against the share of coefficients counted. A curve that rises early means a sparse scale."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against their share in number."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves, brightest = [], {}
 for n, (name, scale) in enumerate(scale_maps.items()):
@@ -146,19 +152,25 @@ quote(
 # \mathbf{A} \leftarrow \mathbf{X}^\mathrm{wt}\,\mathbf{S}^{\mathrm{wt}\,+},
 # ```
 #
-# with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of $\mathbf{A}$ have unit length. Thresholds start high and fall to $3\sigma$ over 50 iterations, with $\sigma$ 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the foreground changes by less than a thousandth of the cleaned maps.
-# There is **no** threshold in the end: $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$, and the cleaned maps are
+# with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of
+# $\mathbf{A}$ have unit length. Thresholds start high and fall to $3\sigma$ over 50 iterations, with $\sigma$
+# 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the
+# foreground changes by less than a thousandth of the cleaned maps. The last
+# $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$ has **no** threshold, and the cleaned maps are
 #
 # ```{math}
 # :label: eq-gmca-residual
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{+}\,\mathbf{X} ,
 # ```
 #
-# a projection again, which depends only on the space of $\mathbf{A}$. The residual of PCA has the smallest variance of all such projections. What the paper leaves open of GMCA is in the [conventions](../book/conventions.md).
+# a projection again, which depends only on the space of $\mathbf{A}$; that of PCA leaves the smallest
+# variance. The [conventions](../book/conventions.md) list what the paper leaves open of GMCA.
 #
-# During the iteration the columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK need not fall. $\mathbf{A}$ still drifts at the end, but its space departs from that of PCA in the first iterations and then hardly changes.
+# The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
+# need not fall. $\mathbf{A}$ still drifts at the end, but its space hardly changes after the first
+# iterations.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components they start from). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA, 0 where they coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
 centred = (masked - masked.mean(axis=1, dtype=float)[:, None]).astype(np.float32)
 steps = list(remover.iterate(centred))
@@ -202,37 +214,45 @@ study.stamped(
 # %% [markdown]
 # ## The removed components
 #
-# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA. The brightest sources exceed the sky and cancel: they are not components of emission.
+# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA against frequency, each of unit length, ordered by the variance of their sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours span the central 96 % of the pixels."}}
+# %% [markdown]
+# The brightest sources exceed the sky and cancel: they are not components of emission.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
 
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference from the truth has structure near the Galactic centre: foreground residual or signal loss.
+# The difference has structure near the Galactic centre: foreground residual or signal loss.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "One channel in the middle of the band: observed map, map cleaned by GMCA, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "A channel in the middle of the band: observed, cleaned by GMCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 channel_figure(study, selected, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# For the degraded beam, where three components describe the foreground, GMCA and PCA
-# differ by {glue:text}`gmca_degraded_off` at most in the bands of the table. With the evolving and the
-# oscillating beam a component of the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is {glue:text}`gmca_evolving_low` above that of PCA (evolving)
-# and {glue:text}`gmca_oscillating_low` times it (oscillating), at $k_\nu < 0.03$ {glue:text}`gmca_evolving_slow` above it and
-# {glue:text}`gmca_oscillating_slow` times it; its peak at the ripple is {glue:text}`gmca_oscillating_peak` times as high. At higher $\ell$, with the
-# oscillating beam, its power is {glue:text}`gmca_oscillating_fine` of that of PCA.
+# For the degraded beam, where three components describe the foreground, GMCA and PCA differ by
+# {glue:text}`gmca_degraded_off` at most in the bands of the table. With the other two beams a component of
+# the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is
+# {glue:text}`gmca_evolving_low` above that of PCA (evolving) and {glue:text}`gmca_oscillating_low` times it
+# (oscillating). At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
+# of that of PCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the cleaned maps for the three beams with the paper's numbers of components, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (GMCA's share of the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-angular", "caption": "Angular power spectrum of the maps cleaned by PCA and GMCA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}
 both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods in removers.items()}
 angular_figure(study, both)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the cleaned maps for the three beams, for PCA and GMCA, and the ratio to the truth. For the degraded beam the two nearly coincide. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. (GMCA's share of the paper's Fig. 2.)"}}
+# %% [markdown]
+# At $k_\nu < 0.03$ the power of GMCA is {glue:text}`gmca_evolving_slow` above that of PCA (evolving) and
+# {glue:text}`gmca_oscillating_slow` times it (oscillating); its peak at the ripple is
+# {glue:text}`gmca_oscillating_peak` times as high.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-frequency", "caption": "Frequency power spectrum of the maps cleaned by PCA and GMCA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
 
 # %% tags=["hide-input"]
@@ -265,7 +285,7 @@ quote(
 #
 # Penalty, number of scales and last threshold, which the data do not determine, change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "Ratio of the angular power spectrum to the truth, in the beam shown in detail, for other parameters of GMCA and for PCA."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, in the beam shown in detail."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
 changes = {
     f"{penalty}, {n_scales} scales, {n_sigma:g} $\\sigma$": {},
@@ -310,7 +330,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # %% [markdown]
 # ## Conclusions
 #
-# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA, as the paper reports for the evolving beam.
+# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$
+#   than PCA, as the paper reports for the evolving beam.
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
@@ -325,6 +346,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA is of the component that is missing.
+# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA
+# is of the missing component.
 #
 # </details>

@@ -28,7 +28,8 @@
 # T_\mathrm{fg}(\nu, p) = \sum_{n=0}^{6} a_n(p)\,\nu^n .
 # ```
 #
-# They report that this fit is insensitive to the evolving beam and fails with the oscillating one. It uses neither covariance nor beam, and assumes that seven coefficients describe a foreground to one part in $10^5$ or better. This chapter tests that.
+# They report that this fit is insensitive to the evolving beam and fails with the oscillating one. It assumes
+# that seven coefficients describe a foreground to one part in $10^5$ or better. This chapter tests that.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -72,16 +73,16 @@ freqs = observed.freqs
 # %% [markdown]
 # ## The method
 #
-# In powers of a frequency in MHz the fit would be dominated by rounding. The library
-# uses polynomials $q_n(\nu)$ that are *orthonormal over the channels* and span the same space:
+# Powers of a frequency in MHz would lead to large rounding errors. The library uses polynomials $q_n(\nu)$
+# that are *orthonormal over the channels* and span the same space:
 #
 # ```{math}
 # :label: eq-polynomial-projection
 # T_\mathrm{fg} = \mathbf{Q}\,\mathbf{Q}^{\top}\,T , \qquad \mathbf{Q}^{\top}\mathbf{Q} = 1 .
 # ```
 #
-# This is {eq}`eq-pca-residual` with a mixing matrix that does not depend on the data. Channels that deviate by more than $5\,\sigma$ are excluded from a second fit
-# ({doc}`03_peak_masking`).
+# This is {eq}`eq-pca-residual` with a mixing matrix that does not depend on the data. Channels that deviate
+# by more than $5\,\sigma$ are excluded from a second fit ({doc}`03_peak_masking`).
 #
 # A polynomial of order $n$ has at most $n$ zeros, far fewer than the ripple.
 
@@ -102,7 +103,7 @@ study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.
 # %% [markdown]
 # Coefficients of higher order are fainter, and with a constant beam all look like the Galaxy.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels (polynomials have unit length). Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-sources", "caption": "Coefficient maps of the polynomials of order 0, 1, 3 and the highest, in K summed over channels. Colours: central 96 % of the pixels."}}
 chosen = sorted({0, 1, min(3, order), order})
 sources = {f"order {n}": study.separation(selected, remover).sources[n] / 1000 for n in chosen}
 study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selected, order=order)
@@ -110,11 +111,13 @@ study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selecte
 # %% [markdown]
 # ## Accuracy for a power law
 #
-# The best polynomial of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, but HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, which is a bright line
-# of sight in the Galactic plane. Each order reduces the error by a factor between
-# {glue:text}`polynomial_gain_least` and {glue:text}`polynomial_gain_most`.
+# The best polynomial of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, but
+# HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, a bright line of
+# sight in the Galactic plane: where the curve is above the dotted line the fit is not accurate enough. Each
+# order reduces the error by a factor between {glue:text}`polynomial_gain_least` and
+# {glue:text}`polynomial_gain_most`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against its order. Dotted: the standard deviation of HI plus noise. Where the curve is above it the fit is not accurate enough."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against its order. Dotted: the standard deviation of HI plus noise."}}
 orders = np.arange(1, 11)
 middle = 0.5 * (freqs[0] + freqs[-1])
 no_clip = float(len(freqs))  # no channel can be that many standard deviations away
@@ -156,9 +159,11 @@ quote(
 # %% [markdown]
 # ## The residual
 #
-# In the plane the residual is a wave even for the degraded beam, the error of the figure above. For the oscillating beam the ripple exceeds HI in the plane, and is comparable to it far from the plane at the low end of the band.
+# In the plane the residual is a wave even for the degraded beam, the error of
+# {numref}`fig-polynomial-orders`. For the oscillating beam the ripple exceeds HI in the plane, and is
+# comparable to it at high latitude at the low end of the band.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight, for the three beams, and the truth less its polynomial. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-lines", "caption": "Residual of the polynomial fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and the truth less its polynomial. The scales differ."}}
 panels = []
 for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60", 60)):
     pixel = sphere.pixel_at(study.survey.nside, 30, latitude)
@@ -183,20 +188,24 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 # %% [markdown]
 # In a map, the foreground residual is the Galactic plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the polynomial, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the polynomial, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$ and, in $P$, a loss at the smallest $k_\nu$ and an excess beyond. With the oscillating beam the excess grows with $\ell$, and $P$ is far above the truth at nearly every $k_\nu$, most at the
-# ripple, as in the paper.
+# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$. With the oscillating
+# beam the excess grows with $\ell$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of polynomial fitting in the paper's Fig. 2.)"}}
+# %% [markdown]
+# With the degraded and the evolving beam $P$ has a loss at the smallest $k_\nu$ and an excess beyond. With
+# the oscillating beam it is far above the truth at nearly every $k_\nu$, most at the ripple, as in the paper.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -205,10 +214,11 @@ show(study.band_numbers(removers))
 # %% [markdown]
 # ## Dependence on the order
 #
-# The error of the cleaned maps is the sum of foreground residual and signal loss: the coefficients of the foreground beyond the order, and those
-# of the signal up to it.
+# The error of the cleaned maps is the sum of foreground residual, from the coefficients of the foreground
+# beyond the order, and signal loss, from those of the signal up to it. The total is near its minimum where
+# the two cross; with the oscillating beam they do not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams, in units of the truth, against the order plus one. Channel means removed, no clipping. The total error is near its minimum where the two cross; with the oscillating beam they do not. The degraded and the evolving beam coincide except at the lowest orders."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam coincide except at the lowest orders."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 
@@ -256,19 +266,23 @@ quote(
 )
 
 # %% [markdown]
-# The best order is {glue:text}`polynomial_best_degraded` for the degraded and {glue:text}`polynomial_best_evolving`
-# for the evolving beam, close to the paper's. For the degraded beam the error is then {glue:text}`polynomial_lowest_degraded` of the
-# truth, compared with {glue:text}`polynomial_error_degraded` at the order of this run. With the oscillating beam there is none: at the highest order shown,
-# three fifths of the number of channels, the foreground residual is {glue:text}`polynomial_top_left` times the signal, and
-# {glue:text}`polynomial_top_lost` of the signal is lost (all rms).
+# The best order is {glue:text}`polynomial_best_degraded` for the degraded and
+# {glue:text}`polynomial_best_evolving` for the evolving beam, close to the paper's. For the degraded beam the
+# error is then {glue:text}`polynomial_lowest_degraded` of the truth, compared with
+# {glue:text}`polynomial_error_degraded` at the order of this run. With the oscillating beam there is none: at
+# the highest order shown, three fifths of the number of channels, the foreground residual is
+# {glue:text}`polynomial_top_left` times the signal, and {glue:text}`polynomial_top_lost` of the signal is
+# lost (all rms).
 
 # %% [markdown]
 # ## Conclusions
 #
-# - Order 6 removes seven spectra from every line of sight, and more signal at the smallest $k_\nu$ than PCA with
-#   three ({doc}`10_results`). The foreground residual in the Galactic plane gives an excess at $\ell < 10$ and at $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
+# - Order 6 removes seven spectra from every line of sight, and more signal at the smallest $k_\nu$ than PCA
+#   with three ({doc}`10_results`). The residual in the Galactic plane gives an excess at $\ell < 10$ and
+#   $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
 # - The fit is insensitive to the evolving beam, whose effect along a line of sight is smooth.
-# - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. A fit by line of sight cannot use that the ripple is coherent over the sky, as PCA does.
+# - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. Unlike
+#   PCA, a fit by line of sight cannot use that the ripple is coherent over the sky.
 #
 # ## Exercise
 #
@@ -281,6 +295,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Yes: the excess at $\ell < 10$ with the degraded and the evolving beam vanishes. But $C/C_0$ is below 1 in both bands of the table, and most of $P$ at the smallest $k_\nu$ is lost. With the oscillating beam the fit fails as before.
+# Yes: the excess at $\ell < 10$ with the degraded and the evolving beam vanishes. But $C/C_0$ is below 1 in
+# both bands of the table, and most of $P$ at the smallest $k_\nu$ is lost. With the oscillating beam the fit
+# fails as before.
 #
 # </details>

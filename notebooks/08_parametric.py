@@ -19,18 +19,19 @@
 #
 # > - **Read first**: {doc}`07_polynomial`.
 # > - **Good to know**: least squares where one parameter is not linear.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`V3`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
-# {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every
-# line of sight $p$ with free-free emission of known index {cite:p}`bennett1992` and a second power law for all other emission,
+# {cite:t}`gkogkou2025` (Sect. 3.2.2) fit every line of sight $p$ with free-free emission of known index
+# {cite:p}`bennett1992` and a second power law for all other emission,
 #
 # ```{math}
 # :label: eq-parametric
 # T(\nu) = \alpha_1(p) \left(\frac{\nu}{\nu_0}\right)^{-2.13} + \alpha_2(p) \left(\frac{\nu}{\nu_0}\right)^{\beta(p)} .
 # ```
 #
-# They assume that point sources are absorbed by these two terms, and report that the fit fails with the evolving and the oscillating beam. This chapter tests where the model holds.
+# They assume that point sources are absorbed by these terms, and report that the fit fails with the evolving
+# and the oscillating beam. This chapter tests where it holds.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -76,7 +77,7 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # %% [markdown]
 # ## The method
 #
-# Given $\beta$, the model is linear in $\alpha_1$ and $\alpha_2$, so the sum of squares is a function of $\beta$ alone,
+# Given $\beta$, the model is linear, so the sum of squares is a function of $\beta$ alone,
 #
 # ```{math}
 # :label: eq-variable-projection
@@ -84,16 +85,18 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 #   &= |T|^2 - (\mathbf{q}_1^{\top} T)^2 - (\mathbf{q}_2(\beta)^{\top} T)^2 , \qquad x = \nu/\nu_0 ,
 # ```
 #
-# with $\mathbf{q}_1$ the unit vector along the first power law and $\mathbf{q}_2(\beta)$ that along the part of the second orthogonal to it:
-# *variable projection* {cite:p}`golub1973`. The library tabulates $\mathbf{q}_2$ as a Chebyshev series in $\beta$ and maximises with Newton's method. Channels have equal weights, as the paper names none.
+# with $\mathbf{q}_1$ the unit vector along the first power law and $\mathbf{q}_2(\beta)$ that along the part
+# of the second orthogonal to it: *variable projection* {cite:p}`golub1973`. The library tabulates
+# $\mathbf{q}_2$ as a Chebyshev series in $\beta$ and maximises with Newton's method. The paper names no
+# weights, so channels have equal ones.
 #
-# At $\beta = -2.13$ the terms are degenerate. The search is bounded to $-4 \leq \beta \leq
-# -2.2$, and a line of sight whose best $\beta$ is a bound is **flagged**.
+# At $\beta = -2.13$ the terms are degenerate. The search is bounded to $-4 \leq \beta \leq -2.2$, and a line
+# of sight whose best $\beta$ is a bound is **flagged**.
 #
-# Each curve has one minimum. With the degraded beam it reaches the dotted line: the model
-# fits. With the other two it does not in the plane; at high latitude it is close to it at a biased $\beta$.
+# Each curve has one minimum. With the degraded beam it reaches the dotted line: the model fits. With the
+# other two it does not in the plane; at high latitude it is close to it at a biased $\beta$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Root mean square residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise, which a model that fits would reach."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Rms residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0
 betas = np.linspace(beta_min, beta_max, 181)
 
@@ -131,7 +134,7 @@ study.stamped(plotting.lines(panels))
 #
 # Compare $\alpha_1$ with the true free-free emission.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the free-free emission of the simulation at the same frequency, before the beam. Colours span the central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
     part
@@ -149,13 +152,16 @@ units = dict(zip(maps, ["mK", "mK", "", "mK"], strict=True))
 study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected, **bounds)
 
 # %% [markdown]
-# $\alpha_1$ has the Galactic plane, but is biased at high latitudes: its median is {glue:text}`parametric_alpha` with the
-# degraded beam, that of the true free-free emission {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and the sum of synchrotron emission and radio
-# galaxies is curved like a little free-free emission. Only the *sum* of both terms is well constrained, and only the sum is subtracted.
+# $\alpha_1$ has the Galactic plane, but is biased at high latitudes: its median is
+# {glue:text}`parametric_alpha` with the degraded beam, that of the true free-free emission
+# {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and
+# the sum of synchrotron emission and radio galaxies is curved like a little free-free emission. Only the
+# *sum*, which is subtracted, is well constrained.
 #
-# The derivatives with respect to the amplitudes are nearly the same; that to the index changes sign.
+# The derivatives with respect to the amplitudes are nearly the same; that with respect to the index changes
+# sign.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to the amplitudes alpha 1 and alpha 2 and the index beta, at the median parameters of the sky: the columns of the mixing matrix, each scaled to its largest value."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to alpha 1, alpha 2 and beta, at the median parameters of the sky: the columns of the mixing matrix, each over its largest value."}}
 names = [r"$\alpha_1$", r"$\alpha_2$", r"$\beta$"]
 colours = [styles.BLUE, styles.ORANGE, styles.GREEN]
 curves = [
@@ -192,10 +198,11 @@ quote(
 # %% [markdown]
 # ## The residual
 #
-# With the degraded beam it is at the level of HI. The evolving beam narrows with frequency, so that sources near a line of sight fade or
-# brighten; this bends its spectrum as no power law does, and leaves a smooth and large residual. The oscillating beam adds its ripple.
+# With the degraded beam it is at the level of HI. Through the evolving beam sources near a line of sight fade
+# or brighten with frequency, as no power law does, and the residual is smooth and large. The oscillating beam
+# adds its ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight, for the three beams, and HI plus noise in them. Top: Galactic latitude 0; bottom: latitude 60 degrees. The scales differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and HI plus noise. The scales differ."}}
 panels = []
 for place, (lon, lat) in places.items():
     pixel = sphere.pixel_at(study.survey.nside, lon, lat)
@@ -218,20 +225,25 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), **bounds)
 # %% [markdown]
 # In a map through the oscillating beam HI is faint compared with the residual in the plane.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "One channel in the middle of the band, through the oscillating beam: observed map, map cleaned by the parametric fit, truth (HI plus noise), and cleaned minus true map. Channel means removed; colours span 1 to 99 % of the pixels, the same for cleaned and true map; white in the difference is no error."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the parametric fit, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
 channel_figure(study, hardest, remover)
 
 # %% [markdown]
 # ## The power spectra
 #
-# In the bands of the table the power is {glue:text}`parametric_evolving_least` to {glue:text}`parametric_evolving_most` times
-# that of the truth with the evolving beam, and {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times with the oscillating beam.
+# In the bands of the table the power is {glue:text}`parametric_evolving_least` to
+# {glue:text}`parametric_evolving_most` times that of the truth with the evolving beam, and
+# {glue:text}`parametric_oscillating_least` to {glue:text}`parametric_oscillating_most` times with the
+# oscillating beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 1.)"}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-angular", "caption": "Angular power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. The grey band is 10 %. (The share of parametric fitting in the paper's Fig. 2.)"}}
+# %% [markdown]
+# Along the line of sight, too, compare the evolving and the oscillating beam with the degraded one.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -249,9 +261,10 @@ quote(
 # %% [markdown]
 # ## Which lines of sight fail
 #
-# The curve of the degraded beam falls left of the dotted line, those of the other two beams right of it.
+# The curve of the degraded beam falls left of the dotted line, where the error is below the signal, the other
+# two right of it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels (cleaned minus true) is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise; lines of sight to its right have errors larger than the signal."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
 for name in beams:
     squares = study.assessed(beams[name], remover).line_errors
@@ -305,17 +318,23 @@ quote(
 )
 
 # %% [markdown]
-# The error exceeds the signal on {glue:text}`parametric_worse_degraded` of the lines of sight with the degraded, {glue:text}`parametric_worse_evolving` with the evolving and {glue:text}`parametric_worse_oscillating` with the oscillating beam. With the latter two the worst 1 % have errors of more than
-# {glue:text}`parametric_worst_evolving` and {glue:text}`parametric_worst_oscillating` times the signal, and
-# {glue:text}`parametric_share_evolving` and {glue:text}`parametric_share_oscillating` of the squared error. Flags identify only the extremes: without
-# the flagged lines the error is {glue:text}`parametric_good_evolving` and {glue:text}`parametric_good_oscillating` times the signal.
+# The error exceeds the signal on {glue:text}`parametric_worse_degraded` of the lines of sight with the
+# degraded, {glue:text}`parametric_worse_evolving` with the evolving and
+# {glue:text}`parametric_worse_oscillating` with the oscillating beam. With the latter two the worst 1 % have
+# errors of more than {glue:text}`parametric_worst_evolving` and {glue:text}`parametric_worst_oscillating`
+# times the signal, and {glue:text}`parametric_share_evolving` and {glue:text}`parametric_share_oscillating`
+# of the squared error. Flags identify only the extremes: without the flagged lines the error is
+# {glue:text}`parametric_good_evolving` and {glue:text}`parametric_good_oscillating` times the signal.
 
 # %% [markdown]
 # ## Conclusions
 #
-# - With the degraded beam, where the model holds, three parameters recover HI as well as PCA does ({doc}`10_results`).
-# - The parameters are not measurements of emission: only the sum is constrained.
-# - With a beam that changes with frequency the fit fails by orders of magnitude in both spectra, although the search converges everywhere, in about {glue:text}`parametric_steps` steps, and only {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating` (oscillating) of the lines of sight are flagged. The size of the residuals shows the failure.
+# - With the degraded beam, where the model holds, three parameters recover HI as well as PCA does
+#   ({doc}`10_results`).
+# - With a beam that changes with frequency the fit fails by orders of magnitude in both spectra, although the
+#   search converges everywhere, in about {glue:text}`parametric_steps` steps, and only
+#   {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating`
+#   (oscillating) of the lines of sight are flagged. The size of the residuals shows the failure.
 #
 # ## Exercise
 #
@@ -328,6 +347,6 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# There are fewer flags, but the excess at low $\ell$ with the evolving and the oscillating beam is even larger.
+# There are fewer flags, but an even larger excess at low $\ell$ with the evolving and the oscillating beam.
 #
 # </details>

@@ -19,20 +19,21 @@
 #
 # > - **Read first**: {doc}`06_gmca`.
 # > - **Good to know**: spherical harmonics, and what a Tikhonov term does to least squares.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`R1`, {claim}`V1`, {claim}`V6`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`R1`, {claim}`V1`, {claim}`V6`.
 # > - **Time and memory**: {cost}`09_sdecgmca`.
 #
-# PCA, FastICA and GMCA assume that a source has the same sky map in every channel. A beam that changes with frequency violates this assumption: each channel smooths the source differently, so that every
-# bright pixel acquires spectral structure. {cite:t}`gkogkou2025` therefore apply SDecGMCA {cite:p}`carloni2021` (C21 below), which has the beam in its model. In harmonic space a circular beam is a factor $\hat H_\nu^\ell$ for each
-# channel and multipole, and the mixture is (the paper's Eq. 21)
+# PCA, FastICA and GMCA assume that a source has the same map in every channel. A beam that changes with
+# frequency smooths it differently in each. {cite:t}`gkogkou2025` therefore apply SDecGMCA
+# {cite:p}`carloni2021` (C21 below), which has the beam in its model: in harmonic space a circular beam is a
+# factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq. 21)
 #
 # ```{math}
 # :label: eq-sdecgmca-mixture
 # \hat{\mathbf{X}}^{\ell m} = \mathrm{diag}(\hat H^\ell)\,\mathbf{A}\,\hat{\mathbf{S}}^{\ell m} + \hat{\mathbf{N}}^{\ell m} .
 # ```
 #
-# Starts that differ by $10^{-10}$ give different
-# results ({doc}`27_restarts`), so figures show an ensemble of restarts (median, 16 to 84 % band, each restart as a thin line), and maps the {term}`medoid`.
+# Starts that differ by $10^{-10}$ give different results ({doc}`27_restarts`), so figures show an ensemble of
+# restarts (median, 16 to 84 % band, restarts as thin lines), maps the {term}`medoid`.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -96,7 +97,9 @@ medoid = study.medoid(selected, remover)
 # %% [markdown]
 # ## The method
 #
-# **Cost function** (the paper's Eq. 22): few and sparse sources that explain the data, with $\mathbf{\Phi}$ the starlet wavelets, $\mathcal{F}^{\dagger}$ the transform from harmonics to pixels and $\mathbf{\Lambda}$ the thresholds,
+# **Cost function** (Eq. 22): few and sparse sources that explain the data, with the starlet wavelets
+# $\mathbf{\Phi}$, the transform from harmonics to pixels $\mathcal{F}^{\dagger}$ and the thresholds
+# $\mathbf{\Lambda}$,
 #
 # ```{math}
 # :label: eq-sdecgmca-cost
@@ -104,7 +107,8 @@ medoid = study.medoid(selected, remover)
 #   + \sum_{\ell, m} \big\| \hat{\mathbf{X}}^{\ell m} - \mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}^{\ell m} \big\|_2^2 .
 # ```
 #
-# **Start.** $\mathbf{A}$ holds the principal components of the data at the lowest resolution. Two updates then alternate.
+# **Start.** $\mathbf{A}$ holds the principal components of the data at the lowest resolution. Then two
+# updates alternate.
 #
 # **Update of S**: least squares at every $\ell$ with a Tikhonov term (Eq. 23 of the paper, Eq. 21 of C21),
 #
@@ -114,7 +118,9 @@ medoid = study.medoid(selected, remover)
 #   \mathbf{A}^{\top} \mathrm{diag}(\hat H^\ell)\, \hat{\mathbf{X}}^{\ell m} ,
 # ```
 #
-# where $\epsilon$ keeps the inverse finite where the beam is small. In the *warm-up* it depends on $\mathbf{A}$ and the beam, in the *refinement* on the spectra of the last sources (strategies 3 and 4, Eqs. 26 and 27 of C21), both with the strength $c$:
+# where $\epsilon$ keeps the inverse finite where the beam is small. It depends on $\mathbf{A}$ and the beam
+# in the *warm-up*, and on the spectra of the last sources in the *refinement* (strategies 3 and 4, Eqs. 26
+# and 27 of C21), with the strength $c$:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -123,10 +129,13 @@ medoid = study.medoid(selected, remover)
 # \epsilon_{n, \ell} = c\, \frac{C_\ell^\mathrm{noise}}{C_\ell(\hat{\mathbf{S}}_n)} .
 # ```
 #
-# **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their noise are set to zero (the paper defines neither). Of the others the largest are kept, a share that grows to $K_\mathrm{max}$ during the warm-up, and reduced by their threshold. In the
-# refinement large coefficients have lower thresholds ($\ell_1$ reweighting).
+# **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their
+# noise are set to zero (the paper defines neither). Of the others the largest are kept, a share that grows to
+# $K_\mathrm{max}$ during the warm-up, and reduced by their threshold, which in the refinement is lower for
+# large coefficients ($\ell_1$ reweighting).
 #
-# **Update of A**: least squares in every channel over all harmonics, then columns of unit length, and in some readings no negative entries (Eqs. 14 to 16 of C21):
+# **Update of A**: least squares in every channel over all harmonics, then columns of unit length, in some
+# readings without negative entries (Eqs. 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -134,9 +143,11 @@ medoid = study.medoid(selected, remover)
 #   \Big( \sum_{\ell m} (\hat H_\nu^\ell)^2\, \hat{\mathbf{S}}^{\ell m} \hat{\mathbf{S}}^{\ell m\,\top} \Big)^{-1} .
 # ```
 #
-# **End.** Each stage ends when $\hat{\mathbf{S}}$ changes by less than a tolerance (the paper), or after a number of iterations (the code of C21). The foreground is $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a last $\hat{\mathbf{S}}$ of {eq}`eq-sdecgmca-sources` without thresholds.
+# **End.** Each stage ends when $\hat{\mathbf{S}}$ changes by less than a tolerance (the paper), or after a
+# number of iterations (the code of C21). The foreground is
+# $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a last $\hat{\mathbf{S}}$ of
+# {eq}`eq-sdecgmca-sources` without thresholds. Three parameters depend on the beam (the paper's Table 1):
 #
-# Three parameters depend on the beam (the paper's Table 1):
 
 # %% tags=["hide-input"]
 rows = {
@@ -150,7 +161,9 @@ show(rows)
 # (sdecgmca-reading)=
 # ## What the paper leaves open
 #
-# The text can be implemented in more than one way, and the public code of C21 deviates from it in places. Each choice has a name, and a set of choices is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The table has the choices of each. Captions state the reading; in this chapter {glue:text}`sdecgmca_reading`.
+# The text can be implemented in several ways, and the public code of C21 deviates from it. A set of choices
+# is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. Captions state
+# the reading, here {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
 head = ["Choice", *READINGS]
@@ -163,28 +176,39 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## The foreground model
 #
-# The columns of $\mathbf{A}$ are nearly parallel, and the sources partly cancel, as with GMCA. The faintest source decides how much HI is lost: look for a column with structure from channel to channel.
+# The columns of $\mathbf{A}$ are nearly parallel. Look for a column with structure from channel to channel:
+# its source contains HI, and the faintest source decides how much HI is lost.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts) against frequency. A smooth column can be foreground; a column with structure from channel to channel follows HI and noise."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts). A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours span the central 96 % of the pixels."}}
+# %% [markdown]
+# The sources partly cancel, as with GMCA.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, medoid)
 
 # %% [markdown]
 # ## The residual
 #
-# Foreground residual would be a ridge along the Galactic plane.
+# Foreground residual would be a ridge along the Galactic plane in the maps.
 #
-# In the spectra, compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess at low $\ell$ and low $k_\nu$, and a small peak at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, the same for recovered and truth; the difference is white at zero."}}
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, with the paper's numbers of sources, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives how many restarts failed, for each beam. The grey band is 10 %. (SDecGMCA's part of the paper's Fig. 1.)"}}
+# %% [markdown]
+# Compare the median with 1 and with the width of the band. With the oscillating beam the paper has an excess
+# at low $\ell$.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend gives how many restarts failed, for each beam. The grey band is 10 %. (SDecGMCA's part of the paper's Fig. 2.)"}}
+# %% [markdown]
+# The paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% tags=["hide-input"]
@@ -201,12 +225,15 @@ show(numbers)
 # %% [markdown]
 # ## Beyond the last multipole
 #
-# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there; what maps and $P(k_\nu)$ contain beyond is not given. Three options agree up to there: with `beyond="cut"` nothing is estimated there and the residual lacks that power; with
-# `"regularised"` {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$; with `"projection"` it is continued without.
+# The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there.
+# With `beyond="cut"` nothing is estimated there, and the residual lacks that power; with `"regularised"`
+# {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$, with `"projection"`
+# without.
 #
-# The curves coincide up to the dotted line. Beyond it compare “regularised” with 1: an excess there is the paper's spurious peak.
+# The curves coincide up to the dotted line. Beyond it an excess of “regularised” is the paper's spurious
+# peak.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "Ratio of recovered to true spectra for three treatments of the multipoles beyond the last one of the inversion (dotted): frequency (left) and angular (right) power spectrum. Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},
@@ -247,7 +274,10 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# The paper explains the peak by $\epsilon$: it biases the foreground low and the residual high (see the exercise). The curve above has the $\epsilon$ of the last $\hat{\mathbf{S}}$ in this reading. Strategy 3, which the paper uses in the warm-up, gives the following first multipole with $\epsilon > 0$, with $c$ of Table 1 and the $\mathbf{A}$ of each restart (–: none):
+# The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
+# exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$; the first multipole with
+# $\epsilon > 0$ of strategy 3, that of the warm-up, for $c$ of Table 1 and the $\mathbf{A}$ of each restart
+# is (–: none):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -266,7 +296,9 @@ show(numbers)
 # %% [markdown]
 # ## Sensitivity to the start
 #
-# The start of $\mathbf{A}$ is changed by $10^{-10}$, which should not matter, in the reading of this chapter (left) and in another (middle). BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Curves that differ are possible results of the same data.
+# The start is changed by $10^{-10}$ in the reading of this chapter (left) and in another (middle).
+# BeamSubspace converges from any start; its noise level is changed by 0.1 % (right). Curves that differ are
+# possible results of the same data.
 
 # %% tags=["hide-input"]
 other = "letter" if reading != "letter" else "default"
@@ -283,7 +315,7 @@ runs["BeamSubspace"] = [
     for level in (1, 0.999, 1.001)
 ]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter, each run a thin line, with their median and 16 to 84 % band. Left: restarts of SDecGMCA in the reading of this chapter. Middle: in another reading. Right: BeamSubspace with three noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sensitivity", "caption": "C/C0 after changes that should not matter: runs (thin), their median and 16 to 84 % band. Left: SDecGMCA in the reading of this chapter. Middle: in another. Right: BeamSubspace with noise levels that differ by 0.1 %. Logarithmic axis where curves leave 0.4 to 1.6."}}
 panels = []
 for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE, styles.INDIGO), strict=True):
     drawn = np.array([one.angular_ratio for one in results])
@@ -329,24 +361,32 @@ quote(
 )
 
 # %% [markdown]
-# At the most sensitive multipole the highest $C/C_0$ of the left panel is {glue:text}`sdecgmca_moves` times the lowest; in the reading “{glue:text}`sdecgmca_other`” it is {glue:text}`sdecgmca_other_moves` times, for BeamSubspace {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
-# {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in the other; {ref}`restarts-failures` has the probability of failure. Stability is not accuracy: compare the medians with 1 too.
+# At the most sensitive multipole the highest $C/C_0$ is {glue:text}`sdecgmca_moves` times the lowest (left),
+# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times, for BeamSubspace
+# {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
+# {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in
+# the other; {ref}`restarts-failures` has the probability of failure. Stability is not accuracy: compare the
+# medians with 1 too.
 #
 # ## BeamSubspace
 #
-# SDecGMCA fits $\mathbf{A}$ to thresholded sources. These exceed HI by orders of magnitude and cancel to that precision in every channel; what a threshold removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace, which is not in the paper, has the same mixture, no constraint on signs and no
-# $\epsilon$, and estimates the mixing matrix from the residual of the sources before thresholds:
+# SDecGMCA fits $\mathbf{A}$ to thresholded sources, which exceed HI by orders of magnitude; what a threshold
+# removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace,
+# which is not in the paper, has the same mixture without $\epsilon$ or constraint on signs, and estimates
+# $\mathbf{A}$ from the residual of the sources before thresholds:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction
 # \sum_{\ell m} \hat H_\nu^\ell \left( \hat X_\nu^{\ell m} - \hat H_\nu^\ell\, \mathbf{A}_\nu \hat{\mathbf{S}}^{\ell m} \right) \hat{\mathbf{T}}^{\ell m\,\top} = 0 ,
 # ```
 #
-# where the thresholded sources $\hat{\mathbf{T}}$ are only weights: without noise the true $\mathbf{A}$ is a solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$.
+# where the thresholded sources $\hat{\mathbf{T}}$ are only weights: without noise the true $\mathbf{A}$ is a
+# solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$.
 #
-# The two methods lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$ and at the ripple.
+# The two methods lose HI at different scales: compare the ratios at low $\ell$, at the smallest $k_\nu$ and
+# at the ripple.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum recovered by SDecGMCA and by BeamSubspace with as many sources, and their ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum recovered by SDecGMCA and by BeamSubspace with as many sources, and the ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Grey band: 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
 ensembles = {method: study.ensemble(selected, method) for method in pair}
 curves = [
@@ -359,7 +399,7 @@ both_figure(study, selected, curves, n_sources=n_sources, reading=reading)
 #
 # - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
 # - The treatment beyond the last multipole alone changes $P(k_\nu)$.
-# - The iteration is chaotic: quote results with their scatter over restarts, and the number that failed.
+# - The iteration is chaotic: results need their scatter over restarts, and the number that failed.
 #
 # ## Exercise
 #

@@ -18,13 +18,19 @@
 # # Six methods, three beams
 #
 # > - **Read first**: {doc}`04_pca` and {doc}`09_sdecgmca`; the chapters between them for the other methods.
-# > - **Tests** these claims of the paper, each with its verdict at half the paper's resolution, on the real Galaxy: {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
-# The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5 components for the three beams, as in the paper.
+# The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of
+# {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is
+# subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5
+# components for the three beams, as in the paper.
 #
-# Cleaned maps are compared with the truth, HI plus noise through the same beam. A ratio above 1 is foreground residual, a ratio below 1 signal loss; a ratio of 1 may have both. SDecGMCA is chaotic ({doc}`27_restarts`) and is shown as an ensemble of runs whose starts differ by
-# $10^{-10}$: its numbers are medians, with the 16 to 84 % of the restarts in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)); {doc}`16_readings` has what depends on the reading.
+# Cleaned maps are compared with the truth, HI plus noise through the same beam. A ratio above 1 is foreground
+# residual, a ratio below 1 signal loss; a ratio of 1 can be a sum of both ({doc}`14_diagnostics` and
+# {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
+# restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading));
+# {doc}`16_readings` has what depends on the reading.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -79,26 +85,31 @@ study.prepare(everything)
 # %% [markdown]
 # ## Angular power spectra
 #
-# With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam the parametric fit deviates by orders of magnitude, with the oscillating beam
-# both fits do, and the component methods differ, GMCA most at low $\ell$. Where the band of SDecGMCA includes another curve, the figure does not decide which of the two is more accurate.
+# With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam
+# the parametric fit deviates by orders of magnitude, with the oscillating beam both fits do, and the
+# component methods differ, GMCA most at low $\ell$. Where the band of SDecGMCA includes another curve, the
+# figure does not decide which of the two is more accurate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA remove the same foreground, so their curves coincide. The fits have no number of components."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
 
 # %% [markdown]
 # ## Frequency power spectra
 #
-# At the smallest $k_\nu$ the ratios fall, where HI is as smooth as the foreground, unless a foreground residual exceeds the loss. With the oscillating beam
-# there is a narrow peak at the period of the ripple, which the paper reports for all methods, lowest for SDecGMCA. All curves are divided by the truth at all multipoles: a reading of SDecGMCA
-# that ends at the last $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
+# At the smallest $k_\nu$ the ratios fall, where HI is as smooth as the foreground, unless a foreground
+# residual exceeds the loss. With the oscillating beam there is a narrow peak at the period of the ripple,
+# which the paper reports for all methods, lowest for SDecGMCA. A reading of SDecGMCA that ends at the last
+# $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the number of failed restarts for the three beams in turn. PCA and FastICA coincide. All methods are divided by the same truth, that of all multipoles."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The truth is that of all multipoles."}}
 frequency_figure(study, removers, titles=titles)
 
 # %% [markdown]
 # ## The numbers
 #
-# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the period of the ripple. The last row is PCA with one component more than in the paper: knowledge of the beam is compared with an additional component.
+# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near
+# $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the period of the ripple. The last row is PCA with one component more
+# than in the paper.
 
 # %% tags=["hide-input"]
 MORE = "PCA, one component more"
@@ -117,7 +128,8 @@ for band in dict.fromkeys(band for bands in table.values() for band in bands):
     display(show_table(rows, head=band))
 
 # %% [markdown]
-# For SDecGMCA: how many restarts failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$), and how many converged before the last iteration; and which other methods did not converge.
+# For SDecGMCA: how many restarts failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$), and how many
+# converged before the last iteration; and which other methods did not converge.
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -174,21 +186,31 @@ quote(
 #
 # The paper's statements, with the values measured here; {doc}`15_claims` judges them by stated rules.
 #
-# - **Degraded beam.** Paper: all methods recover both spectra and lose power at $k_\nu < 0.03$ MHz$^{-1}$. Here the polynomial deviates most, with a mean $C/C_0$ of
-#   {glue:text}`results_degraded_pol_low` at $\ell < 10$; PCA has a mean $P/P_0$ of {glue:text}`results_degraded_pca_slow` at these $k_\nu$.
-# - **Evolving beam.** Paper: the parametric fit fails by orders of magnitude, GMCA has an excess from intermediate $\ell$ down, PCA, FastICA and SDecGMCA are accurate. Here the parametric fit has at least
-#   {glue:text}`results_evolving_par_least` times the power of the truth in every band; at $\ell < 10$ the mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low` for SDecGMCA.
-# - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at
-#   intermediate $\ell$. Here the mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its highest $P/P_0$ at the peak
-#   {glue:text}`results_oscillating_sd_peak` (PCA: {glue:text}`results_oscillating_pca_peak`). PCA with one component more has {glue:text}`results_oscillating_more_low`,
-#   {glue:text}`results_oscillating_more_fine` and {glue:text}`results_oscillating_more_peak`: **which method is the most accurate depends on the numbers of components compared.** In the mean over the bands it is {glue:text}`results_oscillating_nearest`.
+# - **Degraded beam.** Paper: all methods recover both spectra and lose power at $k_\nu < 0.03$ MHz$^{-1}$.
+#   Here the polynomial deviates most, with a mean $C/C_0$ of {glue:text}`results_degraded_pol_low` at
+#   $\ell < 10$; PCA has a mean $P/P_0$ of {glue:text}`results_degraded_pca_slow` at these $k_\nu$.
+# - **Evolving beam.** Paper: the parametric fit fails by orders of magnitude, GMCA has an excess from
+#   intermediate $\ell$ down, PCA, FastICA and SDecGMCA are accurate. Here the parametric fit has at least
+#   {glue:text}`results_evolving_par_least` times the power of the truth in every band; at $\ell < 10$ the
+#   mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low`
+#   for SDecGMCA.
+# - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
+#   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the mean
+#   $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
+#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its
+#   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
+#   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
+#   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
+#   {glue:text}`results_oscillating_more_peak`: **which method is the most accurate depends on the numbers of
+#   components compared.** In the mean over the bands it is {glue:text}`results_oscillating_nearest`.
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
-# All this is based on a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and frequency; {doc}`18_paper_size` has the paper's size.
+# All this is a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and
+# frequency; {doc}`18_paper_size` has the paper's size.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Which methods improve with a sixth component for the oscillating beam?
+# Which methods improve with a sixth component for the oscillating beam?
 #
 # ```sh
 # himap run 10_results -p n_oscillating=6
@@ -197,15 +219,9 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# PCA, FastICA and GMCA: excess and peak vanish, and their ratios become nearly those of SDecGMCA with as many sources. SDecGMCA improves where restarts had a foreground residual; elsewhere the additional source removes HI.
+# PCA, FastICA and GMCA: excess and peak vanish, and their ratios become nearly those of SDecGMCA with as many
+# sources. SDecGMCA improves where restarts had a foreground residual; elsewhere the additional source removes
+# HI.
 #
 # </details>
 #
-# **2.** A ratio of 1 does not prove a perfect cleaning. Give an example.
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# A method that loses a share $q$ of the power of HI and noise and has a foreground residual of the same power, $f = q$, has $C/C_0 = (1 - q) + f = 1$. {doc}`14_diagnostics` and {doc}`23_thresholds` separate the two.
-#
-# </details>

@@ -18,11 +18,15 @@
 # # The number of sources
 #
 # > - **Read first**: {doc}`10_results`.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`N1`, {claim}`N2`, {claim}`N3`, {claim}`N4`, {claim}`N5`.
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
-# A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps. Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats the scan,
-# adds a method without knowledge of the beam, and tests how sensitive the optimum is to the definition of the error and to the start of SDecGMCA, which is chaotic ({doc}`27_restarts`): each $n_s$ has several restarts. {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
+# A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps.
+# Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for
+# SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats
+# the scan, adds a method without knowledge of the beam, and tests how sensitive the optimum is to the
+# definition of the error and to the start of SDecGMCA ({doc}`27_restarts`). {glue:text}`scan_reading`
+# ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -113,7 +117,8 @@ quote(
 # %% [markdown]
 # ## The scan
 #
-# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps, {doc}`with their peaks masked <03_peak_masking>`.
+# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps,
+# {doc}`with their peaks masked <03_peak_masking>`.
 
 # %%
 study.prepare(removers)
@@ -126,7 +131,9 @@ comparisons = {  # of all restarts
 # %% [markdown]
 # ## The total error
 #
-# The paper's Fig. 3 shows a *total MSE* of both spectra, but does not define how the errors of a $C_\ell$ in mK$^2$ and of a $P(k_\nu)$ in mK$^2$ MHz are combined. With $S$ the recovered spectrum, $S^0$ the true one, and $i$ over $\ell$ or $k_\nu$, three dimensionless definitions are
+# The paper's Fig. 3 shows a *total MSE* of both spectra, but does not define how the errors of a $C_\ell$ in
+# mK$^2$ and of a $P(k_\nu)$ in mK$^2$ MHz are combined. With $S$ the recovered spectrum, $S^0$ the true one,
+# and $i$ over $\ell$ or $k_\nu$, three dimensionless definitions are
 #
 # ```{math}
 # :label: eq-scan-mse
@@ -137,8 +144,10 @@ comparisons = {  # of all restarts
 # \end{aligned}
 # ```
 #
-# The total is that of the channel-averaged $C_\ell$ for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$ plus that of $P(k_\nu)$ for $k_\nu > 0$. The first is dominated by foreground residual, since a loss cannot exceed 1; the second is symmetric in excess and loss; the third is dominated by low $\ell$ and low $k_\nu$, where the spectra are
-# largest. The default (`definition`) is the first, since the paper discusses ratios.
+# The total is that of the channel-averaged $C_\ell$ for $2 \le \ell \le \min(200, 2\,N_\mathrm{side})$ plus
+# that of $P(k_\nu)$ for $k_\nu > 0$. The first is dominated by foreground residual, since a loss cannot
+# exceed 1; the second is symmetric in excess and loss; the third is dominated by low $\ell$ and low $k_\nu$,
+# where the spectra are largest. The default (`definition`) is the first, since the paper discusses ratios.
 
 # %% tags=["hide-input"]
 LMAX = 200
@@ -221,9 +230,11 @@ detail["ylim"] = (
 whole = whole | {"ylim": None, "title": "full range"}
 
 # %% [markdown]
-# From left to right, each curve falls while foreground residual dominates and rises as further sources remove HI. Where the bands of two neighbouring $n_s$ overlap, the restarts do not separate them. Foreground residual that compensates lost HI does not show in this error ({doc}`23_thresholds`); compare the mean $r$ in the last table.
+# Each curve falls while foreground residual dominates and rises as further sources remove HI. Where the bands
+# of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show foreground
+# residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the last table.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: contributions of the two spectra to the thick line, medians of the restarts. Right: the same near the minimum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -264,12 +275,16 @@ quote(
 )
 
 # %% [markdown]
-# In the paper the error falls steeply to its minimum at 5 and rises slowly beyond. Here the first method has its minimum at {glue:text}`scan_best` sources. Relative to it, the error is {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and at least {glue:text}`scan_ten` times from 10 on (SDecGMCA: medians of the
-# restarts, with their 16 to 84 %). The total exceeds 1 for {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. The second method has its minimum at {glue:text}`scan_best_beside`.
+# In the paper the error falls steeply to its minimum at 5 and rises slowly beyond. Here the first method has
+# its minimum at {glue:text}`scan_best` sources. Relative to it, the error is {glue:text}`scan_five` times
+# with 5 sources, {glue:text}`scan_two` times with 2, and at least {glue:text}`scan_ten` times from 10 on
+# (SDecGMCA: medians of the restarts, with their 16 to 84 %). The total exceeds 1 for {glue:text}`scan_failed`
+# of the {glue:text}`scan_tried` numbers tried. The second method has its minimum at
+# {glue:text}`scan_best_beside`.
 #
-# The minima for the other two definitions:
+# Compare the minima for the other two definitions:
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum; curves are cut off at the top."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-definitions", "caption": "Total MSE against the number of sources for the other two definitions, near the minimum."}}
 panels = [
     scan_panel(other) | {"ylabel": f"total MSE, {other}"} for other in MSE_DEFINITIONS if other != definition
 ]
@@ -278,10 +293,11 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% [markdown]
 # ## The spectra
 #
-# For each $n_s$, ratios above 1 are foreground residual and ratios below 1 are lost HI. Look whether the order of the curves is the same on all scales: in the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
+# Ratios above 1 are foreground residual, ratios below 1 lost HI. Look whether the order of the curves is the
+# same on all scales: in the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend gives how many failed. The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by the first method with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]
@@ -296,7 +312,9 @@ both_figure(study, selected, curves, method=method, **stated)
 # %% [markdown]
 # ## The optimum by scale
 #
-# The table has the best $n_s$ for each definition of the total, and by scale as in the paper's Sect. 4.3: mean $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P_0 - 1|$ at the top of the bump near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, and mean $|C/C_0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
+# The table has the best $n_s$ for each definition of the total, and by scale as in the paper's Sect. 4.3:
+# mean $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P_0 - 1|$ at the top of the bump near
+# $k_\nu = 2\pi/(20\,\mathrm{MHz})$, and mean $|C/C_0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
 
 # %% tags=["hide-input"]
 measures = {
@@ -342,16 +360,21 @@ quote(
 )
 
 # %% [markdown]
-# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$; here the first method has {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and {glue:text}`scan_best_intermediate`. Neighbouring values can be nearly as good.
+# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$; here the first method
+# has {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and {glue:text}`scan_best_intermediate`.
 #
 # ## Excess and loss
 #
-# The relative error is the sum of an *excess* ($S_i > S_i^0$: foreground residual) and a *loss* ($S_i < S_i^0$: HI and noise removed with the foreground); only their net effect shows at each $i$. Every source removes signal: one of $N_\nu$ numbers for each direction or $(\ell, m)$, hence a share of about $1/N_\nu$ of a signal
-# without correlation between channels, and more of HI, which is correlated between channels at low $\ell$.
+# The relative error is the sum of an *excess* ($S_i > S_i^0$: foreground residual) and a *loss*
+# ($S_i < S_i^0$: HI and noise removed with the foreground); only their net effect shows at each $i$. Every
+# source removes one of $N_\nu$ numbers for each direction or $(\ell, m)$, hence a share of about $1/N_\nu$ of
+# a signal without correlation between channels, and more of HI, which is correlated between channels at low
+# $\ell$.
 #
-# In the left panel the excess falls steeply and the loss grows slowly with $n_s$. In the right panel $P/P_0$ follows the dotted line, and $C/C_0$ falls faster.
+# In the left panel the excess falls steeply and the loss grows slowly with $n_s$. In the right panel $P/P_0$
+# follows the dotted line, and $C/C_0$ falls faster.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 over all k and mean C/C0 over the l of the total, for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source. Parts that are zero are not drawn."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 
 
 def part(name, sign):
@@ -444,28 +467,23 @@ show(unconverged)
 # %% [markdown]
 # ## Conclusions
 #
-# - The best $n_s$ is defined by the truth, which an observation does not have; {doc}`22_how_many` tests criteria without it.
-# - A method without knowledge of the beam needs more sources to describe its effect: with {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times the minimum of the first.
-# - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$ and low $\ell$.
-# - These are results for a single sky.
+# - The best $n_s$ is defined by the truth, here on a single sky; {doc}`22_how_many` tests criteria without
+#   it.
+# - A method without knowledge of the beam needs more sources to describe its effect: with
+#   {glue:text}`scan_best_beside` the error of the second method is {glue:text}`scan_beside_over_best` times
+#   the minimum of the first.
+# - Without foreground residual, each source costs about a share $1/N_\nu$ of the power, more at low $k_\nu$
+#   and low $\ell$.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Which of the three definitions weights $S = 10\,S^0$ more than $S = 0.1\,S^0$?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$; absolute: the same ratio at each $i$; logarithmic: $\ln^2 10$ for both. A relative total is dominated by foreground residual and nearly insensitive to lost HI.
-#
-# </details>
-#
-# **2.** Which share of a signal without correlation between channels do five sources remove here, and with twice the channels?
+# Which of the three definitions weights $S = 10\,S^0$ more than $S = 0.1\,S^0$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# With 125 channels $5/125 = 0.04$, with 250 half of that. HI is correlated between channels, the more so at low $\ell$, and loses more.
+# Relative: $(10 - 1)^2 = 81$ against $(0.1 - 1)^2 = 0.81$; absolute: the same ratio at each $i$; logarithmic:
+# $\ln^2 10$ for both.
 #
 # </details>
 #

@@ -18,10 +18,12 @@
 # # A dimmed Galaxy
 #
 # > - **Read first**: {doc}`10_results`, {doc}`12_post_masking`.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`G1`, {claim}`G2`, {claim}`G3`, {claim}`G4`, {claim}`V5`.
 # > - **Time and memory**: {cost}`13_dimmed_galaxy`.
 #
-# SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation. {cite:t}`gkogkou2025` emulate such a mask: they multiply the foregrounds of every channel, before beam and noise, by a weight that depends on latitude,
+# SDecGMCA works in harmonic space and cannot mask the Galactic plane before the separation.
+# {cite:t}`gkogkou2025` emulate such a mask: they multiply the foregrounds of every channel, before beam and
+# noise, by a weight that depends on latitude,
 #
 # ```{math}
 # :label: eq-dimming
@@ -29,10 +31,14 @@
 # g(b) = \exp\!\left( -\frac{b^2}{2 \sigma^2} \right) ,
 # ```
 #
-# for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$, $b_\mathrm{edge} = 15°$ and a Gaussian shape; its width, which is not given, is $\sigma = b_\mathrm{edge} / 3$ here, and the subtractions make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA, FastICA and SDecGMCA, and
-# that the peak at the ripple falls below 2 % for SDecGMCA only.
+# for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$, $b_\mathrm{edge} = 15°$ and a
+# Gaussian shape; its width, which is not given, is $\sigma = b_\mathrm{edge} / 3$ here, and the subtractions
+# make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA,
+# FastICA and SDecGMCA, and that the peak at the ripple falls below 2 % for SDecGMCA only.
 #
-# Dimming is no method for real data. It measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
+# Dimming measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for
+# the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`).
+# {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -94,7 +100,7 @@ for study in (full, dimmed):
 # %% [markdown]
 # ## The weight
 #
-# The weight changes smoothly, and only within the edges. In the maps the ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
+# The weight changes smoothly, and only within the edges.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-weight", "caption": "Weight of the foregrounds against Galactic latitude; it reaches 1 at the dashed lines."}}
 rings, first = np.unique(sphere.pixel_latitude(256), return_index=True)
@@ -115,7 +121,10 @@ full.stamped(
     plotting.lines([panel], columns=1, size=(6.4, 3)), plane_weight=plane_weight, plane_edge=plane_edge
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, with the same logarithmic colours."}}
+# %% [markdown]
+# The ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, same logarithmic colours."}}
 channel = full.survey.n_channels // 2
 foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
 freq = f"{full.survey.freqs[channel]:.0f} MHz"
@@ -129,9 +138,9 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # %% [markdown]
 # ## Spectra
 #
-# The first figure has all six methods on the dimmed sky. The second compares three of them with the full Galaxy: an excess that falls towards 1 was due to the plane; a ratio below 1 that moves is HI. Overlapping bands show no change.
+# With the dimmed Galaxy, compare the methods at low $\ell$ and at the peak near $k_\nu = 0.31$.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). The grey band is 10 %; the axis of ratios is linear near 1 and logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
     remover: {name: study.ensemble(selected, remover) for name, study in (("full", full), ("dimmed", dimmed))}
     for remover in removers
@@ -143,7 +152,11 @@ curves = [
 look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_sources, "reading": reading}
 both_figure(dimmed, selected, curves, **look)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "Ratios of the frequency (left) and angular (right) power spectrum to the truth with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA; logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
+# %% [markdown]
+# Compared with the full Galaxy, an excess that falls towards 1 was due to the plane; a ratio below 1 that
+# moves is HI. Overlapping bands show no change.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "P/P0 (left) and C/C0 (right) with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
 for remover in (removers[0], removers[2], removers[3]):
     method = styles.method_style(remover)
@@ -174,7 +187,9 @@ for remover in (removers[0], removers[2], removers[3]):
 dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 
 # %% [markdown]
-# The table has the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of $P/P_0$), the highest $P/P_0$ near $k_\nu = 0.31$, and the share of multipoles up to 200 (or $2\,N_\mathrm{side}$) with $C_\ell$ within 10 %; of SDecGMCA medians of the restarts.
+# The table has the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
+# $P/P_0$), the highest $P/P_0$ near $k_\nu = 0.31$, and the share of multipoles up to 200 (or
+# $2\,N_\mathrm{side}$) with $C_\ell$ within 10 %; of SDecGMCA medians of the restarts.
 
 
 # %% tags=["hide-input"]
@@ -287,9 +302,11 @@ quote(
 #
 # ## Strength and width
 #
-# The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the right panel the edge. The peak and the excess at low $k_\nu$ shrink with both; look how much of the peak remains.
+# The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the
+# right panel the edge. The peak and the excess at low $k_\nu$ shrink with both; look how much of the peak
+# remains.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA against wavenumber for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
 observation = full.observed(selected)
 nside = full.survey.nside
 
@@ -352,19 +369,25 @@ quote(
 )
 
 # %% [markdown]
-# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground outside the plane.
+# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and
+# {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground
+# outside the plane.
 
 # %% [markdown]
 # ## Conclusions
 #
-# - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA, {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit (below 1: it grows).
-# - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA.
-# - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within 10 % with the dimmed Galaxy; the table has the others.
-# - A method without foreground residual cannot improve.
+# - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and
+#   FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_sd` for SDecGMCA,
+#   {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit
+#   (below 1: it grows).
+# - **The peak** (G2): $P/P_0$ near $k_\nu = 0.31$ is {glue:text}`dimmed_peak_pca` for PCA and FastICA and
+#   {glue:text}`dimmed_peak_sd` for SDecGMCA.
+# - **The range of multipoles** (G3): for SDecGMCA {glue:text}`dimmed_within_sd` of the multipoles are within
+#   10 % with the dimmed Galaxy; the table has the others.
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Dim the plane to a hundredth. Which methods improve further, and does the peak of PCA vanish?
+# Dim the plane to a hundredth. Which methods improve further, and does the peak of PCA vanish?
 #
 # ```sh
 # himap run 13_dimmed_galaxy -p plane_weight=0.01
@@ -373,16 +396,9 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# GMCA improves most of the component methods; the fits improve by larger factors, from errors that remain far above all others. The peak of PCA shrinks and remains. SDecGMCA improves where its restarts have foreground residual.
-#
-# </details>
-#
-# **2.** Show that {eq}`eq-dimming` is $w_0$ in the plane and 1 at the edge.
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# $g(0) = 1$, so the fraction is 1 and $w = w_0$. At the edge its numerator is zero, so $w = 1$. A plain Gaussian would be discontinuous there.
+# GMCA improves most of the component methods; the fits improve by larger factors, from errors that remain far
+# above all others. The peak of PCA shrinks and remains. SDecGMCA improves where its restarts have foreground
+# residual.
 #
 # </details>
 #

@@ -19,11 +19,16 @@
 #
 # > - **Read first**: {doc}`10_results`.
 # > - **Good to know**: correlation and linear regression.
-# > - **Tests** these claims of the paper; with each the verdict at half its resolution, on the real Galaxy: {claim}`A1`, {claim}`A2`.
+# > - **Tests** (verdicts of {doc}`15_claims`): {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
-# In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics: the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and the *variance* of
-# the error of $C_\ell$ over channels, smallest for SDecGMCA at $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam, with several restarts of SDecGMCA, which is chaotic ({doc}`27_restarts`). {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)).
+# In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so
+# can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics:
+# the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and
+# the *variance* of the error of $C_\ell$ over channels, smallest for SDecGMCA at
+# $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam,
+# with several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`diagnostics_reading`
+# ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -97,10 +102,13 @@ freqs = study.survey.freqs
 # \delta T_{\nu,p} = T_{\nu,p} - \langle T_\nu \rangle_p .
 # ```
 #
-# It is sensitive to foreground residual and to signal loss, but not to a constant factor in a channel. With a foreground residual of variance $f$ and a lost share $q$ of the signal variance (in units of that variance, the loss being a projection), $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond
-# the last one of the inversion of SDecGMCA are included.
+# It is not sensitive to a constant factor in a channel. With a foreground residual of variance $f$ and a lost
+# share $q$ of the signal variance (in units of that variance, the loss being a projection),
+# $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond the last one of the
+# inversion of SDecGMCA are included.
 #
-# Look for oscillations with the period of the ripple, which are foreground, and for channels in which SDecGMCA is not the highest.
+# Look for oscillations with the period of the ripple, which are foreground, and for channels in which
+# SDecGMCA is not the highest.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 correlations = {  # (n_members, n_channels) of an ensemble
@@ -143,14 +151,23 @@ quote(
 )
 
 # %% [markdown]
-# In the median channel $r$ is {glue:text}`diagnostics_r_sd_median` for SDecGMCA and {glue:text}`diagnostics_r_polynomial_median` for the polynomial. The lowest value is {glue:text}`diagnostics_r_sd_lowest` for SDecGMCA, {glue:text}`diagnostics_r_pca_lowest` for PCA and {glue:text}`diagnostics_r_gmca_lowest` for GMCA; the highest of the parametric fit is {glue:text}`diagnostics_r_parametric_highest`.
+# In the median channel $r$ is {glue:text}`diagnostics_r_sd_median` for SDecGMCA and
+# {glue:text}`diagnostics_r_polynomial_median` for the polynomial. The lowest value is
+# {glue:text}`diagnostics_r_sd_lowest` for SDecGMCA, {glue:text}`diagnostics_r_pca_lowest` for PCA and
+# {glue:text}`diagnostics_r_gmca_lowest` for GMCA; the highest of the parametric fit is
+# {glue:text}`diagnostics_r_parametric_highest`.
 #
 # ### Signal loss and foreground residual by channel
 #
-# The foreground residual is not correlated with HI. With the slope of the regression of the recovered on the true map, $b_\nu = \sum_p \delta T\, \delta T^0 / \sum_p (\delta T^0)^2$, the lost share of the signal is $q_\nu = 1 - b_\nu$, and if the loss is a projection, the foreground residual in units of the variance of the truth is
-# $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$.
+# The foreground residual is not correlated with HI. With the slope of the regression of the recovered on the
+# true map, $b_\nu = \sum_p \delta T\, \delta T^0 / \sum_p (\delta T^0)^2$, the lost share of the signal is
+# $q_\nu = 1 - b_\nu$, and if the loss is a projection, the foreground residual in units of the variance of
+# the truth is $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$.
 #
-# A signal without correlation between channels loses $h_\nu = P_{\nu\nu}$, with $\mathbf{P}$ the projector on the removed spectra; $\sum_\nu h_\nu = n_s$. (For SDecGMCA the spectra are those smoothed by the beam, and $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.)
+# A signal without correlation between channels loses $h_\nu = P_{\nu\nu}$, with $\mathbf{P}$ the projector on
+# the removed spectra; $\sum_\nu h_\nu = n_s$. (For SDecGMCA the spectra are those smoothed by the beam, and
+# $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.) Where left and middle panels agree, a
+# method loses the HI that its number of sources implies.
 
 # %% tags=["hide-input"]
 observation, true = study.observed(selected), study.truth(selected).angular
@@ -186,9 +203,9 @@ for remover in component:
     signal_lost[name], foreground[name] = np.squeeze(both[:, 0]), np.squeeze(both[:, 1])
 
 # %% [markdown]
-# Where the left and middle panels agree, a method loses the HI that its number of sources implies.
+# In the right panel, compare the methods at the low end of the band.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra; it sums to the number of sources. Right: variance of the foreground residual over that of the truth; the axis ends at 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra, whose sum is the number of sources. Right: variance of the foreground residual over that of the truth, from 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
 top = 1.05 * max(np.median(np.atleast_2d(values), axis=0).max() for values in signal_lost.values())
 panels = [
@@ -273,10 +290,14 @@ quote(
 # | above | {glue:text}`diagnostics_f_pca_above` | | |
 # | signal loss $q_\nu$, median | {glue:text}`diagnostics_q_pca` | | {glue:text}`diagnostics_q_sd` |
 #
-# PCA leaves most foreground at the low end of the band, where the Galaxy is brightest and the beam widest. Sources spread evenly over channels would remove {glue:text}`diagnostics_q_least` of the signal; SDecGMCA loses up to {glue:text}`diagnostics_q_sd_most`, at {glue:text}`diagnostics_q_sd_at`. The correlation of $q_\nu$ with $h_\nu$, which
-# follows from the removed spectra, is {glue:text}`diagnostics_q_and_h`.
+# PCA has most foreground residual at the low end of the band, where the Galaxy is brightest and the beam
+# widest. Sources spread evenly over channels would remove {glue:text}`diagnostics_q_least` of the signal;
+# SDecGMCA loses up to {glue:text}`diagnostics_q_sd_most`, at {glue:text}`diagnostics_q_sd_at`. The
+# correlation of $q_\nu$ with $h_\nu$ is {glue:text}`diagnostics_q_and_h`.
 #
-# In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s` sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is {glue:text}`diagnostics_r_sd`. The smallest error and the highest $r$ need not coincide.
+# In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s`
+# sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is
+# {glue:text}`diagnostics_r_sd`.
 #
 # ## Variance over channels
 #
@@ -288,12 +309,13 @@ quote(
 # \sigma^2_\ell = \frac{1}{N_\nu} \sum_\nu \left( R_{\nu,\ell} - \langle R_{\nu,\ell} \rangle_\nu \right)^2 .
 # ```
 #
-# The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the latter is possible. The variance is zero for an error that all channels share, however large, and a single channel can dominate it.
+# The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the
+# latter is possible. It is zero for an error that all channels share, and a single channel can dominate it.
 #
 # Look between the grey lines, where the paper has SDecGMCA lowest.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. The grey lines are the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 def both_cl(members):
     """l from 2 to 2 nside, or where the curve ends, C_l of each member and channel, and those of the truth."""
     powers, of_truth = [one.power_spectra.angular for one in members], study.truth(selected).angular
@@ -392,7 +414,9 @@ quote(
 )
 
 # %% [markdown]
-# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; on average the smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Two channels make {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA the channel at
+# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; on average the
+# smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Two channels make
+# {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA the channel at
 # {glue:text}`diagnostics_top_channel` contributes {glue:text}`diagnostics_top_share` of the squares.
 
 # %% [markdown]
@@ -413,7 +437,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five, SDecGMCA differs by the foreground residual of the others.
+# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five, the
+# others have a foreground residual.
 #
 # </details>
 #

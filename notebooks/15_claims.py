@@ -24,22 +24,28 @@
 # > - **Read first**: {doc}`10_results`; each row links to the chapter of its claim.
 # > - **Time and memory**: {cost}`15_claims`.
 #
-# {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a measurement can test. The ledger has a row for each: the measured number, the paper's, and a verdict. A claim has parts, for instance a part for each method that it names; *main* parts are those that the paper's sentence is about. PCA and FastICA have the same residual and
-# count as a single part, that of the less accurate of the two.
+# {cite:t}`gkogkou2025` make {glue:text}`claims_total` claims that a measurement can test. The ledger has a
+# row for each: the measured number, the paper's, and a verdict. A claim has parts, for instance one for each
+# method that it names; *main* parts are those that the paper's sentence is about. PCA and FastICA have the
+# same residual and count as a single part, that of the less accurate of the two.
 #
-# SDecGMCA is chaotic ({doc}`27_restarts`). Claims are therefore judged on *members*: several random skies (HI, noise, point sources, small scales of the Galaxy) with several restarts of SDecGMCA each. A part holds in a share of the members, skies weighing the same, with its range over skies; numbers are medians with the 16 to 84 % of the
-# members.
+# SDecGMCA is chaotic ({doc}`27_restarts`). Claims are therefore judged on *members*: several random skies
+# (HI, noise, point sources, small scales of the Galaxy) with several restarts of SDecGMCA each. A part holds
+# in a share of the members, skies weighing the same, with its range over skies; numbers are medians with the
+# 16 to 84 % of the members.
 #
 # | verdict | condition |
 # |---|---|
 # | ✓ reproduced | every main part holds in 84 % of the members or more |
-# | ≈ in part | the paper names several methods, and the claim holds for some of them and not for others |
+# | ≈ in part | of several methods that the paper names, the claim holds for some and not for others |
 # | ✗ not reproduced | a main part holds in 16 % of the members or less, and of several methods the claim holds for none; *premise absent* if, for instance, there is no peak to lower |
 # | ? undecided | any other share |
 # | – does not apply | the maps do not have the scales, or the scan does not have the number of sources |
 #
-# Each row explains how the paper's words are read as numbers (open "reading and numbers"). In all claims, *within x %* over a range, *consistently* and the like mean 95 % of its multipoles, $k$ or channels, and numbers within 1 % of each other are equal. These readings were fixed before any ensemble was measured, but after
-# single runs; [changes are listed](changed-readings).
+# Each row explains how the paper's words are read as numbers (open "reading and numbers"). *Within x %* over
+# a range, *consistently* and the like mean 95 % of its multipoles, $k$ or channels, and numbers within 1 % of
+# each other are equal. These readings were fixed after single runs and before any ensemble was measured;
+# [changes are listed](changed-readings).
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -95,13 +101,16 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # %% [markdown]
 # ## The ledger
 #
-# The stored ledger has the real Galaxy (templates of nside 64), at half the paper's resolution in pixels and frequency (`laptop`: nside 128, 250 channels). It is measured by
+# The stored ledger has the real Galaxy (templates of nside 64), at half the paper's resolution in pixels and
+# frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`), measured by
 #
 # ```sh
 # himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER
 # ```
 #
-# with the templates that `himap templates FOLDER` writes. The first row below counts its verdicts; other rows are for another reading of SDecGMCA, or for BeamSubspace, which is not in the paper ({doc}`09_sdecgmca`), in its place.
+# with the templates that `himap templates FOLDER` writes. The first row counts its verdicts; the others are
+# for another reading of SDecGMCA, or for BeamSubspace, which is not in the paper ({doc}`09_sdecgmca`), in its
+# place.
 
 # %% tags=["hide-input"]
 recorded, about = read_ledger()
@@ -141,8 +150,9 @@ quote(
 )
 
 # %% [markdown]
-# The last column has the measured cause of each verdict that is not *reproduced*: the stored records in which the claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA fails, the methods that fail. SD is SDecGMCA, POL and PAR are the polynomial and the
-# parametric fit.
+# The last column has the cause of each verdict that is not *reproduced*: the stored records in which the
+# claim holds (another reading of SDecGMCA, size, Galaxy or method), or, where no part about SDecGMCA fails,
+# the methods that fail. SD is SDecGMCA, POL and PAR are the two fits.
 
 # %% tags=["hide-input"]
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
@@ -150,29 +160,32 @@ others = other_records(about)
 LedgerTable(recorded, links, others)
 
 # %% [markdown]
-# A part that fails for another method points to the simulation, the size, or choices such as the average over channels, the sigma of the clipping, or the variable of the polynomial.
+# Where another method fails, the cause can be the simulation, the size, or choices such as the average over
+# channels, the sigma of the clipping, or the variable of the polynomial.
 #
 # ## What is not tested
 #
-# The paper's sentences without a row are explanations, judgements, results of others, or about what the simulations do not have:
+# The paper's sentences without a row are explanations, judgements, results of others, or about what the
+# simulations do not have:
 #
 # | the paper | not tested because |
 # |---|---|
 # | Sect. 4.2: GMCA degrades since the beam disrupts the coherence of the foregrounds; the parametric fit lacks flexibility; the evolving beam couples angular and spectral modes | explanations; the effects are E3, E1 and E4 |
 # | Sect. 4.2, 5.2: the peak is due to the coupling of beam and foreground, as in earlier papers | results of other simulations; the peak is O4, its dependence on bright lines of sight V5 |
 # | Sect. 4.3: too many sources split coherent components; different foregrounds dominate different scales | explanations; the effects are N2 and N3 |
-# | Sect. 4.3: cross-correlation with external tracers can set $n_s$ | no tracers are simulated; the eigenvalues and the stability of the spectra are tested in {doc}`22_how_many` |
+# | Sect. 4.3: cross-correlation with external tracers can set $n_s$ | no tracers are simulated; eigenvalues and stability of the spectra are tested in {doc}`22_how_many` |
 # | Sect. 4.3, 6: learned thresholds remove the dependence on hyperparameters | the network is a follow-up; the inversion of its code is the reading `follow-up` ({doc}`16_readings`), thresholds are varied in {doc}`23_thresholds` |
 # | Sect. 6: masks inside SDecGMCA | future work in the paper; other methods have them in {doc}`24_masks` |
 # | Sect. 2: sources above 1 Jy are removed; survey and beam represent MeerKAT | assumptions, adopted in {doc}`01_simulations` and {doc}`02_beams_and_noise` |
 #
-# The equations of the paper, with function, chapter and test of each, are in {doc}`../book/equations`.
+# {doc}`../book/equations` has the paper's equations, with function, chapter and test of each.
 
 # %% [markdown]
 # (changed-readings)=
 # ## Changed readings
 #
-# Changes made after unblinding can favour a verdict, and are listed. On 25 November 2026 the rules above and these readings were rewritten, after ledgers of single runs of SDecGMCA and before any ensemble:
+# Changes after unblinding can favour a verdict. On 25 November 2026, after ledgers of single runs of SDecGMCA
+# and before any ensemble, the rules above and these readings were rewritten:
 #
 # | claims | reading | before |
 # |---|---|---|
@@ -186,13 +199,19 @@ LedgerTable(recorded, links, others)
 # | O8, B1, B2, B3, M1, M2, M5 | absent premise: not reproduced | claim or part omitted |
 # | all on SDecGMCA | compared with the truth at every multipole | with the truth cut at $\ell = 200$ |
 #
-# Before that date: B1 required a ratio of errors above 1, then above 1.001 (after a ledger had been recorded), then 1, and now 1.01; it is *not reproduced* where no voxel is masked (it had not applied); G4 requires a gain above 0 (it had been reproduced with none), both after a trial at nside 32; O8 requires that more than a fifth of
-# the masked voxels are ripple, decided before its number was known; it was judged with the $\sigma$ of the line of sight alone, and is judged with that of the line, the channel and the cube, each main part with the one with which it holds best, decided after the numbers of the first. The default reading of SDecGMCA has been changed twice ({ref}`readings-default`).
+# Before that date B1 required a ratio of errors above 1, then above 1.001 (after a ledger had been recorded),
+# then 1, and now 1.01, and did not apply where no voxel is masked (now *not reproduced*); G4 had been
+# reproduced with no gain, and requires a gain above 0; both after a trial at nside 32. O8 requires that more
+# than a fifth of the masked voxels are ripple, decided before its number was known; it was judged with the
+# $\sigma$ of the line of sight alone, and, since the numbers of that were known, with that of the line, the
+# channel and the cube, each main part with the one with which it holds best. The default reading of SDecGMCA
+# has been changed twice ({ref}`readings-default`).
 
 # %% [markdown]
-# ## Judged here
+# ## Verdicts for other parameters
 #
-# All claims for the parameters of this chapter, by default one run on a synthetic sky at `ci` (nside 32), which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
+# All claims for the parameters of this chapter, by default a single run on a synthetic sky at `ci` (nside 32),
+# which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
 
 # %%
 about_sd = {entry.claim.id for entry in recorded if entry.about_sd}
@@ -208,25 +227,21 @@ show_table(rows, head="claims")
 # %% [markdown]
 # ## Conclusions
 #
-# - A verdict can depend on what differs from the paper here: half its resolution ({doc}`18_paper_size`), templates of nside 64, a lognormal HI sky, the reading of its text ({doc}`16_readings`), and for SDecGMCA the start ({doc}`27_restarts`).
+# - A verdict can depend on what differs from the paper here: half its resolution ({doc}`18_paper_size`),
+#   templates of nside 64, a lognormal HI sky, the reading of its text ({doc}`16_readings`), and for SDecGMCA
+#   the start ({doc}`27_restarts`).
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** A claim about PCA, GMCA and SDecGMCA has a main part for each. Over ten skies those of PCA and GMCA always hold, that of SDecGMCA in half of the members. What is the verdict? And if it holds in a tenth?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# *Undecided*, since SDecGMCA holds in some members and fails in others. A tenth is below 16 %: then it is *in part*, for 2 of 3 parts, not for SD.
-#
-# </details>
-#
-# **2.** On one sky the claim holds in all of sixteen restarts, on a second sky in none of four. What is the share?
+# A claim about PCA, GMCA and SDecGMCA has a main part for each. Those of PCA and GMCA always hold, that of
+# SDecGMCA on one sky in all of sixteen restarts, on a second sky in none of four. What is the verdict? And if
+# it holds in a tenth of the members?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# One half, since skies weigh the same; its range is 0 to 1, and the claim is *undecided*.
+# Skies weigh the same, so the share is one half, with a range of 0 to 1, and the claim is *undecided*. A
+# tenth is below 16 %: then it is *in part*, for 2 of 3 parts, not for SD.
 #
 # </details>
 #

@@ -23,8 +23,10 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`15_claims`.
 # > - **Time and memory**: {cost}`16_readings`.
 #
-# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and programs of the authors deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default with a single choice
-# changed.
+# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and programs of the
+# authors deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of
+# {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default
+# with a single choice changed.
 #
 # - **default**: the reading that is most charitable to the paper, [provisional](readings-default).
 # - **letter**: contradicts no statement of the text; usual choices where it is silent.
@@ -33,8 +35,10 @@
 # - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
 # - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# A difference between single runs can be that between restarts ({doc}`27_restarts`). Runs of each reading in the record of this page: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$
-# (or up to the end of the maps).
+# A difference between single runs can be that between restarts ({doc}`27_restarts`). The record of this page
+# has {glue:text}`readings_runs` of each reading, over {glue:text}`readings_skies`. A run fails if its mean
+# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
+# to the end of the maps).
 
 # %% tags=["parameters"]
 results: str | None = None  # what `himap measure readings` wrote; None: that of the book
@@ -79,7 +83,8 @@ Markdown(f"*{made.footer()}*")
 # (readings-answer)=
 # ## Which claims depend on the reading
 #
-# A claim *holds* if it is reproduced, at least in part. Verdicts on these small maps differ from those of the ledger at `laptop`; only the differences between readings matter here. Of {glue:text}`readings_claims` claims
+# A claim *holds* if it is reproduced, at least in part. On these small maps only differences between readings
+# matter. Of {glue:text}`readings_claims` claims
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
@@ -87,8 +92,10 @@ Markdown(f"*{made.footer()}*")
 # - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table has the choices that change them. A single choice changes
 #   {glue:text}`readings_one`.
 #
-# {glue:text}`readings_deciders_n` of the choices change a verdict when they alone are changed in the default: {glue:text}`readings_deciders`. The others change none: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default, so that
-# a difference between readings can be that between restarts: {glue:text}`readings_split`.
+# {glue:text}`readings_deciders_n` of the choices change a verdict when they alone are changed in the default:
+# {glue:text}`readings_deciders`. The others change none: {glue:text}`readings_idle`. For
+# {glue:text}`readings_unmoved_n` claims every reading gives the same number, or none:
+# {glue:text}`readings_unmoved`. Undecided under the default: {glue:text}`readings_split`.
 
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
@@ -155,34 +162,45 @@ Table(["claim", "statement", *READINGS, "choices that change the default's verdi
 # (readings-claims)=
 # ## All claims under all readings
 #
-# A row of a single shade is a claim that no reading changes, as those about other methods. A column that differs from the first is a choice that matters.
+# A row of one shade is a claim that no reading changes; a column that differs from the first is a choice that
+# matters.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns), grouped by robustness. The default is at the left, then the other named readings, then the default with a single choice changed. Darker is nearer to reproduced; the signs are those of the ledger."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; signs as in the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
 
 # %% [markdown]
 # (readings-bands)=
 # ## Spectra under each reading
 #
-# The distance of the points from the line is the bias; their spread is the scatter over restarts and skies.
+# The distance of the points from the line is the bias, their spread the scatter over restarts and skies.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows; named readings first): mean C/C0 in bands of l, mean P/P0 in three bands of k in 1/MHz, and the highest P/P0 near k = 0.31 / MHz. A point is a run, a colour a sky, the line the truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are drawn at the edge."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and each restart as a thin line. Runs that fail badly leave the panel."}}
+# %% [markdown]
+# Compare the medians with 1, and restarts with their median.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and restarts (thin). Runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]
 # (readings-default)=
 # ## Choice of the default
 #
-# The default is chosen by charity and not by performance: of the candidates (each named reading, with each treatment of the multipoles beyond $\ell = 200$), the reading under which most of the paper's statements on SDecGMCA hold is most likely what its authors ran. A main part that holds in a share $p$ of the members counts $p$, compared with the
-# truth at all multipoles; a tie goes to the candidate with fewer departures from the text.
+# The default is chosen by charity and not by performance: of the named readings, with each treatment of the
+# multipoles beyond $\ell = 200$, that under which most of the paper's statements on SDecGMCA hold is most
+# likely what its authors ran. A main part that holds in a share $p$ of the members, compared with the truth
+# at all multipoles, counts $p$; a tie goes to the candidate with fewer departures from the text.
 #
-# The tables have this count, the departures from the text, and the failures for each stored ensemble; candidates share starts and skies. The most charitable is {glue:text}`readings_charitable`.
+# The tables have this count, departures and failures for each stored ensemble; candidates share starts and
+# skies. The most charitable is {glue:text}`readings_charitable`.
 #
-# **The default is provisional.** The rule is for `laptop`: selection on the skies of two seeds, confirmation on three others. Maps at `ci` end at $\ell = 64$ and cannot test what the paper states up to 200. At `laptop` the table has one start on the first of the two skies: a single member, so that every part holds or does not, and candidates whose counts
-# are close are not separated. Until the record has both skies with several starts, the default rests on eight starts on each of two skies at that size and on one at the paper's, in which `code-rounding` had the spectra, the peak, the flagged lines of sight and the dependence on the number of sources of the paper, and did not fail.
+# **The default is provisional.** The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot test
+# what the paper states up to 200: selection on the skies of two seeds, confirmation on three others. The
+# table has one start on the first of the two skies, a single member, which does not separate candidates with
+# close counts. Until the record has both skies with several starts, the default rests on eight starts on each
+# of two skies at that size and on one at the paper's, in which `code-rounding` did not fail and had the
+# paper's spectra, peak, flagged lines of sight and dependence on the number of sources.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -197,7 +215,9 @@ charitable = {size: known[default_reading(several)].title for size, several in b
 quote(readings_charitable=listed([f"{label} at {size}" for size, label in charitable.items()]))
 
 # %% [markdown]
-# For the readings above, the next table has the choices that contradict the text, the statements that hold, the failures, and the verdicts (signs as in the ledger); the last table, in each band, the value of any run furthest from 1 (no column: {glue:text}`readings_empty`).
+# The next table has, for the readings above, the choices that contradict the text, the statements that hold,
+# failures and verdicts (signs as in the ledger); the last table, in each band, the value furthest from 1 of
+# any run (no column: {glue:text}`readings_empty`).
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -213,9 +233,14 @@ quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empt
 Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
-# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up` ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`. Between starts on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, of the default by {glue:text}`readings_moved_default`.
+# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`,
+# the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
+# ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`. Between starts
+# on the same sky the mean error of a reading varies by a factor of up to {glue:text}`readings_moved`, of the
+# default by {glue:text}`readings_moved_default`.
 #
-# Two earlier defaults were chosen by performance: the letter with the sign of $\mathbf{A}$ free, rejected when it failed in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
+# Two earlier defaults were chosen by performance: the letter with free signs of $\mathbf{A}$, until it failed
+# in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
 
 # %% tags=["hide-input"]
 sound = [known[label].title for label, one in outcomes.items() if not one.n_failing]
@@ -242,8 +267,11 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# For each choice the table has the paper's words and the readings that include it; for a choice that the default does not have, how often the default fails with that choice, and which claims then change. A reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
-# `himap clean --method sdecgmca -p sign=free`.
+# The table has the paper's words for each choice and the readings that include it; for a choice that differs
+# from the default, how often the default fails with it, and which claims then change. A reading is set by
+# `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# `himap clean --method sdecgmca -p sign=free`. Choices that do not concern SDecGMCA, such as the smoothing of
+# HI, are in {doc}`../book/conventions`.
 
 # %% tags=["hide-input"]
 head = [
@@ -258,19 +286,19 @@ head = [
 Table(head, readings_table.option_rows(outcomes))
 
 # %% [markdown]
-# Choices that do not concern SDecGMCA, such as the smoothing of HI, on which the claims B1 to B3 and D3 depend, are in {doc}`../book/conventions`.
-#
 # (readings-code)=
 # ## Comparison with the authors' code
 #
-# The reading `code` is compared with the public code of {cite:t}`carloni2021` on a small problem (16 channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute deviation or from the propagated noise, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ instead of the spectra. The differences (left)
-# should not exceed the effect of a change of the start (right).
+# The reading `code` is compared with the public code of {cite:t}`carloni2021` on a small problem (16
+# channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute
+# deviation or from the propagated noise, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ instead of
+# the spectra. The differences (left) should not exceed the effect of another start (right).
 
 # %% tags=["hide-input"]
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
 compared = {variant: code.compared(variant) for variant in VARIANTS}
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: largest difference between the mixing matrices of himap and of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: effect on A of a relative change of that start by 1e-12. Two variants coincide; they differ only in the refinement."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-code", "caption": "Left: largest difference between the mixing matrices of himap and of the authors' code after 1, 2, 3, 5 and 10 iterations from the same start. Right: effect on A of a relative change of that start by 1e-12. Two variants coincide before the refinement."}}
 code_figure(compared, ITERATIONS)
 
 # %% tags=["hide-input"]
@@ -279,13 +307,16 @@ growth = [(pair[1][first_five] / pair[1][0]) ** (1 / 4) for pair in compared.val
 quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 
 # %% [markdown]
-# The codes agree to better than $10^{-6}$ for five iterations, which is tested. A change in the twelfth digit of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth, until it is of the size of $\mathbf{A}$. Restarted from the authors' $\mathbf{A}$ after the fifth, they agree again to rounding. After 200
-# iterations the bright sources agree, and the faintest, HI and noise, is undetermined.
+# The codes agree to better than $10^{-6}$ for five iterations, which is tested. A change in the twelfth digit
+# of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth, until it
+# is of the size of $\mathbf{A}$. Restarted from the authors' $\mathbf{A}$ after the fifth, the codes agree
+# again to rounding. After 200 iterations the bright sources agree, and the faintest, HI and noise, is
+# undetermined.
 #
 # ## Conclusions
 #
 # - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has the choices that decide.
-# - To make a method reproducible from its description, authors should state the choices that change verdicts.
+# - To make a method reproducible, authors should state the choices that change verdicts.
 #
 # ## Exercise
 #
@@ -294,7 +325,8 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By the rule it can: the paper shows a single run. For an observation the failed run has to be identified without the truth ({ref}`restarts-flags`).
+# By the rule, yes: the paper shows a single run. For an observation the failed run must be identified without
+# the truth ({ref}`restarts-flags`).
 #
 # </details>
 #

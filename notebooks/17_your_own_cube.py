@@ -24,7 +24,8 @@
 # > - **Good to know**: HEALPix maps and FITS files.
 # > - **Time and memory**: {cost}`17_your_own_cube`.
 #
-# This chapter cleans a cube in an awkward form: a FITS file written by healpy, in kelvin, NESTED, with unsorted channels and a part of the sky missing. The truth is used only at the end. On the command line:
+# This chapter cleans a cube in an awkward form: a FITS file written by healpy, in kelvin, NESTED, with
+# unsorted channels and a part of the sky missing. The truth is used only at the end. On the command line:
 #
 # ```sh
 # himap suggest cube.fits --freqs freqs.txt -o how_many.html
@@ -75,7 +76,8 @@ study = Study(
 # %% [markdown]
 # ## The file
 #
-# The maps are those of {doc}`02_beams_and_noise`, seen through `beam`. The north of the sky is missing, as for a telescope in the south.
+# The maps are those of {doc}`02_beams_and_noise`, seen through `beam`. The north of the sky is missing, as
+# for a telescope in the south.
 
 # %% tags=["hide-input"]
 observation = study.observed(selected)
@@ -97,7 +99,9 @@ np.savetxt(folder / "freqs.txt", observation.freqs[order], fmt="%.6f")
 # %% [markdown]
 # ## Reading it
 #
-# `read_cube` sorts the channels, converts pixels to RING and temperatures to mK, and masks pixels that are not observed in every channel. Its `remarks` list what it assumed and left out; what a file does not say and cannot be inferred is an error.
+# `read_cube` sorts the channels, converts pixels to RING and temperatures to mK, and masks pixels that are
+# not observed in every channel. Its `remarks` list what it assumed and omitted; what a file does not say and
+# cannot be inferred is an error.
 
 # %%
 cube = read_cube(folder / "cube.fits", freqs=folder / "freqs.txt")
@@ -113,10 +117,11 @@ except InputError as error:
 # %% [markdown]
 # ## How many sources?
 #
-# Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise (dashed), the minimum of an information criterion, and the number after which one more source changes the spectra little. {doc}`22_how_many` measures
-# how often each is right.
+# Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise, the
+# minimum of an information criterion, and the number after which one more source changes the spectra little.
+# {doc}`22_how_many` measures how often each is right. Here they should agree on one number.
 
-# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "How many sources PCA should remove. Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, on an axis that is linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
+# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
@@ -134,7 +139,9 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# PCA works on each line of sight, so that missing pixels do not matter. Methods that transform maps need a smooth continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the sky.
+# PCA works on each line of sight, whatever pixels are missing. Methods that transform maps need a
+# continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the
+# sky.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
@@ -143,15 +150,18 @@ cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 # %% [markdown]
 # The left panel shows which eigenvalues were removed. Spectra that oscillate with frequency (right) describe the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; after it the last ones, as many as there were sources, are zero to rounding. Right: spectra of the sources that were removed."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; the last ones, as many as there were sources, are then zero to rounding. Right: removed spectra."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
+
+# %% [markdown]
+# Foreground residual would appear in the rms along the Galactic plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-maps", "caption": "Residual in the channel in the middle of the band, and its rms over all channels. Unobserved pixels are white."}}
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# Foreground residual would appear in the rms along the Galactic plane. The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and unit of the input,
-# in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
+# The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and
+# unit of the input, in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")
@@ -163,10 +173,11 @@ print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unsee
 # %% [markdown]
 # ## Comparison with the truth
 #
-# For a simulation the same file without foregrounds shows how good the result is (`--truth` on the command line). Ratios below 1 are signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios above the grey band
-# would be foreground residual.
+# For a simulation the truth shows how good the result is (`--truth` on the command line). Ratios below 1 are
+# signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios above
+# the grey band would be foreground residual.
 
-# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, with the ratio to the truth below; the grey band is 10 %. The coupling of multipoles by the mask is undone, and C_l are binned."}}
+# %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, and the ratio to the truth. Grey band: 10 %. C_l are decoupled from the mask and binned."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
 study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources=n_sources, missing=missing)
 
@@ -196,8 +207,9 @@ show_table({f"{n} sources": errors_of(compared(clean_cube(cube, "pca", n_sources
 # %% [markdown]
 # ## The whole sky, with the beam
 #
-# BeamSubspace includes the beam in its model. It cleans the same sky without the gap, with the number of eigenvalues that exceed HI and noise at one resolution; PCA has the number from above. On the command line: `himap clean whole.fits --freqs
-# freqs.txt --method beam_subspace --beam oscillating -p n_sources=3`.
+# BeamSubspace includes the beam in its model. It cleans the same sky without the gap, with the number of
+# eigenvalues that exceed HI and noise at one resolution; PCA has the number from above. On the command line:
+# `himap clean whole.fits --freqs freqs.txt --method beam_subspace --beam oscillating -p n_sources=3`.
 
 # %%
 hp.write_map(folder / "whole.fits", observation.maps[order] / 1e3, column_units="K", dtype=np.float32)
@@ -216,20 +228,25 @@ show_table(rows)
 # %% [markdown]
 # ## Images, weights and flags
 #
-# FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and written with the same header. PCA, FastICA, the two fits, the Gaussian process and GMCA clean them; the other methods need the sphere. The page
-# has $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground residual is at the smallest $k_\parallel$; for HEALPix, `--patches` shows it as a mean over flat patches.
+# FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and
+# written with the same header. PCA, FastICA, the two fits, the Gaussian process and GMCA clean them; the
+# other methods need the sphere. The page has $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground
+# residual is at the smallest $k_\parallel$; for HEALPix, `--patches` shows it as a mean over flat patches.
 #
 # ```sh
 # himap clean image.fits --method pca -p n_sources=3 -o cleaned.fits
 # himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned_by_hits.fits
 # ```
 #
-# A pixel that is missing in one channel is left out in all, unless `--weights` (hits or inverse variances) or `--flags` (1 where a voxel is bad) say otherwise: {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other codes.
+# A pixel that is missing in one channel is excluded in all, unless `--weights` (hits or inverse variances) or
+# `--flags` (1 where a voxel is bad) say otherwise: {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes
+# of other codes.
 #
 # ## What follows
 #
-# - **The number of sources** can be estimated without the truth where HI and noise are well below the foregrounds: at the defaults of this chapter the criteria agree, and the table of errors confirms them. With one source fewer the ripple of the
-#   beam remains; each further one removes signal at large scales.
+# - **The number of sources** can be estimated without the truth where HI and noise are well below the
+#   foregrounds: here the criteria agree, and the table of errors confirms them. With one source fewer the
+#   ripple of the beam remains; each further one removes signal at large scales.
 # - **A beam-aware method** needs no sources for what the beam adds.
 #
 # ## Exercise
@@ -239,6 +256,6 @@ show_table(rows)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Fewer than through the oscillating beam, and all criteria give the same number. With fewer the foreground residual is larger by orders of magnitude; with more, signal is lost.
+# Fewer than through the oscillating beam, and all criteria give the same number.
 #
 # </details>

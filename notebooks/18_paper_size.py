@@ -25,9 +25,12 @@
 # > - **Read first**: {doc}`15_claims`.
 # > - **Time and memory**: {cost}`18_paper_size`.
 #
-# The chapters use the preset `quick`, and the ledger is measured at `laptop` (realisations: {glue:text}`paper_size_realisations`). This page has the claims and the figures at the paper's own size, `nside` 256 and 500 channels of 1 MHz, for one
-# realisation of the real and of the synthetic Galaxy. Two things differ from the paper: the real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper has PySM's of nside 512; and the HI box has 1024³ cells where the
-# paper's has 2048³, so that a cell is {glue:text}`paper_size_cell` wide and a pixel at the far end {glue:text}`paper_size_pixel`.
+# The chapters use the preset `quick`, and the ledger is measured at `laptop` (skies:
+# {glue:text}`paper_size_realisations`). This page has the claims and the figures at the paper's size, `nside`
+# 256 and 500 channels of 1 MHz, for one realisation of the real and of the synthetic Galaxy. Two things
+# differ from the paper: the real Galaxy is made of templates of nside 64 with small scales drawn at random,
+# where the paper has PySM's of nside 512; and the HI box has 1024³ cells where the paper's has 2048³, so that
+# a cell is {glue:text}`paper_size_cell` wide and a pixel at the far end {glue:text}`paper_size_pixel`.
 #
 # ```sh
 # himap templates FOLDER --nside 64
@@ -35,7 +38,7 @@
 # himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # ```
 #
-# The results are stored in `book/results`; {doc}`19_scale` has the time that they take.
+# The results are stored in `book/results`; {doc}`19_scale` has their times.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -70,8 +73,11 @@ others = other_records(ledgers[0][1], folder)
 # (ledgers)=
 # ## The claims
 #
-# Columns are sizes and Galaxies. Compare first `laptop` with the paper's size on the real Galaxy: four times the pixels, twice the channels, and one realisation. Then compare the two Galaxies, for which HI, noise and beams are the same, so that
-# differences are due to the foreground, and for SDecGMCA to its chaos ({doc}`27_restarts`). Verdicts and signs are explained in {doc}`15_claims`; main parts that hold in less than 84 % of the members are listed with that share.
+# Columns are sizes and Galaxies. Compare first `laptop` with the paper's size on the real Galaxy: four times
+# the pixels, twice the channels, and one realisation. Then compare the two Galaxies at the paper's size: HI,
+# noise and beams are the same, so that differences are due to the foreground, and for SDecGMCA to its chaos
+# ({doc}`27_restarts`). {doc}`15_claims` explains verdicts and signs; main parts that hold in less than 84 %
+# of the members are listed with that share.
 
 # %% tags=["hide-input"]
 told = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."
@@ -92,8 +98,9 @@ quote(
 # (sizes)=
 # ## The figures
 #
-# All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The chapter that is linked has the figure at `quick`, states what it shows, and has both Galaxies at this size among its interactive curves. All numbers are in
-# `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
+# chapter states what each shows, and has both Galaxies at this size among its interactive curves. All numbers
+# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))

@@ -26,8 +26,9 @@
 # > - **Good to know**: a shell, and for the last section a cluster.
 # > - **Time and memory**: {cost}`19_scale`.
 #
-# Time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³ cells) on two cores, how they grow, how long runs are protected, and how to use a cluster. The times were measured once and are stored with the
-# book; {doc}`../book/contributing` has the commands.
+# Time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³
+# cells) on two cores, how they grow, what protects long runs, and how to use a cluster.
+# {doc}`../book/contributing` has the commands that measured them.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -58,8 +59,10 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 # (steps-paper)=
 # ## Every step at the paper's size
 #
-# Each step starts from the cached results of those before it. *Memory* is the peak of the process and its children, mapped files included. The *floor* is the time of the unavoidable transforms,
-# memory traffic and operations on this machine. *Alternative* is the usual tool on the same data: above 1 it is slower; where it is too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
+# Each step starts from the cached results of those before it. *Memory* is the peak of the process and its
+# children, mapped files included. The *floor* is the time of the unavoidable transforms, memory traffic and
+# operations on this machine. *Alternative* is the usual tool on the same data (above 1: slower); where it is
+# too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
 
 # %% tags=["hide-input"]
 Markdown(steps_table(paper))
@@ -67,20 +70,27 @@ Markdown(steps_table(paper))
 # %% [markdown]
 # What the floors count:
 #
-# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per step of each ray, whose sixteen numbers are scattered over the box; gathering them takes most of the time and is not in the floor.
-# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
-# - **Peak masking, polynomial**: two reads and one write of the cube, one projection of each line of sight; lines with peaks are fitted again.
+# - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per
+#   step of each ray; gathering their sixteen scattered numbers takes most of the time and is not counted.
+# - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis
+#   in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
+# - **Peak masking, polynomial**: two reads and one write of the cube, one projection of each line of sight;
+#   lines with peaks are fitted again.
 # - **PCA, FastICA**: one covariance of the channels and two products with the cube.
-# - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared and interpolated.
+# - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared
+#   and interpolated.
 # - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back.
-# - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two products with the coefficients, and every scale of every source there and back.
-# - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight, from transforms of the few spectra times maps by which the residual differs from the truth.
+# - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two
+#   products with the coefficients, and every scale of every source there and back.
+# - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight, from transforms of the
+#   few spectra times maps by which the residual differs from the truth.
 
 # %% [markdown]
 # (whole)=
 # ### The ledger of one realisation
 #
-# With the real Galaxy and `--jobs 2`: light cone and observations as above, then the claims. {doc}`The status page <../book/status>` has the times of the chapters with figures.
+# With the real Galaxy and `--jobs 2`: light cone and observations as above, then the claims.
+# {doc}`The status page <../book/status>` has the times of the chapters with figures.
 
 # %% tags=["hide-input"]
 parts = times_of_all(paper, read_stored("claims_paper_templates", results)["about"])
@@ -89,7 +99,8 @@ rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 
 # %% [markdown]
-# The claims measure 80 separations, where Figs. 1 and 2 have 18: six methods in seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan of $n_s$.
+# The claims measure 80 separations, where Figs. 1 and 2 have 18: six methods in seven cases, other $\sigma$
+# of the peak masking, variants of SDecGMCA, and the scan of $n_s$.
 
 # %% [markdown]
 # ## The same at half that size
@@ -101,8 +112,9 @@ Markdown(steps_table(laptop))
 # (growth)=
 # ## How the cost grows
 #
-# The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box grows as well, four cells per unit of `nside`. On a shared machine the pace varies within minutes: a fixed piece of work is timed before and after
-# each measurement, and all times are scaled to the quickest pace.
+# The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box
+# grows as well, four cells per unit. On a shared machine a fixed piece of work is timed before and after each
+# measurement, and times are scaled to the quickest pace.
 #
 # The slope of a line is the exponent.
 
@@ -132,8 +144,10 @@ plotting.stamp(figure, Provenance.of_stored(scaling["about"]))
 Markdown(growth_table(scaling))
 
 # %% [markdown]
-# CRIME, the simulator of the paper, was run for comparison with the light cone, with the same cosmology and Fourier modes ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85 with 1024³: for twice the cells along a side it grew by a factor of 8.4,
-# that of CRIME by a factor of 9.2. Memory is alike. These ratios are not measured again, as CRIME is not part of himap.
+# CRIME, the simulator of the paper, was run for comparison with the light cone
+# ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85
+# with 1024³: for twice the cells along a side it grew by a factor of 8.4, that of CRIME by a factor of 9.2.
+# Memory is alike.
 
 # %% [markdown]
 # ## Long runs
@@ -143,16 +157,22 @@ Markdown(growth_table(scaling))
 # himap cache info
 # ```
 #
-# - **Interrupted?** Run the same command again. Products are written completely or not at all, with a checksum; the result equals that of an undisturbed run bit for bit.
-# - **Memory** is estimated first, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`) sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the memory.
-# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case of one realisation while it works and deletes them afterwards, except those of an interrupted run; `himap cache clear pipeline.observation`
-#   deletes cubes at any time.
+# - **Interrupted?** Run the same command again. Products are written completely or not at all, with a
+#   checksum; the result equals that of an undisturbed run bit for bit.
+# - **Memory** is estimated first, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`)
+#   sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the
+#   memory.
+# - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case
+#   while it works, and those of an interrupted run; `himap cache clear pipeline.observation` deletes cubes at
+#   any time.
 #
 # (kills)=
 # ### Tests of interruption
 #
-# Processes were killed at random times and restarted until they finished; their results were compared bit by bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends without a clear message; *left behind* counts files, shared memory and
-# processes that remained. On a full disk a command ends with a message that names the file, or continues without storing.
+# Processes were killed at random times and restarted until they finished; their results were compared bit by
+# bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends without a clear message;
+# *left behind* counts files, shared memory and processes that were not removed. On a full disk a command ends
+# with a message, or continues without storing.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -160,8 +180,10 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # %% [markdown]
 # ## On a cluster
 #
-# With `--dask`, `himap measure` and `himap run` distribute products over the workers of a running [Dask](https://distributed.dask.org) scheduler. All machines must share the cache folder, the templates and the version of himap. Products of a worker that dies go to
-# another. With SLURM, [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers:
+# With `--dask`, `himap measure` and `himap run` distribute products over the workers of a running
+# [Dask](https://distributed.dask.org) scheduler. All machines must share the cache folder, the templates and
+# the version of himap. If a worker dies, another takes over its products. With SLURM,
+# [dask-jobqueue](https://jobqueue.dask.org) starts scheduler and workers:
 #
 # ```python
 # from dask_jobqueue import SLURMCluster
@@ -184,15 +206,19 @@ Markdown(endurance_table(read_stored("endurance", results)))
 # himap measure claims --preset paper -p n_realisations=20 --dask tcp://10.0.0.7:35791
 # ```
 #
-# - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once. Dask limits matrix products to one core unless the prologue sets these variables.
-# - `HIMAP_MAX_MEMORY` is the limit of one worker; without it each worker uses the free memory of its node, whatever SLURM has granted.
-# - The cubes of all realisations of one command are on disk until their claims are measured. Portions (`-p seed=2045 -p n_realisations=20`, ...) need less.
+# - `cores=1` matters: a worker with eight threads of Dask would clean eight cubes at once. Dask limits matrix
+#   products to one core unless the prologue sets these variables.
+# - `HIMAP_MAX_MEMORY` is the limit of one worker; without it each worker uses the free memory of its node,
+#   whatever SLURM has granted.
+# - The cubes of all realisations of a command are on disk until their claims are measured; portions
+#   (`-p seed=2045 -p n_realisations=20`, ...) need less.
 
 # %% [markdown]
 # (cluster)=
 # ### nside {glue:text}`scale_nside`, {glue:text}`scale_n_channels` channels, {glue:text}`scale_n_realisations` realisations
 #
-# For Figs. 1 and 2: six methods, three beams, both spectra. *Times* is how often a step runs in each realisation; *memory* is the estimate of himap.
+# For Figs. 1 and 2: six methods, three beams, both spectra. *Times* is how often a step runs in each
+# realisation; *memory* is the estimate of himap.
 
 # %% tags=["hide-input"]
 rows = [
@@ -210,11 +236,19 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and {glue:text}`scale_more` in channels, are uncertain by a factor of two: they are from small maps, the oscillating beam, and two cores of a shared machine. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
+# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps
+# after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and
+# {glue:text}`scale_more` in channels, from small maps, the oscillating beam and a shared machine, are
+# uncertain by a factor of two. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
 # of the paper's size.
 #
-# Dask distributes products and does not divide one: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size, so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Take one worker per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the prologue. There are two stages, the second of which begins when the first has ended everywhere: {glue:text}`scale_cases` observations, of which those of the same sky wait for its light cone, and
-# {glue:text}`scale_cleanings` cleanings, all independent. With {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk keeps up; with more cores for each worker they take less.
+# Dask does not divide a product: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size,
+# so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Use one worker
+# per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the prologue.
+# There are two stages, one after the other: {glue:text}`scale_cases` observations, of which those of the same
+# sky wait for its light cone, and {glue:text}`scale_cleanings` independent cleanings. With
+# {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk
+# keeps up.
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]

@@ -17,15 +17,18 @@
 # ---
 
 # %% [markdown]
-# # What was lost, and how to get it back
+# # Signal loss and error bars from mocks
 #
 # > - **Read first**: {doc}`04_pca`, {doc}`10_results`.
 # > - **Good to know**: what an estimator and its bias are.
 # > - **Time and memory**: {cost}`20_transfer_function`.
 #
-# Every method removes some HI with the foreground and leaves some foreground. The paper measures both against the truth, which an observation does not have. This chapter estimates them from **mocks**, skies of HI and noise whose truth is known,
-# seen through the same beam. The mock $m$ replaces the HI and noise of the data: with the foreground $\hat f$ that a method finds it is cleaned in the same way, peak masking included. This is a parametric bootstrap ({cite:t}`efron1979`). Each member gives a
-# residual $r = \mathrm{clean}(\hat f + m)$, and their means give
+# Every method removes some HI and leaves some foreground. The paper measures both against the truth, which an
+# observation does not have. This chapter estimates them from **mocks**, skies of HI and noise whose truth is
+# known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock $m$ replaces
+# the HI and noise of the data, and with the foreground $\hat f$ that the method estimated it is cleaned like
+# the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their
+# means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -33,13 +36,19 @@
 # \hat P = \frac{P - b}{T} .
 # ```
 #
-# $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the part of the residual that has nothing in common with HI, and $\hat P$ the corrected spectrum. The scatter of $\hat P$ over members that are corrected by each other, times Student's factor for their
-# number, is the error bar. The paper has no such correction.
+# $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the part of the residual
+# that is uncorrelated with HI, and $\hat P$ the corrected spectrum. The error bar is the scatter of $\hat P$
+# over members that are corrected by each other, times Student's factor for their number. The paper has no
+# such correction.
 #
-# **How many sources?** $\hat f$ has only the foreground that was found. What one source more removes from the data is therefore compared with what it removes from the members, where it is HI. If a band differs significantly and by more than an
-# error bar, the foreground has this source too, and everything is repeated with it. The *foreground residual* of a number of sources is then the difference between the two corrected spectra.
+# **How many sources?** What one source more removes from the data is compared with what it removes from the
+# members, where it is HI. If a band differs significantly and by more than an error bar, the foreground needs
+# this source too, and everything is repeated with it. The *foreground residual* of a number of sources is
+# then the difference between the two corrected spectra.
 #
-# Another use of mocks is to add them to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$ ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and doubles the HI that a method adapts to.
+# Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
+# ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
+# doubles the HI to which a method adapts.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -138,15 +147,16 @@ panels = [
 ]
 
 # %% [markdown]
-# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground, and decreases with the number of components.
+# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground,
+# and decreases with the number of components.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Share of the power of mocks that is recovered, by multipole (left, in bins) and by wavenumber along frequency (right), each method with the number of sources that the bootstrap needs."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber (right), each method with the number of sources that the bootstrap needs."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
 # ## One sky, corrected
 #
-# The power of the residual of the first sky over that of the truth, before and after the correction. The mocks do not know this truth.
+# The mocks do not contain the truth of this sky.
 
 
 # %% tags=["hide-input"]
@@ -178,12 +188,14 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 # %% [markdown]
 # The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and their ratios to the truth. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% [markdown]
-# In bands, with the method's own number of sources uncorrected, and corrected with the number that the bootstrap needs. The pull is (corrected $-$ truth) over the error bar; *foreground* is the residual of the method's own number of sources, and
-# *systematic* by how much one source more changes the result.
+# The table has the power in bands over the truth, uncorrected with the given number of sources, and corrected
+# with the number that the bootstrap needs. The pull is (corrected $-$ truth) over the error bar; *foreground*
+# is the foreground residual of the given number of sources, and *systematic* the change of the result by one
+# source more.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -203,7 +215,7 @@ show_table(rows, columns=4)
 # %% [markdown]
 # ## By multipole and wavenumber
 #
-# The loss is at low $k_\nu$, in smooth spectra. How far it reaches depends on $\ell$ through the beam.
+# The loss is at low $k_\nu$, in smooth spectra; up to which $k_\nu$ depends on $\ell$ through the beam.
 
 # %% tags=["hide-input"]
 width = max(2, l_top // 32)
@@ -231,7 +243,9 @@ study.stamped(
 # %% [markdown]
 # ## Sensitivity to the mocks
 #
-# The HI of the data may differ from that of the mocks. The first mock again: with a bias of HI that is higher by 30 %, with twice and with half the HI, and as Gaussian fields with the same power spectra but without peaks. Shown is $T$ over that of the original mock.
+# The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a bias of HI
+# that is higher by 30 %, with twice and half the HI, and as Gaussian fields with the same power spectra, over
+# $T$ of the original. A line at 1 is a change that does not matter.
 
 # %% tags=["hide-input"]
 variants = {
@@ -269,7 +283,7 @@ panels = [
     },
 ]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "The transfer function of the first method from a changed mock, over that from the original mock. Curves beyond 3 % are cut off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-mocks", "caption": "Transfer function of the first method from a changed mock over that from the original. Curves beyond 3 % are cut off."}}
 study.stamped(
     plotting.lines(panels), beam=case.beam, method=first.name, n_sources=getattr(first, "n_sources", None)
 )
@@ -282,12 +296,15 @@ quote(
 )
 
 # %% [markdown]
-# For the first method these changes move $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$, and below by up to {glue:text}`transfer_changed_low_k`.
+# For the first method these changes move $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by
+# up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$, and below by up to
+# {glue:text}`transfer_changed_low_k`.
 #
 # (transfer-record)=
 # ## Coverage over many skies
 #
-# An error bar is right if the truth is within it in 68 % of the cases. This was measured and stored with the book, with other mocks for every sky:
+# An error bar is right if the truth is within it in 68 % of the cases. This was measured with other mocks for
+# every sky:
 #
 # ```sh
 # himap measure transfer --preset ci -p n_mocks=12 -p 'methods=[["beam_subspace", 3], ["smooth_spectra", 4], ["pca", 6]]' --jobs 2
@@ -295,8 +312,11 @@ quote(
 #
 # and the same with `-p galaxy=templates -p template_dir=FOLDER`.
 #
-# In the table, *sources* is the range of the number that the bootstrap needed, *scatter* the standard deviation of the corrected ratio over skies, and *error bar* the mean of what the bootstrap expects. The last columns count the skies on which the
-# truth is within the error bar, with the binomial 95 % interval of that share, and have the mean of ((corrected $-$ truth) / error bar)$^2$, which should be 1.
+# In the table, *sources* is the range of the number that the bootstrap needed, *scatter* the standard
+# deviation of the corrected ratio over skies, and *error bar* the mean of the expected ones. *Within 1σ*
+# counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
+# *χ²* is the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar of
+# 1.
 
 # %% tags=["hide-input"]
 GALAXIES = ("synthetic", "templates")
@@ -329,7 +349,7 @@ def summarised(records):
 
 records = stored(results, "ci")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; the bars are one standard deviation of a single sky). Deviations above 20 % are not drawn. The grey lines are at 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Deviations above 20 % are not drawn. Grey lines: 1 %."}}
 shown(records)
 
 # %% tags=["hide-input"]
@@ -339,12 +359,13 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`. The skies are few: the intervals of the coverage are wide, and the bands of one sky are not independent.
+# The same at `quick`. The skies are few, so the intervals of the coverage are wide; the bands of a sky are
+# not independent.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "As the figure before, at quick."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
 shown(finer)
 
 # %% tags=["hide-input"]
@@ -407,20 +428,30 @@ quote(
 # %% [markdown]
 # ## Summary
 #
-# Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies` skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and
-# $k_\nu > 0.03$. Coverage is of all bands, by the error bar, and by error bar and systematic in quadrature; the squared pull is the median of bands. Error bars are right where the coverage is 68 % and the squared pull 1.
+# Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
+# skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
+# the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$.
+# Coverage is of all bands, by the error bar, and by error bar and systematic in quadrature; the squared pull
+# is the median of bands.
 
 # %% tags=["hide-input"]
 show_table(rows)
 
 # %% [markdown]
-# - **The foreground residual of a number of sources can be seen without the truth**: one source more removes more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three sources has a residual on most skies, and is corrected with four there (column *sources* of the tables above).
-# - **The correction is only as good as the foreground that was found.** Where the residual is spread over several components that are each fainter than HI, none of them stands out and what is left is not detected: PCA at `quick`, and BeamSubspace with the synthetic Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods**: see the coverage above. The foreground that was found contains HI in its faintest sources, which are therefore brighter and more stable in members than in the data.
-# - **With more sources than the foreground has**, the last ones fit this very HI, and the corrected power is low by up to the share of one source. Take as many as the foreground needs, not more.
-# - **Sample variance and noise are in no error bar here**, because the truth is that of the same sky. The commands below have them in a column of their own.
+# - **The foreground residual of a number of sources is detected without the truth**: one source more removes
+#   more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three
+#   sources has a residual on most skies, and is corrected with four there (column *sources*).
+# - **The correction is only as good as the estimated foreground.** A residual that is spread over several
+#   components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the synthetic
+#   Galaxy. The systematic contains a part of it.
+# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the
+#   estimated foreground contain HI, and are therefore brighter and more stable in members than in the data.
+# - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
+#   by up to the share of one source. Use as many as the foreground needs, not more.
+# - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
+#   commands below list them separately.
 #
-# For a cube of your own:
+# For your cube:
 #
 # ```sh
 # himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 -o transfer.html
@@ -429,7 +460,7 @@ show_table(rows)
 #
 # ## Exercises
 #
-# **1.** Does the number of mocks limit the result? Take twelve.
+# **1.** Does the number of mocks limit the result? Use twelve.
 #
 # ```sh
 # himap run 20_transfer_function -p n_mocks=12
@@ -438,16 +469,22 @@ show_table(rows)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The corrected power hardly changes at $\ell \geq 10$; the error bars change by tens of per cent, since those of few mocks are themselves uncertain. A band far from the truth stays there: that is how the HI of this sky resembles the foreground by chance.
+# The corrected power hardly changes at $\ell \geq 10$; the error bars change by tens of per cent, since those
+# of few mocks are themselves uncertain. A band far from the truth remains so: the HI of this sky resembles
+# the foreground by chance.
 #
 # </details>
 #
-# **2.** In a bootstrap $r = 0.9\, m + e$, where $e$ has nothing in common with $m$ and the power $0.05\, \langle |m|^2 \rangle$. What are $T$ and $b$, and what is $\hat P$ of a residual of power $P$?
+# **2.** In a bootstrap $r = 0.9\, m + e$, where $e$ is uncorrelated with $m$ and has the power
+# $0.05\, \langle |m|^2 \rangle$. What are $T$ and $b$, and what is $\hat P$ of a residual of power $P$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so that $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. A projection keeps all it keeps: there $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$ and $b$ is the power of the foreground residual alone.
+# $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so that
+# $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. For a
+# projection without foreground residual $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$, so that $b$ is the
+# power of the foreground residual alone.
 #
 # </details>
 #

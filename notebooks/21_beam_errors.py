@@ -25,7 +25,8 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
-# In the paper, methods that use the beam assume the true one; the beam of a telescope is measured, with an error. Here the assumed beam is wrong by a known amount. At which error does a method without a beam do better, and do additional sources help?
+# The paper assumes the true beam; that of a telescope is measured, with an error. Here the assumed beam is
+# wrong by a known amount. At which error is a method without a beam better, and do additional sources help?
 #
 # The assumed FWHM is the true one times $1 + e$:
 #
@@ -35,8 +36,10 @@
 # | ripple | $a \sin(2\pi\nu / 20\,\mathrm{MHz})$, which the beam does not have |
 # | amplitude, phase, period | that of the beam's ripple, which is 0.14 % of the FWHM ({doc}`02_beams_and_noise`), is wrong |
 #
-# Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$. A projection recovers a mode completely or not at all, so
-# that the excess of $P/P_0$ over this share is **foreground residual**. Mocks ({doc}`20_transfer_function`) correct the first.
+# Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is
+# correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$; mocks correct it
+# ({doc}`20_transfer_function`). A projection recovers a mode completely or not at all, so that the excess of
+# $P/P_0$ over this share is **foreground residual**.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -87,16 +90,18 @@ study = Study(
 # %% [markdown]
 # ## One sky
 #
-# Each method cleans the same observation, each time with another assumed beam. The figure shows the band in which the residual is largest, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
+# Each method cleans the same observation with several assumed beams. The figure shows the band with the
+# largest residual, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
 
 # %%
 table = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method without a beam does better. An error that oscillates with frequency costs far more than one that all channels share: it gives bright pixels spectra that no
-# fitted spectrum describes.
+# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method
+# without a beam is better. An error that oscillates with frequency costs far more than one that all channels
+# share: bright pixels then have spectra that no fitted spectrum describes.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. The horizontal curve is a method without a beam; the grey line is 1 %. Values below 0.1 % are not shown."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. Horizontal: a method without a beam; grey line: 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
 
 # %% [markdown]
@@ -109,22 +114,28 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
 # ```
 #
-# With more sources (compare the lines of BeamSubspace) the curves turn over at large errors: the effect of the wrong beam on the foreground is then bright enough to be fitted by the additional source. Just below, where it is as bright as the HI, no
-# source fits it. SDecGMCA, with the paper's five sources, fails on a few skies with any beam, which raises its mean.
+# With more sources (compare the lines of BeamSubspace) the curves turn over at large errors, where the effect
+# of the wrong beam on the foreground is bright enough to be fitted by the additional source. Just below,
+# where it is as bright as the HI, no source fits it. SDecGMCA, with five sources and an earlier default
+# reading (`instrument-noise`), fails on a few skies with any beam, which raises its mean.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")
 paths = results or [RESULTS / f"beam_errors_quick_{name}.json" for name in galaxies]
 records = [Record.load(EXPERIMENT, path) for path in paths]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies with the synthetic Galaxy. Grey line: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, synthetic Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over several skies with the real Galaxy. Grey line: 1 %."}}
+# %% [markdown]
+# With the real Galaxy, compare the errors at which the lines rise.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, real Galaxy. Grey line: 1 %."}}
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]
-# The next table has the error up to which the foreground residual is at most 1 % larger than with the exact beam, interpolated between the errors that were tried ("less" if the smallest of them is too large).
+# The next table has the error up to which the foreground residual is at most 1 % larger than with the exact
+# beam, interpolated between the errors that were tried ("less" if the smallest of them is too large).
 
 
 # %% tags=["hide-input"]
@@ -161,8 +172,9 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 # (beam-errors-lobes)=
 # ## A beam with side lobes
 #
-# The beams of MeerKAT measured by holography ({cite:t}`asad2021`, package katbeam) are not Gaussian: they have side lobes, and $b_\ell = 0$ beyond $2\pi D/\lambda$. The data are seen through these (`beam=meerkat_lobes`), and methods assume Gaussians of
-# the same FWHM in every channel (`meerkat`).
+# The beams of MeerKAT measured by holography ({cite:t}`asad2021`, package katbeam) are not Gaussian: they
+# have side lobes, and $b_\ell = 0$ beyond $2\pi D/\lambda$. The data are seen through these
+# (`beam=meerkat_lobes`), and methods assume Gaussians of the same FWHM in every channel (`meerkat`).
 
 # %% tags=["hide-input"]
 shown = case.survey.freqs[[0, -1]]
@@ -181,9 +193,10 @@ panel = {
 }
 
 # %% [markdown]
-# The two beams agree at low $\ell$ and differ at high $\ell$, where the Gaussian continues and the true beam ends.
+# The two beams agree at low $\ell$ and differ at high $\ell$, where the Gaussian continues and the true beam
+# ends.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with its side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-lobes", "caption": "The beam of MeerKAT with side lobes (solid) and the Gaussian of the same FWHM (dashed), at both ends of the band."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6, 3.6)))
 
 # %% tags=["hide-input"]
@@ -240,14 +253,20 @@ quote(
 #
 # At `quick`, in the mean over {glue:text}`beams_skies` skies:
 #
-# - **With the number of sources that suffices for an exact beam, the beam must be exact.** For BeamSubspace with three sources the foreground residual grows by 1 % for an error of the width of {glue:text}`beams_width` or a ripple of
-#   {glue:text}`beams_ripple` of the FWHM (for the Galaxy where that is less).
-# - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which mocks can correct. Not so for the smallest ripples with the real Galaxy.
-# - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right
-#   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
+# - **With the number of sources that suffices for an exact beam, the beam must be exact.** For BeamSubspace
+#   with three sources the foreground residual grows by 1 % for an error of the width of
+#   {glue:text}`beams_width` or a ripple of {glue:text}`beams_ripple` of the FWHM (for the Galaxy where that
+#   is less).
+# - **Additional sources reduce the sensitivity to the beam**, at the price of the signal loss of each, which
+#   mocks can correct. Not so for the smallest ripples with the real Galaxy.
+# - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
+#   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
+#   {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right width, {glue:text}`beams_lobes`
+#   and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and
+#   {glue:text}`beams_best_real` with the real Galaxy.
 # - **Where the beam is less well known**, PCA with enough components is no worse, and simpler.
 #
-# For a cube of your own, without the truth:
+# For your cube, without the truth:
 #
 # ```sh
 # himap sensitivity cube.h5 --method beam_subspace --beam meerkat -p n_sources=4 --width 0.01 --ripple 0.001 -o beam.html
@@ -261,7 +280,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well; but an error that is smooth in frequency acts like one more spectrum, which can be fitted.
+# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well;
+# but an error that is smooth in frequency acts like one more spectrum.
 #
 # </details>
 #

@@ -24,14 +24,16 @@
 # > - **Good to know**: what a likelihood is.
 # > - **Time and memory**: {cost}`22_how_many`.
 #
-# Blind methods need the number of sources. The paper chooses it with the truth ({doc}`11_ns_scan`) and concludes that it should come from the data. This chapter measures how often criteria that do not use the truth give the *right* number, for which the
-# worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is nearest to 1.
+# Blind methods need the number of sources. The paper chooses it with the truth ({doc}`11_ns_scan`) and
+# concludes that it should come from the data. This chapter measures how often criteria without the truth give
+# the *right* number, for which the worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$
+# ($k_\nu > 0.03$) is nearest to 1.
 #
 # | criterion | recommends |
 # |---|---|
 # | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
-# | eigenvalues | how many of the channel covariance exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
+# | eigenvalues | the number of eigenvalues of the channel covariance that exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
 # | stability | the first number after which one more source changes no spectrum by 10 % or more |
 # | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
 # | evidence | the maximum Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
@@ -131,10 +133,11 @@ for panel in panels:
     panel["xlabel"] = "number of sources" if panel is not panels[0] else "number of the eigenvalue"
 
 # %% [markdown]
-# The first three panels show what the criteria use, the last the error, which needs the truth. For each method they should agree on one number: where the eigenvalues reach their line, BIC is least, the spectra become stable, and the error is least. A
-# beam-aware method needs fewer sources.
+# For each method the panels should agree on one number: where the eigenvalues reach their line, BIC is least,
+# the spectra become stable, and the error, which needs the truth, is least. A beam-aware method needs fewer
+# sources.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources. Eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; the change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources: eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC; change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
 
 # %% tags=["hide-input"]
@@ -158,14 +161,16 @@ Table(
 # (how-many-record)=
 # ## Over skies, beams and noise
 #
-# Measured before and stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times that, for the synthetic and the real Galaxy (templates, nside 64).
+# Stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times
+# that, for the synthetic and the real Galaxy (templates, nside 64).
 #
 # ```sh
 # himap measure n_sources --preset quick -p n_realisations=3 --jobs 2
 # ```
 #
-# The columns count observations by the recommended number relative to the right one. *Bias* is the median over observations of the deviation from 1 in the worst band, with the recommended number (where it was tried), and *least bias* that with the right
-# one.
+# The columns count observations by the recommended number relative to the right one. *Bias* is the median
+# over observations of the deviation from 1 in the worst band, with the recommended number (where it was
+# tried), and *least bias* that with the right one.
 
 # %% tags=["hide-input"]
 paths = results or [RESULTS / f"n_sources_quick_{name}.json" for name in ("synthetic", "templates")]
@@ -210,21 +215,27 @@ quote(
 # %% [markdown]
 # ## What follows
 #
-# - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest`
-#   gives that number; otherwise, for a beam-aware method, that of BIC if the spectra are stable after it, and else a range.
-# - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the spectra never stop changing, and which change is tolerable depends on the survey.
-# - **Mocks** are right in {glue:text}`many_mocks`, and often recommend one source more: the correction recovers what it removes.
-# - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that are whitened by the covariance of HI, which
-#   must be known.
-# - The right number depends on the method and the beam: that of PCA costs a beam-aware method a share of the HI, and the reverse leaves foreground.
+# - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the
+#   instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in
+#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` gives that number; otherwise, for a
+#   beam-aware method, that of BIC if the spectra are stable after it, and else a range.
+# - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the
+#   spectra never stop changing, and which change is tolerable depends on the survey.
+# - **Mocks** are right in {glue:text}`many_mocks`, and often recommend one source more: the correction
+#   recovers what it removes.
+# - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its
+#   channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that
+#   are whitened by the covariance of HI, which must be known.
+# - The right number depends on the method and the beam: that of PCA costs a beam-aware method a share of the
+#   HI, and the reverse leaves foreground.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
 # ```
 #
-# ## Exercises
+# ## Exercise
 #
-# **1.** Try at most six sources. Which criteria still answer for PCA, and what does AIC give?
+# Try at most six sources. Which criteria still answer for PCA, and what does AIC give?
 #
 # ```sh
 # himap run 22_how_many -p 'noises=[1, 100]' -p n_sources_max=6
@@ -234,15 +245,6 @@ quote(
 # <summary>Answer</summary>
 #
 # BIC and the eigenvalues, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried.
-#
-# </details>
-#
-# **2.** Which is stricter, BIC or AIC, and from how many pixels on?
-#
-# <details class="himap-answer">
-# <summary>Answer</summary>
-#
-# BIC asks $\ln N / N$ for each number, AIC $2/N$: BIC is stricter where $\ln N > 2$, from eight pixels on.
 #
 # </details>
 #

@@ -21,21 +21,28 @@
 # > - **Good to know**: the Wiener filter.
 # > - **Time and memory**: {cost}`23_thresholds`.
 #
-# The paper ends with the wish for better thresholds. A power ratio of 1 does not show that HI is preserved, because signal loss and foreground residual can cancel. This chapter separates them,
+# The paper's outlook is to improve the thresholds. A power ratio of 1 does not show that HI is preserved,
+# because signal loss and foreground residual can cancel. This chapter separates them,
 #
 # ```{math}
 # \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground residual} - \underbrace{\mathcal{P} t}_\text{signal loss} ,
 # ```
 #
-# where $\mathcal P$ is what the method, with the spectra that it estimated, removes from any maps. It compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources; and **SmoothSpectra**, which has no thresholds.
+# where $\mathcal P$ is what the method, with the spectra that it estimated, removes from any maps. It
+# compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources;
+# and **SmoothSpectra**, which has no thresholds.
 #
 # Signal is lost in two ways:
 #
 # 1. $n_s$ spectra, even exact ones, overlap with HI at every $\ell$, and least squares assigns all of the overlap to the foreground.
-# 2. Spectra that are fitted to data with HI adapt to this HI, the more of them the more. Thresholds, weights and iterations affect this part.
+# 2. Spectra that are fitted to data with HI adapt to this HI, the more the more of them there are.
+#    Thresholds, weights and iterations affect this part.
 #
-# SmoothSpectra avoids the second: its spectra, before the beam, are combinations of a few smooth functions, which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by more than expected of random matrices
-# of that size ({cite:t}`donoho2018`), with a Wiener filter whose covariance of HI and noise is estimated from the residual. An excess source then removes nothing, no noise level is needed, and the signal loss is *known* from that covariance.
+# SmoothSpectra avoids the second: its spectra, before the beam, are combinations of a few smooth functions,
+# which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by
+# more than expected of random matrices of that size ({cite:t}`donoho2018`), with a Wiener filter whose
+# covariance of HI and noise is estimated from the residual. An excess source then removes nothing, and the
+# signal loss is *known* from that covariance.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -131,9 +138,10 @@ for band, title in (
         )
 
 # %% [markdown]
-# Left: a flat line means that additional sources cost no signal, a falling one that they do. Right: a flat line means that the smallest number of sources suffices. Points outside the frame are failed runs.
+# Left: a flat line means that additional sources cost no signal. Right: a flat line means that the smallest
+# number of sources suffices. Points outside the frame are failed runs.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). Values outside the frame are not shown."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom)."}}
 study.stamped(plotting.lines(panels), beam=case.beam)
 
 # %% tags=["hide-input"]
@@ -158,7 +166,9 @@ show_table(rows)
 # %% [markdown]
 # ## Signal loss without mocks
 #
-# The filter of SmoothSpectra is linear, and its covariance of HI and noise predicts which share of them it removes (`himap.measures.transfer.expected_mock_power`). The spectra are corrected by that share, without mocks and without the truth.
+# The filter of SmoothSpectra is linear, and its covariance of HI and noise predicts which share of them it
+# removes (`himap.measures.transfer.expected_mock_power`). The spectra are corrected by that share, without
+# mocks and without the truth.
 
 # %% tags=["hide-input"]
 smooth = create("smooth_spectra", n_sources=n_sources[min(1, len(n_sources) - 1)])
@@ -194,9 +204,9 @@ bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
 # %% [markdown]
-# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 has a mean near 1 that says little.
+# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the two other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; with ratios to the truth. The grey band is 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
 
 # %% [markdown]
@@ -259,12 +269,19 @@ quote(
 # |---|---|---|---|---|
 # | {glue:text}`thresholds_paper` | {glue:text}`thresholds_beam` | {glue:text}`thresholds_cube` | {glue:text}`thresholds_corrected` | {glue:text}`thresholds_more` |
 #
-# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with that much HI.
-# - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace {glue:text}`thresholds_kept_beam`, SDecGMCA
-#   {glue:text}`thresholds_kept_paper`. Its corrected spectrum changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and {glue:text}`thresholds_many` sources.
-# - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
-# - **A ratio near 1 says little.** With {glue:text}`thresholds_fill_n` sources SDecGMCA preserves {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and has a foreground residual of {glue:text}`thresholds_fill_left`; the mean $C/C_0$,
-#   {glue:text}`thresholds_fill_both`, is the sum of the two.
+# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with
+#   that much HI.
+# - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves
+#   {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
+#   {glue:text}`thresholds_kept_beam`, SDecGMCA {glue:text}`thresholds_kept_paper`. Its corrected spectrum
+#   changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and
+#   {glue:text}`thresholds_many` sources.
+# - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at
+#   the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
+# - **A ratio near 1 is not sufficient.** With {glue:text}`thresholds_fill_n` sources SDecGMCA preserves
+#   {glue:text}`thresholds_fill_kept` of HI and noise at $5 \leq \ell \leq 9$ and has a foreground residual of
+#   {glue:text}`thresholds_fill_left`; the mean $C/C_0$, {glue:text}`thresholds_fill_both`, is the sum of the
+#   two.
 #
 # ```sh
 # himap clean cube.h5 --method smooth_spectra --beam oscillating -p n_sources=5 -o cleaned.h5
@@ -277,7 +294,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so that an excess source costs the HI that it overlaps with.
+# $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so that an excess source
+# costs the HI with which it overlaps.
 #
 # </details>
 #

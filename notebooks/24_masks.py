@@ -20,16 +20,21 @@
 # > - **Read first**: {doc}`12_post_masking`, {doc}`13_dimmed_galaxy`.
 # > - **Time and memory**: {cost}`24_masks`.
 #
-# Foregrounds are brightest in the Galactic plane. The paper masks the plane *after* the separation ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as future work. Surveys of a part of the sky need them too.
+# Foregrounds are brightest in the Galactic plane. The paper masks *after* the separation
+# ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as
+# future work.
 #
-# For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and on the kept pixels $p$ should solve
+# For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and
+# should solve, on the kept pixels $p$,
 #
 # ```{math}
 # \min_{S} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\ell m} \Big)^2
 # ```
 #
-# with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. So the few bright maps are continued smoothly over the masked sky, and the method works on the full sky; sources within two beam widths of the edge, where
-# the continuation is uncertain, have low weight in the fit of $A$.
+# with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. The few
+# bright maps are therefore continued smoothly over the masked sky, and the method works on the full sky;
+# sources within two beam widths of the edge, where the continuation is uncertain, have low weight in the fit
+# of $A$.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -78,8 +83,9 @@ names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in
 # %% [markdown]
 # ## Without the Galactic plane
 #
-# Four ways are compared on the same pixels, further from the plane than `latitude` plus `margin`: no mask; lines of sight with large errors masked afterwards (with the truth); a sky with a dimmed plane; and the plane masked within the separation
-# (*inside*).
+# Four ways are compared on the same pixels, further from the plane than `latitude` plus `margin`: no mask;
+# lines of sight with large errors masked afterwards (with the truth); a sky with a dimmed plane; and the
+# plane masked within the separation (*inside*).
 
 # %%
 found = {(one, way): compared(case, one, plane, way, margin) for one in removers for way in WAYS}
@@ -118,7 +124,8 @@ def ratios(results, title):
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
 # %% [markdown]
-# One row for each method. Where the four curves agree, the mask does not matter. Where *inside* is above the others, there is foreground residual from the edge: this is so for the beam-aware method with the fewest sources.
+# Where the four curves agree, the mask does not matter. Where *inside* is above the others, as for the
+# beam-aware method with the fewest sources, there is foreground residual from the edge.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power of the residual over that of the truth away from the Galactic plane, for each method (rows) and way: angular (left) and frequency (right) power spectrum. Deviations of more than 40 % are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
@@ -166,16 +173,18 @@ panel = {
 }
 
 # %% [markdown]
-# Solid and dashed lines of a method separate near the edge and agree further in; the distance at which they separate, compared with the margin, is the cost of the edge.
+# Solid and dashed lines of a method separate near the edge and agree further in; the distance at which they
+# separate, compared with the margin, is the cost of the edge.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). The grey line is the margin."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). Grey line: margin."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=case.beam, latitude=latitude)
 
 # %% [markdown]
 # (masks-survey)=
 # ## A tenth of the sky
 #
-# A survey of the northern cap, with no data outside. *No mask* is the same pixels of a survey of the full sky.
+# A survey of the northern cap, with no data outside, is compared with the same pixels of a survey of the full
+# sky (*no mask*).
 
 # %%
 survey_of = {
@@ -183,7 +192,8 @@ survey_of = {
 }
 
 # %% [markdown]
-# Compare solid (full sky) and dashed (this tenth alone). For PCA the dashed curve can be nearer to 1, because the plane, which needs components, is not in this survey.
+# Compare solid (full sky) and dashed (this tenth alone). For PCA the dashed curve can be nearer to 1, because
+# this survey does not have the plane, which needs components.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power of the residual over that of the truth within a tenth of the sky, for each method (rows), separated on the full sky and on that tenth alone."}}
 panels = [
@@ -228,11 +238,13 @@ quote(
 # | {glue:text}`masks_first` | {glue:text}`masks_none` | {glue:text}`masks_post` | {glue:text}`masks_dimmed` | {glue:text}`masks_inside` | {glue:text}`masks_survey` |
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | | | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
-# - **A beam-aware method needs no mask**: its model describes the plane too. Without a mask, masked afterwards and with a dimmed plane it does equally well. Masking the plane within the separation adds foreground residual from the edge, at small
-#   $k_\nu$ and at the ripple of the beam.
+# - **A beam-aware method needs no mask**: its model describes the plane too. Without a mask, masked
+#   afterwards and with a dimmed plane it is equally accurate. Masking within the separation adds foreground
+#   residual from the edge, at small $k_\nu$ and at the ripple.
 # - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
 # - **The edge costs a margin** of about two beam widths, where spectra should not be measured.
-# - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least; the table shows which is nearer to the truth.
+# - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least;
+#   the table shows which is nearer to the truth.
 #
 # ```sh
 # himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mask mask.fits -o cleaned.h5
@@ -240,7 +252,7 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Which share of the sky lies beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
+# **1.** Which share of the sky is beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>

@@ -23,10 +23,16 @@
 # > - **Read first**: {doc}`../book/glossary` for the words; {doc}`10_results`, {doc}`20_transfer_function` and {doc}`22_how_many` for the reasons.
 # > - **Time and memory**: {cost}`25_side_by_side`.
 #
-# The paper's method, PCA, and the methods that this book adds, side by side through the three beams over many skies; the last section recommends one for each kind of data.
+# The paper's method, PCA, and the methods that this book adds are compared through the three beams over many
+# skies; the last section recommends one for each kind of data. $C/C_0$ and $P/P_0$ are the power of the
+# residual over that of the truth.
 #
-# SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and BeamSubspace have those that `himap suggest` finds without the truth ({doc}`22_how_many`), SmoothSpectra has more than it needs ({doc}`23_thresholds`), and
-# GNILC determines its number at each scale ({cite:t}`olivari2016`). SDecGMCA is run once on each sky.
+# SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and
+# BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`),
+# SmoothSpectra has more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
+# ({cite:t}`olivari2016`). SDecGMCA is run once on each sky; its scatter includes that of restarts
+# ({doc}`27_restarts`). Stored results of it are in an earlier default reading, `instrument-noise`
+# ({doc}`16_readings`).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -93,19 +99,26 @@ study = Study(
 first = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# The methods differ most through the oscillating beam: PCA with the paper's number has foreground residual (above 1), the others signal loss (below 1). The axis of ratios is linear near 1 and logarithmic far from it; the grey band is 10 %.
+# The methods differ most through the oscillating beam: PCA with the paper's number has foreground residual
+# (above 1), the others signal loss (below 1). In all figures ratios are linear near 1 and logarithmic beyond,
+# and the grey band is 10 %.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "C/C0 of each method, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ."}}
 study.stamped(methods_figure({"": first}, "angular"))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "Frequency power spectrum of the residual of each method over that of the truth, on the first sky: signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near k = 0.31 with too few components."}}
+# %% [markdown]
+# There is signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near
+# $k_\nu = 0.31$ with too few components.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "P/P0 of each method, on the first sky, through each beam."}}
 study.stamped(methods_figure({"": first}, "frequency"))
 
 # %% [markdown]
 # (side-record)=
 # ## Over many skies
 #
-# At the lowest $\ell$ one sky has few modes, so that what follows is from {glue:text}`side_skies` skies with each Galaxy, measured before and stored with the book:
+# At the lowest $\ell$ a sky has few modes. What follows is from {glue:text}`side_skies` skies with each
+# Galaxy, stored with the book:
 #
 # ```sh
 # himap measure methods --preset quick --jobs 2
@@ -145,33 +158,41 @@ records = stored(results, "quick")
 # %% [markdown]
 # A narrow band is a method that gives the same on every sky. Compare the rows for the effect of the Galaxy.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "C/C0 of each method: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "Frequency power spectrum of the residual over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). Below 1 at the lowest wavenumbers is signal loss; a peak near k = 0.31 is the ripple of the beam."}}
+# %% [markdown]
+# Below 1 at the lowest wavenumbers is signal loss; a peak near $k_\nu = 0.31$ is the ripple of the beam.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "P/P0 of each method: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
-# Ratios below 1 are signal loss, for every method largest at the lowest $k_\nu$, where HI is as smooth as the foreground. It varies little from sky to sky, so that mocks can measure it ({doc}`20_transfer_function`). The next two figures have the same spectra
-# divided by the transfer function from {glue:text}`side_mocks` mocks: the loss is corrected, and what remains above 1 is foreground residual, which a transfer function does not remove.
+# The signal loss, largest at the lowest $k_\nu$, varies little from sky to sky, so that mocks can measure it
+# ({doc}`20_transfer_function`). The next two figures have the same spectra divided by the transfer function
+# from {glue:text}`side_mocks` mocks: the loss is corrected, the foreground residual (above 1) is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "Angular power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). What remains above 1 is foreground residual."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular", corrected=True)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "Frequency power spectrum divided by the transfer function, over that of the truth: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (top) and the real one (bottom). The loss at the lowest wavenumbers is corrected; the peak near k = 0.31 is not."}}
+# %% [markdown]
+# The loss at the lowest wavenumbers is corrected, the peak near $k_\nu = 0.31$ is not.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "P/P0 divided by the transfer function: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
 # ## In numbers
 #
-# Deviation of the mean over skies from 1 in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, for the Galaxy where it is larger: negative for signal loss, positive for foreground residual.
+# Deviation of the mean over skies from 1 in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, for
+# the Galaxy where it is larger: negative for signal loss, positive for foreground residual.
 
 # %% tags=["hide-input"]
 header, lines = methods_table(tables_of(records))
 Table(header, lines, align="l" + "r" * (len(header) - 1))
 
 # %% [markdown]
-# The two methods of the paper that take long, with a transfer function through the oscillating beam:
+# The paper's two iterative methods, which take long, with a transfer function through the oscillating beam:
 #
 # ```sh
 # himap measure methods --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
@@ -191,22 +212,26 @@ Table(header, lines, align="l" + "r" * (len(header) - 1))
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Look at the highest $\ell$ and at the ripple of the beam ($k_\nu \approx 0.3$): with more pixels and channels more of the foreground is detectable, and components that
-# suffice at `quick` may not suffice here.
+# Look at the highest $\ell$: components that suffice at `quick` may not suffice with more pixels and
+# channels. A line outside its band is due to a few skies on which the method failed.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "laptop")
 quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "Angular power spectrum of the residual of each method over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (left) and the real one (right). A line outside its band is due to a few skies on which the method failed."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "C/C0 of each method at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right)."}}
 figure_of(finer, "angular")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "Frequency power spectrum of the residual over that of the truth, at laptop through the oscillating beam: mean over skies (lines) and the range of two skies in three (bands), with the synthetic Galaxy (left) and the real one (right). PCA with six components has a peak near k = 0.31 that it does not have at quick."}}
+# %% [markdown]
+# PCA with six components has a peak at the ripple of the beam that it does not have at `quick`.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "P/P0 of each method at laptop through the oscillating beam: mean over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right)."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]
-# SDecGMCA fails, with a mean error of $C_\ell$ of more than 10 % at $10 < \ell < 200$, on {glue:text}`side_larger_failed` of the {glue:text}`side_larger_total` skies of both Galaxies, which dominates its mean in this table. {doc}`27_restarts` has how often it
-# fails.
+# SDecGMCA fails, with a mean error of $C_\ell$ of more than 10 % at $10 < \ell < 200$, on
+# {glue:text}`side_larger_failed` of the {glue:text}`side_larger_total` skies of both Galaxies, which
+# dominates its mean in this table; {doc}`27_restarts` has the probability of failure.
 
 # %% tags=["hide-input"]
 header, lines = methods_table(tables_of(finer))
@@ -277,7 +302,8 @@ quote(
 # (what-to-use)=
 # ## What should I use?
 #
-# From the table at `quick`, in the worst band and for the Galaxy where it is larger; through the oscillating beam unless stated. The number of sources is that of `himap suggest`.
+# From the table at `quick`; through the oscillating beam unless stated. The number of sources is that of
+# `himap suggest`.
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
@@ -289,11 +315,16 @@ quote(
 # | number of sources unknown | GNILC, which determines it | {glue:text}`side_gnilc` | – |
 # | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | – | – |
 #
-# - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near ({glue:text}`side_unknown`). Through the evolving beam
-#   SDecGMCA is off by {glue:text}`side_paper_evolving`.
-# - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by {glue:text}`side_larger_unknown` after correction.
-# - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of {glue:text}`side_wrong_few` with three sources and {glue:text}`side_wrong_many` with {glue:text}`side_many` ({doc}`21_beam_errors`). `himap sensitivity` measures this for a
-#   cube, without the truth.
+# - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five
+#   components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near
+#   ({glue:text}`side_unknown`). Through the evolving beam SDecGMCA is off by
+#   {glue:text}`side_paper_evolving`.
+# - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by
+#   {glue:text}`side_larger_unknown` after correction.
+# - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of
+#   {glue:text}`side_wrong_few` with three sources and {glue:text}`side_wrong_many` with
+#   {glue:text}`side_many` ({doc}`21_beam_errors`). `himap sensitivity` measures this for a cube, without the
+#   truth.
 # - **The number of sources first**: correcting the loss does not remove foreground residual.
 #
 # ```sh

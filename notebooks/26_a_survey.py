@@ -20,9 +20,10 @@
 # > - **Read first**: {doc}`17_your_own_cube`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`26_a_survey`.
 #
-# A survey observes a patch, its middle longer than its edge, and loses channels and voxels to interference. This chapter simulates one about as large as a field of
-# MeerKLASS, in its band ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`) and through the beam of MeerKAT, and cleans it by PCA and polynomials: with weights and flags, with flags alone, and with neither, where gaps are interpolated linearly. On the command
-# line:
+# A survey observes the middle of a patch longer than its edge, and loses channels and voxels to interference.
+# This chapter simulates one about as large as a field of MeerKLASS, in its band ({cite:t}`cunnington2023`,
+# {cite:t}`meerklass2025`) and through the beam of MeerKAT, and cleans it by PCA and polynomials: with weights
+# and flags, with flags alone, and with neither. On the command line:
 #
 # ```sh
 # himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
@@ -34,8 +35,9 @@
 # \min_{m, A, S} \sum_{\nu, p} w_\nu(p) \Big( x_\nu(p) - m_\nu - \sum_j A_{\nu j} S_j(p) \Big)^2 .
 # ```
 #
-# If only pixels have weights this is one eigenproblem; if voxels are missing, the model fills them iteratively until the residual converges ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is fitted by weighted least squares to the observed voxels
-# of a line of sight. Gaps have no residual.
+# If only pixels have weights this is one eigenproblem; if voxels are missing, the model fills them
+# iteratively until the residual converges ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is
+# fitted by weighted least squares to the observed voxels of a line of sight. Gaps have no residual.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,8 +86,9 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # %% [markdown]
 # ## The survey
 #
-# Dishes scan at one elevation while the sky drifts. Each block covers a sheared parallelogram; hits are most where many overlap, and the noise falls with their square root. A few channels are lost completely, others in bursts, and some voxels singly
-# (`himap.paper.patch.Patch`).
+# Dishes scan at one elevation while the sky drifts. Hits are most where many blocks overlap, and the noise
+# falls with their square root. A few channels are lost completely, others in bursts, and some voxels singly
+# (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -110,7 +113,10 @@ maps_of_hits = {
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is lost on each line of sight (right)."}}
 study.stamped(patch_maps(maps_of_hits, field.box, unit=""), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel. Channels at 100 % are left out of the cube."}}
+# %% [markdown]
+# Channels at 100 % are not in the cube.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel."}}
 lost = 100 * flags[:, inside].mean(axis=1)
 panel = {
     "curves": [(study.survey.freqs, lost, {"color": styles.BLUE})],
@@ -157,7 +163,8 @@ print(*cube.remarks, sep="\n")
 # %% [markdown]
 # ## Cleaning
 #
-# *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps are interpolated linearly in frequency and then treated as observed.
+# *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps
+# are interpolated linearly in frequency and then treated as observed. Compare the residuals with the truth.
 
 # %%
 WAYS = {"weights and flags": "-", "flags alone": "--", "neither": ":"}
@@ -215,11 +222,12 @@ span = {title: (low, high) for title in pictures if title != "before"}
 errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS}
 widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; and the residual of PCA with weights and flags, and with neither, all but the first on one colour scale. Unobserved pixels are white."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; the residual of PCA with weights and flags, and with neither; all but the first on one colour scale. Unobserved pixels are white."}}
 study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
 
 # %% [markdown]
-# The next figure has the errors, residual less truth, on a scale that shows them: with weights or flags HI and noise that the components removed; with neither, foreground residual from the interpolation.
+# The errors (residual less truth) on a scale that shows them: with weights or flags HI and noise that the
+# components removed; with neither, foreground residual from the interpolation.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: residual of PCA less the truth, with weights and flags, with flags alone, and with neither, on one colour scale."}}
 study.stamped(
@@ -232,8 +240,9 @@ study.stamped(
 # %% [markdown]
 # ## Spectra
 #
-# Pixels are weighted by their hits, and gaps are 0, in truth and residual alike. A small patch has few modes, so that by chance a larger share of HI resembles the foreground than on the full sky, most at the largest scales. The first figure is the power of the
-# residual, the second that of the error; compare the three ways in each panel.
+# Pixels are weighted by their hits, and gaps are 0, in truth and residual alike. In a small patch with few
+# modes more of HI resembles the foreground by chance than on the full sky, most at the largest scales.
+# Compare the three ways in each panel; a ratio above 1 is foreground residual.
 
 # %% tags=["hide-input"]
 power = PatchPower(
@@ -284,10 +293,13 @@ def over_truth(found):
     return {key: {kind: one[kind][1] / true[kind][1] for kind in true} for key, one in found.items()}
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "Power of the residual over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "C/C0 (left) and P/P0 (right) of the residual, for each method (rows)."}}
 study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise: foreground residual and signal loss together."}}
+# %% [markdown]
+# In the power of the error foreground residual and signal loss do not cancel.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise, angular (left) and frequency (right), for each method (rows)."}}
 panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
 scales = {"xscale": "log", "yscale": "log", "ylim": (0.01, 20)}
 study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selected, patch=patch)
@@ -295,7 +307,9 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # %% [markdown]
 # ## Corrected by mocks
 #
-# Mocks of HI with other seeds, and noise by hits, are added to the cube, through the same gaps, and cleaned with it ({doc}`20_transfer_function`). The share that is recovered divides the power of the residual.
+# Mocks of HI with other seeds, and noise by hits, are added to the cube, through the same gaps, and cleaned
+# with it ({doc}`20_transfer_function`). Their recovered share divides the power of the residual: signal loss
+# is corrected, so that a curve above 1 is foreground residual.
 
 # %%
 windows = beams_of(cube, selected)
@@ -315,11 +329,12 @@ corrected = {
     key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "Power of the residual divided by the transfer function, over that of HI and noise, for each method (rows): angular (left) and frequency (right) power spectrum."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "C/C0 (left) and P/P0 (right) divided by the transfer function, for each method (rows)."}}
 study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
 
 # %% [markdown]
-# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$) of the residual, corrected and not, and of the error, each over the truth:
+# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$) of the residual, corrected and not, and of
+# the error, each over the truth:
 
 
 # %% tags=["hide-input"]
@@ -388,10 +403,14 @@ quote(
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
 # | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
 #
-# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across a gap has an error far above HI, different for each gap, which a few components cannot describe.
-# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, but fewer pixels contribute, to which components adapt more closely: compare the signal loss, and correct for it.
+# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across gaps has errors far above
+#   HI, which a few components cannot describe.
+# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, which adapt
+#   more closely to fewer pixels: correct the signal loss.
 # - **A small patch loses more signal** than the full sky; mocks through the same gaps measure it.
-# - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at small $k_\nu$ through this beam.
+# - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted
+#   separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at
+#   small $k_\nu$ through this beam.
 #
 # ```sh
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 -o transfer.html
@@ -404,7 +423,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The noise falls with the root of the hits, and is twice as large at the edge; its inverse variance, the weight, is a quarter of that in the middle.
+# The noise is twice as large at the edge, by the root of the hits; its inverse variance, the weight, is a
+# quarter of that in the middle.
 #
 # </details>
 #

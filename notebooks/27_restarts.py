@@ -25,12 +25,20 @@
 # > - **Good to know**: the condition number of a matrix.
 # > - **Time and memory**: {cost}`27_restarts`.
 #
-# SDecGMCA has no random numbers, but a relative change of its start by $10^{-10}$ gives a different mixing matrix and residual. This chapter measures how the change grows, its cause, and how often the result fails, for the public code of {cite:t}`carloni2021` (C21) and for himap, and compares alternatives.
+# SDecGMCA has no random numbers, but a relative change of its start by $10^{-10}$ gives a different mixing
+# matrix and residual. This chapter measures how the change grows, why, and how often the result fails, for
+# the public code of {cite:t}`carloni2021` (C21) and for himap.
 #
-# **The paper.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). The method “already delivers robust reconstructions on full-sky simulations” without masks (Sect. 6). Neither restarts nor scatter are mentioned.
+# **The paper.** The warm-up ends when the relative change of $\hat{\mathbf{S}}$ is below $10^{-2}$, the
+# refinement when it is below $10^{-4}$ ({cite:t}`gkogkou2025`, Sect. 3.3). The method “already delivers
+# robust reconstructions on full-sky simulations” without masks (Sect. 6). Restarts and scatter are not
+# mentioned.
 #
-# **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100 channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer versions of numpy do not have, and himap in the reading `code`, which has the same steps ({doc}`16_readings`). *Restart* $k$ begins with
-# $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the plain start. Runs of both are stored with the book; a few are repeated here.
+# **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100
+# channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer
+# versions of numpy do not have, and himap in the reading `code`, which has the same steps
+# ({doc}`16_readings`). *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the
+# plain start. Most runs are stored with the book.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -94,9 +102,14 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # (restarts-growth)=
 # ## Growth of a small change
 #
-# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain start after the same number of iterations; it does not depend on scale, sign or order of the columns. $\sin\theta$ begins at $10^{-10}$; at 1 each space has a spectrum that the other does not.
+# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain
+# start after the same number of iterations. Where $\sin\theta = 1$ each space has a spectrum that the other
+# does not.
 #
-# Look at the first five iterations. The first multiplies the change by {glue:text}`restarts_first_ours` (himap) and {glue:text}`restarts_first_theirs` (authors' code; medians over both Galaxies). The median exceeds a hundredth from iteration {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on, and does not decrease later.
+# Look at the first five iterations. The first multiplies the change by {glue:text}`restarts_first_ours`
+# (himap) and {glue:text}`restarts_first_theirs` (authors' code; medians over both Galaxies). The median
+# exceeds a hundredth from iteration {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs`
+# on, and does not decrease later.
 
 # %% tags=["hide-input"]
 angles = {
@@ -112,7 +125,7 @@ quote(
     restarts_order_theirs=order["theirs"],
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "Growth of a change of the start by 1e-10: sine of the largest angle between the columns of the mixing matrix of a restart and of the plain start, against iteration. Thin: restarts; thick: median. Left: himap, reading `code`. Right: the public code of C21. Same maps (preset `ci`, oscillating beam, five sources)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-growth", "caption": "Sine of the largest angle between the columns of the mixing matrix of a restart and of the plain start, against iteration, for a change of the start by 1e-10. Thin: restarts; thick: median. Left: himap, reading `code`. Right: the public code of C21."}}
 panels = {}
 for name in ours:
     panels |= {f"himap, {NAMES[name]}": ours[name], f"authors' code, {NAMES[name]}": theirs[name]}
@@ -122,7 +135,9 @@ plotting.stamp(growth_figure(panels), stored[0].made)
 # (restarts-converged)=
 # ## Convergence
 #
-# No run converges with this beam: the table has the share of the runs that meet the two stopping rules, and the last relative change of $\hat{\mathbf{S}}$, which should be below $10^{-4}$. Both codes end each stage by the number of iterations, 150 and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
+# No run converges with this beam: the table has the share of the runs that meet the two stopping rules, and
+# the last relative change of $\hat{\mathbf{S}}$. Both codes end each stage by the number of iterations, 150
+# and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
 
 # %% tags=["hide-input"]
 RUNS = {
@@ -148,12 +163,19 @@ Table(
 # (restarts-cause)=
 # ## Cause
 #
-# $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise a share $K$ is kept, which grows from zero: in the first iteration a scale of a source has about five, the minimum of the code. The fitted columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the condition number, and the next thresholds
-# select other coefficients.
+# $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise a share $K$ is kept,
+# which grows from zero: in the first iteration a scale of a source has about five, the minimum of the code.
+# The columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the
+# condition number, and the next thresholds select other coefficients.
 #
-# The figure tests this by changing one element at a time. *No $K$* keeps all coefficients above the noise from the first iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated noise instead of the median absolute deviation (MAD) of each scale.
+# The figure tests this by changing elements. *No $K$* keeps all coefficients above the noise from the first
+# iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated
+# noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Without $K$ alone the growth remains, because the MAD includes the signal: three times the scatter of a field removes most of it, whatever its noise. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the iteration converges after {glue:text}`restarts_settled` iterations and the change stays below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
+# Without $K$ alone the growth remains, because the MAD includes the signal: three times its scatter removes
+# most of a field. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the iteration
+# converges after {glue:text}`restarts_settled` iterations and the change stays below
+# {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
 
 # %% tags=["hide-input"]
 growth = {
@@ -161,7 +183,7 @@ growth = {
     for name, options in VARIANTS.items()
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "Growth of the change (left) and condition number of the mixing matrix (right) against iteration, for variants of the reading `code` run here with thresholds on an exact grid instead of HEALPix pixels. Thin: restarts; thick: medians. Variants with nearly complete sources are stable."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-variants", "caption": "Growth of the change (left) and condition number of the mixing matrix (right) against iteration, for variants of the reading `code` with thresholds on an exact grid instead of HEALPix pixels. Thin: restarts; thick: medians."}}
 study.stamped(variants_figure(growth), beam=beam, n_sources=n_sources)
 
 # %% [markdown]
@@ -185,9 +207,15 @@ show_table(rows, head="variant")
 # (restarts-distributions)=
 # ## himap and the authors' code
 #
-# Beyond the first iterations, {ref}`where they agree <readings-code>`, two codes for a chaotic iteration can only be compared as distributions: here of the residual at $\ell \leq 64$, from at least {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on each Galaxy.
+# Beyond the first iterations, {ref}`where they agree <readings-code>`, codes for a chaotic iteration can only
+# be compared as distributions: here of the residual at $\ell \leq 64$, from at least
+# {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on
+# each Galaxy.
 #
-# The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The public code raises those below $10^{-9}$ of the largest to that floor; the same $\mathbf{A}$ with a floor at rounding ($10^{-14}$) is compared. A run *fails* if its mean $|C/C_0 - 1|$ exceeds 10 %, twice the 5 % of the paper.
+# The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The
+# public code raises those below $10^{-9}$ of the largest to that floor; a floor at rounding ($10^{-14}$) with
+# the same $\mathbf{A}$ is compared. A run *fails* if its mean $|C/C_0 - 1|$ exceeds 10 %, twice the 5 % of
+# the paper. Solid and dashed curves of a floor should coincide.
 
 # %% tags=["hide-input"]
 FLOORS = {1e-9: "floor of the code", 1e-14: "floor at rounding"}
@@ -201,20 +229,25 @@ for title, each in RUNS.items():
     rows.append([title, *(f"{(errors[floor] > FAILING).sum()} of {len(errors)}" for floor in FLOORS)])
 Table(["runs that fail", *FLOORS.values()], rows, align="lrr")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with the two floors of the last step, synthetic Galaxy: mean ratios to the truth in two bands of multipoles and two of wavenumbers (1/MHz), highest ratio near the ripple, share of the sky flagged by the paper's criterion, condition number of the mixing matrix. P/P0 has the truth at all multipoles and runs end at 64; flags use the truth up to there."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed), with two floors of the last step, synthetic Galaxy: mean ratios to the truth in bands of multipoles and of wavenumbers (1/MHz), highest ratio near the ripple, share of the sky flagged by the paper's criterion, condition number of the mixing matrix. P/P0 has the truth at all multipoles and runs end at 64; flags use the truth up to there."}}
 name, *others = ours
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[0].made
 )
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "The same on the real Galaxy."}}
+# %% [markdown]
+# On the real Galaxy, compare the tails, which are the failed runs.
+
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed) as in the previous figure, on the real Galaxy."}}
 name = (others or [name])[0]
 plotting.stamp(
     distributions_figure({"himap": ours[name], "authors' code": theirs[name]}, FLOORS), stored[-1].made
 )
 
 # %% [markdown]
-# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a difference at least as large if both samples have the same distribution, from permutations of the runs. The last row combines all quantities (mean distance of the distribution functions).
+# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a difference at least as large if both
+# distributions are the same, from permutations. The last row combines all quantities (mean distance of the
+# distribution functions).
 
 # %% tags=["hide-input"]
 columns = {}
@@ -237,7 +270,9 @@ Table(
 # (restarts-failures)=
 # ## Probability of failure
 #
-# A run fails by the mean at $10 < \ell < 200$, or up to the end of the maps. The tables have the share of the members (skies times restarts) that fail, with the 2 sigma Wilson interval, for the readings of {doc}`16_readings`. The number of sources is that of Table 1 for each beam.
+# The tables have the share of the members (skies times restarts) that fail, here by the mean at
+# $10 < \ell < 200$ or up to the end of the maps, with the 2 sigma Wilson interval, for the readings of
+# {doc}`16_readings` and the numbers of sources of Table 1.
 
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
@@ -290,7 +325,9 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# For several diagnostics the table has the share of the failed runs that a flag detects, the share of the others that it flags, the probability that a failed run has the larger value (one half: chance), and how often the restart with the smallest value fails (for the distance from the others: the {term}`medoid`).
+# The table has the share of the failed runs that a flag detects, the share of the others that it flags, the
+# probability that a failed run has the larger value (one half: chance), and how often the restart with the
+# smallest value fails (for the distance from the others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -307,11 +344,13 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # (restarts-way-out)=
 # ## What to use instead
 #
-# - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, and restarts agree. It loses more HI at low $\ell$, about as much as BeamSubspace with as many sources.
+# - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, and
+#   restarts agree. It loses more HI at low $\ell$, about as much as BeamSubspace with as many sources.
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# The table has median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised inversion beyond the last multipole alone raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
+# Median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised
+# inversion beyond the last multipole raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}
@@ -355,7 +394,8 @@ show(
 )
 
 # %% [markdown]
-# On another processor, runs made here differ from stored ones. The cell checks for each quantity whether at least one is in the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
+# On another processor, runs made here differ from stored ones. For each quantity at least one should be in
+# the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -378,10 +418,12 @@ else:
 # %% [markdown]
 # ## Conclusions
 #
-# - The iteration of SDecGMCA is chaotic in its authors' code as in himap, which agree as distributions. A result should be quoted with its scatter over restarts.
-# - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources, through $K$ and through thresholds from the MAD.
+# - SDecGMCA is chaotic in its authors' code as in himap, and both agree as distributions. A result needs its
+#   scatter over restarts.
+# - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
+#   through $K$ and through thresholds from the MAD.
 # - Most failures disappear without the eigenvalue floor of $10^{-9}$ in the last step.
-# - The stopping rules are not met, which is visible without the truth.
+# - That the stopping rules are not met is visible without the truth.
 #
 # ## Exercise
 #
@@ -390,7 +432,8 @@ else:
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# With probability $p$ this occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that every third fails.
+# This occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that
+# every third fails.
 #
 # </details>
 #

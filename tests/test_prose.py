@@ -54,7 +54,7 @@ DEFINED = {
     "notebooks/22_how_many.py": "10 %, 3 %, factor of 3, ten times",
     "notebooks/23_thresholds.py": "10 %, 1 %",
     "notebooks/24_masks.py": "40 %",
-    "notebooks/25_side_by_side.py": "0.31, 10 %, 1 %",
+    "notebooks/25_side_by_side.py": "10 %, 1 %",
     "notebooks/26_a_survey.py": "100 %",
     "notebooks/27_restarts.py": "10 %, 5 %, three times, ten thousand times",
 }

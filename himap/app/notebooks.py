@@ -110,7 +110,7 @@ def declared_parameters(node):
 
 
 def notebooks_folder():
-    """The folder of notebooks beside the package, else ``notebooks`` in the current folder.
+    """The folder of notebooks next to the package, else ``notebooks`` in the current folder.
 
     Raises
     ------

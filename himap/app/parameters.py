@@ -193,7 +193,7 @@ def describe_parameters(declared):
 
 
 def _survey_fields(declared):
-    """The fields of `Survey` that are parameters beside the declared ones; none without ``survey``."""
+    """The fields of `Survey` that are parameters too; none without ``survey``."""
     names = {parameter.name for parameter in declared}
     return [item for name, item in _SURVEY_FIELDS.items() if name not in names and "survey" in names]
 

@@ -3,7 +3,7 @@
 An executed notebook carries a stamp: the fingerprint of its code, that of every product, method and beam
 that this reaches in himap, and the parameters that were passed. A notebook whose stamp is that of today's
 code, or of former code whose numbers are accepted for those of today's (`himap.store.verify`), is fresh.
-What only looks has a fingerprint of its own: where no more than that moved, a notebook is drawn again, and is
+Code of the appearance has a separate fingerprint: where only that changed, a notebook is drawn again, and is
 not stale.
 """
 

@@ -1,1 +1,1 @@
-"""What every room stands on: errors, checks, the survey, files and progress."""
+"""What all other packages use: errors, checks, the survey, files and progress."""

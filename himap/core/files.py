@@ -1,7 +1,7 @@
-"""Files that are written whole or not at all, and folders that nobody else can write to.
+"""Files that are written completely or not at all, and folders to which nobody else can write.
 
-Work that is not finished lies under a name with the machine and the process, so that the next process can
-see whether its owner is still there. Files are written in such a folder beside their place. Once all are
+Unfinished work is under a name with the machine and the process, so that the next process can
+see whether its owner is still there. Files are written in such a folder next to their place. Once all are
 there, so is a list of them, and they are renamed. A process that is killed before the list is there leaves
 none of its files, and the folder goes at the next start; one that is killed after it leaves a set that the
 next start completes.

@@ -34,7 +34,7 @@ def mask_weights(mask, n_pix):
 
 
 def bin_matrix(lmax, width):
-    """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a bin of its own."""
+    """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a separate bin."""
     edges = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
     if edges[-1] - edges[-2] < width and len(edges) > 3:
         edges = np.delete(edges, -2)  # the last bin takes the remainder

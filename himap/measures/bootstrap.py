@@ -1,8 +1,8 @@
-"""Parametric bootstrap of a cleaning: error bars, and whether foreground is left, from skies that are known.
+"""Parametric bootstrap of a cleaning: error bars, and a test for foreground residual, from known skies.
 
-A member is the foreground that a cleaning finds, with a mock in place of the HI and noise of the data (Efron
-1979; `himap.removal.cleaning.Cleaning.resampled`). Cleaned as the data were it shows at once the signal loss,
-the foreground residual, and how HI resembles the foreground by chance.
+A member is the estimated foreground of a cleaning, with a mock in place of the HI and noise of the data
+(Efron 1979; `himap.removal.cleaning.Cleaning.resampled`). Cleaned like the data it has the signal loss, the
+foreground residual, and the chance correlation of HI with the foreground.
 """
 
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ KINDS = "angular", "frequency"
 """Of power spectra."""
 
 LEVEL = 0.01
-"""Of the test for foreground that is left (`Bootstrap.explains`)."""
+"""Of the test for foreground residual (`Bootstrap.explains`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bootstrap:
-    """Members whose foreground is the one that was found, cleaned as the data were and with one source more.
+    """Members with the estimated foreground, cleaned like the data and with one source more.
 
     Attributes
     ----------
     own, more
-        The `TransferFunction` with the number of sources that the foreground was found with, and with one
-        more; the same of a method without such a number.
+        The `TransferFunction` with the number of sources of the estimated foreground, and with one more; the
+        same of a method without such a number.
     """
 
     own: TransferFunction
     more: TransferFunction
 
     def explains(self, residual, residual_more):
-        """Whether the foreground is all that there is, as far as the next source of the data tells.
+        """Whether the estimated foreground is complete, by the next source of the data.
 
-        The power that one source more takes from the data, in bands, is compared with what it takes from the
-        members, where it is HI. Foreground is left if a band differs by more than an error bar, and at
-        `LEVEL`, by Student's distribution and Bonferroni's correction for many bands.
+        The power that one source more removes from the data, in bands, is compared with what it removes from
+        the members, where it is HI. There is foreground residual if a band differs by more than an error bar,
+        and at `LEVEL`, by Student's distribution and Bonferroni's correction for many bands.
 
         Parameters
         ----------

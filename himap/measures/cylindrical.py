@@ -55,13 +55,13 @@ class CylindricalPower:
 def cylindrical_power(maps, cell, *, mask=None, taper=False):
     """The `CylindricalPower` of maps, less the mean of every channel.
 
-    Modes with k_perp = 0, which those means are, and with k_par = 0 are left out, and so is what lies beyond
-    the bin of the smaller of the Nyquist wavenumbers across.
+    Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
+    bin of the smaller of the Nyquist wavenumbers across.
 
     Parameters
     ----------
     maps
-        (n_channels, n_y, n_x), mK; what the mask leaves out may be anything.
+        (n_channels, n_y, n_x), mK; masked pixels may have any value.
     cell
         Sides of a cell along these axes, Mpc/h: along the line of sight, and across.
     mask

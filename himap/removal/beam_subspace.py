@@ -1,4 +1,4 @@
-"""The space of the blurred spectra, found without thresholds in the way: himap's own method."""
+"""The space of the blurred spectra, estimated without thresholded sources; a method of himap."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -15,38 +15,38 @@ from himap.removal.separation import ordered
 from himap.removal.sparse_sources import SparseSources
 from himap.removal.spectral_filter import through_beams
 
-_SETTLED = 1e-4  # relative change of the misfit at which the space of the spectra has been found
+_SETTLED = 1e-4  # relative change of the misfit at which the iteration stops
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
 _MOST_ITERATIONS = 50  # the misfit settles in 3 to 20
 
 
 @dataclass(frozen=True, kw_only=True)
 class BeamSubspace(ForegroundRemover):
-    """The few spectra that, blurred by the beam of every channel, hold the foreground.
+    """A few spectra, blurred by the beam of every channel, that describe the foreground.
 
     Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 21), the start and the sparsity in
-    starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); how A is found is not. H is the beam
-    over the best beam of any channel, so at most 1. In turns S comes from A by plain least squares at every
-    l, and A from S, channel by channel, by one Newton step towards
+    starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); the estimate of A is not. H is the beam
+    over the best beam of any channel, so at most 1. In alternation, S follows from A by plain least squares
+    at every l, and A from S, channel by channel, by one Newton step towards
 
         sum_l H_l (X_l - H_l A S_l) T_l^T = 0,
 
-    T being the detail scales of S less what is below their thresholds. The *whole* sources are subtracted, so
-    T only says where to look, and whatever a threshold takes away, without noise the true A stays as it is.
-    (In a fit of X with T alone bright sources no longer cancel where one of them was cut, each channel sees
-    what is left through another beam, and A goes to describe that.) So the result hardly depends on noise
-    level, threshold or start. The turns end when the misfit settles.
+    T being the thresholded detail scales of S. The sources are subtracted before thresholds, so T only
+    weights the data, and without noise the true A is a solution for any thresholds. (In a fit of X with T
+    alone bright sources no longer cancel where a coefficient is cut, each channel has the remainder through
+    another beam, and A is biased by it.) So the result hardly depends on noise level, threshold or start. The
+    iteration ends when the misfit no longer changes.
 
     The foreground is H A S with S from least squares at every l of the maps (`through_beams`): it depends on
     A only through the space that its columns span. They are orthonormal; the sources are uncorrelated and
     ordered by variance, not separated. There is no randomness.
 
-    With a mask, what minimises the squares of X - H A S over the kept pixels is wanted, S being free outside.
-    What an extension of the maps by any H A S adds to least squares on the whole sky is nothing: so the maps
-    are continued smoothly to the whole sphere, where their bright part nearly is such an H A S, and all is
-    done there (`himap.maps.inpaint`). What it is not lies at the edge, within reach of the beam. T is
-    multiplied by weights that are 0 there, so that A is found from what is farther inside, and spectra of
-    what is left should leave out as much: two widths of the widest beam.
+    With a mask, the squares of X - H A S are minimised over the kept pixels, with S free outside. Extending
+    the maps by any H A S does not change this: so the maps are continued smoothly to the full sphere, where
+    their bright part is nearly such an H A S, and least squares are solved there (`himap.maps.inpaint`). The
+    continuation is inaccurate at the edge, within reach of the beam. T has zero weight there, so that A is
+    estimated from pixels further inside, and spectra of the residual should exclude as much: two widths of
+    the widest beam.
     """
 
     name: ClassVar[str] = "beam_subspace"

@@ -1,4 +1,4 @@
-"""A cleaning: data and a method, what that finds and what is left, and the same with something changed."""
+"""A cleaning: data and a method, its separation and residual, and the same with something changed."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +12,7 @@ from himap.removal.peaks import mask_peaks
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaning:
-    """Data cleaned by a method; nothing is done before it is asked for, and all once.
+    """Data cleaned by a method; separation and residual are computed when first used, once.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Cleaning:
     method
         The `ForegroundRemover`.
     basis
-        The `Data` that the foreground is found in, such as those without peaks; `data` unless given.
+        The `Data` from which the foreground is estimated, such as those without peaks; `data` unless given.
     """
 
     data: Data
@@ -39,12 +39,12 @@ class Cleaning:
 
     @cached_property
     def separation(self):
-        """The `Separation` that the method finds."""
+        """The `Separation` that the method estimates."""
         return self.method.separate(self.basis)
 
     @cached_property
     def residual(self):
-        """What is left, (n_channels, n_pix) float32, mK; 0 where a voxel is missing."""
+        """Data less foreground, (n_channels, n_pix) float32, mK; 0 where a voxel is missing."""
         residual = self.separation.residual(self.data.maps, self.basis)
         if self.data.missing is not None:
             residual[self.data.missing] = 0
@@ -52,7 +52,7 @@ class Cleaning:
 
     @property
     def maps(self):
-        """The maps of the data, with what was found of the foreground where a voxel is missing."""
+        """The maps of the data, with the estimated foreground where a voxel is missing."""
         if self.data.missing is None:
             return self.data.maps
         foreground, maps = self.separation.foreground, self.data.maps.copy()
@@ -73,8 +73,8 @@ class Cleaning:
     def resampled(self, mock):
         """The same of a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
 
-        The mock takes the place of all that the data have beyond the foreground that was found in them; peaks
-        are masked anew, and missing voxels stay so.
+        The mock replaces all that the data have beyond their estimated foreground; peaks are masked again,
+        and missing voxels remain missing.
         """
         found, old = self.separation, self.data.maps
         maps = np.empty_like(old)
@@ -88,11 +88,11 @@ class Cleaning:
         return replace(self, data=data, basis=data if self.basis is self.data else without_peaks(data))
 
     def with_beams(self, beams):
-        """The same by a method that takes the beams to be b_l, (n_channels, lmax + 1)."""
+        """The same by a method that assumes the beams b_l, (n_channels, lmax + 1)."""
         return replace(self, basis=replace(self.basis, beams=beams))
 
     def with_method(self, method, *, rng=None):
-        """The same by another `ForegroundRemover`, which may draw from a Generator of its own."""
+        """The same by another `ForegroundRemover`, which may have a separate Generator."""
         basis = self.basis if rng is None else replace(self.basis, seed=rng)
         return replace(self, method=method, basis=basis)
 

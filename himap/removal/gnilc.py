@@ -1,4 +1,4 @@
-"""Generalised needlet internal linear combination: what stands out of HI and noise is foreground."""
+"""Generalised needlet internal linear combination: what exceeds HI and noise is foreground."""
 
 from dataclasses import dataclass
 from hashlib import sha256

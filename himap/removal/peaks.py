@@ -66,7 +66,7 @@ class PeakMasked:
 
 
 def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
-    """Replace what stands out along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
+    """Replace peaks along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
     A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` does not change.
     """

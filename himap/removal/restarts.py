@@ -26,8 +26,8 @@ FLAGS = {
     "contrast": (2.0, "the residual is strong where the foreground is brightest"),
     "distance": (0.5, "the residual is far from that of the medoid"),
 }
-"""{flag: (value above which it is set, what it means)}: where foreground that is left has as much power as HI
-and noise have, and where a quarter of the power differs."""
+"""{flag: (value above which it is set, what it means)}: where foreground residual has as much power as HI and
+noise have, and where a quarter of the power differs."""
 
 _WAY_OUT = (
     "Take beam_subspace, which does not depend on its start; or thresholds='analytic', share=1, n_warmup=1, "
@@ -41,7 +41,7 @@ def has_restarts(method):
 
 
 def checked_restarts(method, n=None):
-    """How many restarts of a `ForegroundRemover` are asked for by `n`; None for `RESTARTS`, or 1 without any.
+    """The number of restarts of a `ForegroundRemover` for `n`; None for `RESTARTS`, or 1 without any.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Ensemble:
 
     @property
     def medoid(self):
-        """The `Cleaning` that stands for all, the one that is not far from most of the others."""
+        """The `Cleaning` that represents all: the smallest sum of distances from the others."""
         return self.members[self.medoid_index]
 
     @cached_property

@@ -35,22 +35,22 @@ class FilteredSeparation(Separation):
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothSpectra(ForegroundRemover):
-    """At every multipole the few smooth spectra, seen through the beams, that stand out of HI and noise.
+    """At every multipole the few smooth spectra, through the beams, that exceed HI and noise.
 
     Not a method of the paper. In a band of multipoles the data are X_l = diag(H_l) B S_l + N_l. B are
     `n_smooth` smooth functions, a power law times polynomials in log frequency, in which foregrounds can be
     expanded (Chluba, Hill & Abitbol 2017); H is the beam over the best beam of any channel. No spectrum is
-    fitted channel by channel, so none follows HI further than these functions can. N_l, HI and noise, has the
-    covariance C of `faint_covariance`, smooth as HI is. In turns
+    fitted channel by channel, so none can follow HI more closely than these functions. N_l, HI and noise, has
+    the covariance C of `faint_covariance`, smooth as that of HI. In alternation
 
-    - S comes from X by least squares weighted with C^-1, which for what HI adds to S looks at its correlation
-      between channels; its covariance beyond what C explains is shrunk to what random matrices of that size
-      let one believe (`shrunk_variance`), and to its `n_sources` largest axes. What does not stand out is not
-      taken, so that a source too many does no harm;
-    - C comes from the residual, X less the mean of the foreground given X, and the covariance of that mean
+    - S follows from X by least squares weighted with C^-1, which allows for the correlation of HI between
+      channels; its covariance in excess of C is shrunk to what is significant for random matrices of that
+      size (`shrunk_variance`), and to its `n_sources` largest axes. What is not significant is not removed,
+      so that an excess source does no harm;
+    - C follows from the residual, X less the mean of the foreground given X, and the covariance of that mean
       (expectation maximisation, Dempster et al. 1977; with free spectra, Delabrouille et al. 2003).
 
-    Subtracted is the mean of the foreground given X, a Wiener filter. What it must subtract of HI with it is
+    The mean of the foreground given X, a Wiener filter, is subtracted. The HI that it removes with it is
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
     `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. There is
     no threshold to choose, no noise level to know and no randomness.
@@ -208,9 +208,9 @@ def faint_covariance(products, freqs, n_removed):
 
     HI along a line of sight, at one l, is close to stationary, and its power has no features: the logarithm
     of the variance of a channel is a cubic in frequency, that of the power one in k / (k + 0.3/MHz), which
-    goes from 0 to nearly 1, level at both ends. So the power at small k, where foregrounds are and HI went
-    with them, is continued from where HI is all that there is, and what is no more than HI in a smooth
-    spectrum is not taken for a foreground.
+    goes from 0 to nearly 1, level at both ends. So the power at small k, where HI is removed with the
+    foregrounds, is extrapolated from where foregrounds are negligible, and a smooth spectrum that is no
+    brighter than HI is not removed as foreground.
 
     Parameters
     ----------

@@ -118,8 +118,8 @@ def seen_covariance(maps, weights, components):
     """The covariance between channels of what is observed, (n_channels, n_channels) float64, mK^2.
 
     Where pixels have weights, that of which `weighted_components` takes the axes. Where voxels have, each
-    pair of channels sees another part of a sky that is far brighter than HI, and means over these parts do
-    not fit together. So maps are taken as a model, which has no gaps, and its residual, which is faint:
+    pair of channels sees another part of a sky that is far brighter than HI, and means over these parts are
+    not consistent. So maps are split into a model, which has no gaps, and its residual, which is faint:
     the products of each with each are means over the voxels that are observed, with the weights of those, and
     of the model with itself over all pixels, with the largest weight of each. Of equal weights this is the
     plain covariance, whatever the model.

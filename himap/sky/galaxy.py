@@ -87,8 +87,8 @@ class Galaxy:
     def components(self, nside, rng):
         """Synchrotron and free-free, a list of two `PowerLaw`: amplitudes in mK, RING, Galactic.
 
-        T(nu, p) = amplitude(p) (nu / freq_ref)^index(p) (paper, Eqs. 1 and 2). Each component has a random
-        stream of its own, a child of `rng`.
+        T(nu, p) = amplitude(p) (nu / freq_ref)^index(p) (paper, Eqs. 1 and 2). Each component has a
+        separate random stream, a child of `rng`.
 
         Raises
         ------

@@ -88,7 +88,7 @@ class Provenance:
 
     @classmethod
     def of_stored(cls, about):
-        """The provenance that `asdict` had written with a result, whatever stands beside it."""
+        """The provenance that `asdict` had written with a result, other keys ignored."""
         return cls(**{item.name: about[item.name] for item in fields(cls)})
 
     def footer(self):
