@@ -176,12 +176,11 @@ class Realisation:
         """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
         return {n: self._compare(call) for n, call in self.scan_calls().items()}
 
-    def _compare(self, call):
+    def _compare(self, call, masked=False):
         """`Comparison` of an assessment with the truth, which ends where it does."""
-        if call not in self._compared:
-            result = cleaned.assessment(*call)
-            self._compared[call] = self._comparison(result.power_spectra, pipeline.true_spectra(call[0]))
-        return self._compared[call]
+        if (call, masked) not in self._compared:
+            self._compared[call, masked] = cleaned.compared(*call, masked=masked)
+        return self._compared[call, masked]
 
     @cached_property
     def _compared(self):
@@ -196,8 +195,7 @@ class Realisation:
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
-        result = self.assessed(method)
-        return self._comparison(result.masked, result.masked_truth)
+        return self._compare(self.calls("oscillating")[method], masked=True)
 
     def unmasked(self, method):
         """The `Comparison` of the full sky in the bins of `masked`."""

@@ -151,6 +151,9 @@ def frequency_band(statistic, low=0, high=np.inf):
     return lambda one: in_band(statistic, one.k, one.frequency_ratio, low, high)
 
 
+mean_error = angular_band("error", 10, 200)
+"""Mean |C/C0 - 1| at 10 < l < 200, which the paper recovers, or up to 2 nside, of a `Comparison`."""
+
 bump = frequency_band("highest", *BUMP)
 """Highest P/P0 near k = 0.31, of a `Comparison`."""
 

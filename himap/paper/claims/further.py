@@ -18,6 +18,7 @@ from himap.paper.claims.base import (
     finding,
     frequency_band,
     in_band,
+    mean_error,
     recovered,
     smaller,
 )
@@ -225,7 +226,7 @@ def regularisation_scheme(sky):
         parts += (Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"),)
         parts += (Part(f"{spectrum} spreads more than over restarts", more, method="SD"),)
     said = {"Median spread over settings": over_settings, "over as many restarts": over_restarts}
-    said["mean |C/C0 - 1|"] = {name: angular_band("error", 10, 200)(one) for name, one in settings.items()}
+    said["mean |C/C0 - 1|"] = {name: mean_error(one) for name, one in settings.items()}
     return finding(over_settings["C/C0"], parts, said)
 
 
@@ -253,7 +254,7 @@ def robust(sky):
     plane included, before any mask: a main part for each beam. The share of the members in which a part holds
     is one less the probability of failure.
     """
-    errors = {beam: angular_band("error", 10, 200)(sky.of(beam)["sdecgmca"]) for beam in BEAMS}
+    errors = {beam: mean_error(sky.of(beam)["sdecgmca"]) for beam in BEAMS}
     words = "does not fail, {} beam"
     parts = (Part(words.format(beam), value <= FAILING, method="SD") for beam, value in errors.items())
     return finding(max(errors.values()), tuple(parts), {"Mean |C/C0 - 1| of SD at 10 < l < 200": errors})

@@ -16,6 +16,7 @@ from himap.paper.claims.base import (
     each,
     finding,
     frequency_band,
+    mean_error,
     sd_least,
 )
 from himap.paper.claims.verdicts import (
@@ -47,7 +48,7 @@ def oscillating_fits(sky):
     """A fit fails if its mean |C/C0 - 1| is above 10 % for 10 < l < 200 (or 2 nside), as in all claims, and
     in P/P0 if the mean over all k is. Four parts, all main.
     """
-    measures = {"C": angular_band("error", 10, 200), "P": frequency_band("error")}
+    measures = {"C": mean_error, "P": frequency_band("error")}
     errors = {
         f"{METHODS[name]} in {spectrum}": measure(sky.of("oscillating")[name])
         for name in ("polynomial", "parametric")
@@ -87,7 +88,7 @@ def oscillating_angular(sky):
     """
     sd = sky.of("oscillating")["sdecgmca"]
     within = {f"from {low} on": angular_band("within", low, 200)(sd) for low in (10, 20)}
-    errors = each(sky, "oscillating", angular_band("error", 10, 200), BSS)
+    errors = each(sky, "oscillating", mean_error, BSS)
     others = {name: value for name, value in errors.items() if name != "SD"}
     parts = (
         Part("SD within 5 %", within["from 10 on"] < _ACCURATE, method="SD"),
