@@ -94,8 +94,12 @@ def error_of(case, separation, mask_peaks=True):
     """The same of any `Separation` of a case."""
     endless = separation.lmax is None
     there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
-    whole = on_sky(there, case.survey.nside, separation.lmax) + -separation.foreground
-    return whole.truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
+    return difference(case, on_sky(there, case.survey.nside, separation.lmax), separation.foreground)
+
+
+def difference(case, one, other):
+    """One `LowRankCube` less another, without the terms that no spectrum of the case shows."""
+    return (one + -other).truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
 
 
 @product

@@ -6,7 +6,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import blocks
 from himap.measures import diagnostics
-from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair
+from himap.measures.low_rank_spectra import Moments, angular_power_pair
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.paper import cleaned, leakage, pipeline
 from himap.removal import harmonic
@@ -128,7 +128,7 @@ def _spectra_with(components, case, remover):
     bright = on_sky(seen_through(modes, spectra, beams), survey.nside)
     found = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
     true = pipeline.true_spectra(case)
-    wrong = (bright + -found.foreground).truncate(FAINT * float(true.angular.variance.sum()))
+    wrong = cleaned.difference(case, bright, found.foreground)
     return PowerSpectra(
         angular=angular_power_pair(pipeline.truth_alms(case), wrong)[0],
         frequency=Moments.of(truth, wrong).frequency_power(true.frequency, survey.channel_width),

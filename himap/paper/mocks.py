@@ -12,7 +12,6 @@ from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.bootstrap import bootstrap_of
-from himap.measures.low_rank_spectra import FAINT
 from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
@@ -128,7 +127,7 @@ def recovered(case, removers, mock, mask_peaks=True):
 
 def _power(case, alms, before, after):
     """The `MockPower` of a mock, from the `Separation` of all but the mock, and of all with it."""
-    wrong = (before.foreground + -after.foreground).truncate(_faint(case))
+    wrong = cleaned.difference(case, before.foreground, after.foreground)
     own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
     return mock_power(own, wrong, case.survey.channel_width)
 
@@ -161,11 +160,6 @@ def own_recovery(case, remover, mask_peaks=True):
     found = cleaned.separation(case, remover, mask_peaks)
     wrong = cleaned.error(case, remover, mask_peaks)
     return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
-
-
-def _faint(case):
-    """Variance of terms that no spectrum shows, mK^2, summed over channels."""
-    return FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
 
 
 def transfer_functions(case, removers, mocks, *, mask_peaks=True):
