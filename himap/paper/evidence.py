@@ -65,7 +65,9 @@ def masked_voxels(case, spread="line"):
         hi, truth = whole[:, block], observed.truth[:, lines[block]]
         parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
         masked = flagged[:, lines[block]]
-        out = np.array([_less_baseline(part, observed.freqs)[masked] for part in parts])
+        baselines = [smooth_baselines(part, observed.freqs) for part in parts]
+        out = [part - one.basis @ one.first for part, one in zip(parts, baselines, strict=True)]
+        out = np.array([part[masked] for part in out])
         largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
         counts += np.bincount(largest, minlength=len(STANDING_OUT))
     return counts
@@ -78,12 +80,6 @@ def _hi_through_beam(case, lines):
     for row, alm, window in zip(hi, pipeline.hi_alms_of_sky(survey.sky), windows, strict=True):
         row[:] = sphere.synthesise(sphere.multiply_beam(alm, window), survey.nside)[lines]
     return hi
-
-
-def _less_baseline(cube, freqs):
-    """Lines of sight less a fit to all channels, mK, of the shape of `cube`, float64."""
-    baselines = smooth_baselines(cube, freqs)
-    return cube - baselines.basis @ baselines.first
 
 
 @product

@@ -6,6 +6,7 @@ about, such as l ~ 40, is that number itself.
 
 import math
 from dataclasses import dataclass
+from statistics import fmean
 
 from scipy.stats import binomtest, norm
 
@@ -136,7 +137,7 @@ class Share:
         shares = [sum(several) / len(several) for several in skies]
         low, high = (min(shares), max(shares)) if len(skies) > 1 else wilson(sum(skies[0]), len(skies[0]))
         absent = [sum(one is None for one in several) / len(several) for several in held.values()]
-        return cls(part=part, mean=_mean(shares), low=low, high=high, absent=_mean(absent))
+        return cls(part=part, mean=fmean(shares), low=low, high=high, absent=fmean(absent))
 
     @property
     def holds(self):
@@ -147,10 +148,6 @@ class Share:
 
 
 _ROUNDING = 1e-9  # of a share
-
-
-def _mean(values):
-    return sum(values) / len(values)
 
 
 def wilson(count, total, z=1.0):

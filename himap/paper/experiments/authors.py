@@ -74,12 +74,17 @@ def measure(sky):
             numbers = member(case, one)
             curves = growth(first_mixings(case, one), plain if one.restart else None)
             curves["condition"] |= numbers["condition"]
-            rows += [
-                {"restart": one.restart, "quantity": quantity, "x": float(x), "value": float(value)}
-                for quantity, curve in (numbers | curves).items()
-                for x, value in curve.items()
-            ]
+            rows += rows_of(one.restart, numbers | curves)
     return rows
+
+
+def rows_of(restart, curves):
+    """Rows of {quantity: {x: value}} of a start."""
+    return [
+        {"restart": restart, "quantity": quantity, "x": float(x), "value": float(value)}
+        for quantity, curve in curves.items()
+        for x, value in curve.items()
+    ]
 
 
 @product

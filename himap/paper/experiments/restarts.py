@@ -15,8 +15,9 @@ from himap.measures.diagnostics import BUMP, band_means, flagged_lines
 from himap.paper import cleaned
 from himap.paper.claims.base import BEAMS, angular_band, bump, mean_error
 from himap.paper.claims.entries import finding_rows
+from himap.paper.ensembles import failures
 from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
-from himap.paper.readings import BANDS, COLUMNS, FAILING, NEAR_PLANE, candidates
+from himap.paper.readings import BANDS, COLUMNS, NEAR_PLANE, candidates
 from himap.paper.record import Experiment
 
 _N_BINS = 40  # of a curve, at most
@@ -147,9 +148,7 @@ def _summary(rows):
         aggfunc="median",
         sort=False,
     )
-    errors = rows[rows["quantity"] == "mean error"]
-    failing = errors.assign(fails=errors["value"] > FAILING).groupby(list(table.index.names), sort=False)
-    table.insert(0, "failed", [f"{one['fails'].sum()} of {len(one)}" for _, one in failing])
+    table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()])
     return table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
 
 
