@@ -64,31 +64,24 @@ class Sky:
         return next(iter(self.methods)).galaxy
 
 
-def cases_and_methods(
+def cases_of(
+    beam,
     *,
     preset="quick",
     survey=None,
     galaxy="synthetic",
     template_dir=None,
     small_scales=True,
-    beam="oscillating",
-    ripple="bracket",
-    methods=(("beam_subspace", 3),),
-    reading="default",
     n_realisations=20,
 ):
-    """Cases that differ in their seed only, and the methods that clean them, two lists.
+    """A list of `pipeline.Case` that differ in their seed only.
 
     Parameters
     ----------
+    beam
+        A `Beam`.
     preset, survey, galaxy, template_dir, small_scales
         As in `himap.paper.study.Study`.
-    beam, ripple
-        Name of the beam, and the reading of the oscillating one.
-    methods
-        Pairs (name, number of sources); None for a method that has no number.
-    reading
-        Of SDecGMCA, if it is among them.
     n_realisations
         How many skies: the seed of the survey, and those after it.
 
@@ -98,13 +91,38 @@ def cases_and_methods(
         A bad value of any of them.
     """
     whole_number("n_realisations", n_realisations, 1, 1000)
-    selected = paper_beams(ripple=ripple).get(beam) or named(beam)
     first = pipeline.Case(
         survey=Survey.preset(preset, **(survey or {})),
         galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        beam=selected,
+        beam=beam,
     )
-    removers = []
+    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
+    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+
+
+def cases_and_methods(
+    *, beam="oscillating", ripple="bracket", methods=(("beam_subspace", 3),), reading="default", **settings
+):
+    """Cases that differ in their seed only, and the methods that clean them, two lists.
+
+    Parameters
+    ----------
+    beam, ripple
+        Name of the beam, and the reading of the oscillating one.
+    methods
+        Pairs (name, number of sources); None for a method that has no number.
+    reading
+        Of SDecGMCA, if it is among them.
+    settings
+        As of `cases_of`.
+
+    Raises
+    ------
+    InputError
+        A bad value of any of them.
+    """
+    selected = paper_beams(ripple=ripple).get(beam) or named(beam)
+    cases, removers = cases_of(selected, **settings), []
     for pair in methods:
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise InputError(
@@ -116,9 +134,8 @@ def cases_and_methods(
             removers.append(sdecgmca_for(selected, n_sources=n_sources, reading=reading))
         else:
             removers.append(create(name, **({} if n_sources is None else {"n_sources": n_sources})))
-        removers[-1].check(first.survey.n_channels)
-    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
-    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds], removers
+        removers[-1].check(cases[0].survey.n_channels)
+    return cases, removers
 
 
 def skies_of(*observed, n_mocks=0, **attributes):

@@ -11,11 +11,12 @@ import numpy as np
 from scipy.linalg import subspace_angles
 
 from himap.core.checks import whole_number
+from himap.instrument.beams.paper import Oscillating
 from himap.maps import sphere
 from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means, flagged_lines
 from himap.measures.low_rank_spectra import line_errors
 from himap.paper import cleaned, pipeline
-from himap.paper.grid import cases_and_methods, skies_of
+from himap.paper.grid import cases_of, skies_of
 from himap.paper.methods import sdecgmca_for
 from himap.paper.readings import NEAR_PLANE
 from himap.paper.record import Experiment
@@ -42,15 +43,17 @@ def of_code(beam, *, restart=0, **options):
     return sdecgmca_for(beam, **{"reading": "code", "pixels": "healpix", "restart": restart} | options)
 
 
-def skies(*, n_sources=5, n_restarts=16, **settings):
+def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
     """A list of `Sky`, each with the methods of `n_restarts` starts.
 
     Parameters
     ----------
+    ripple
+        Reading of the ripple of the oscillating beam.
     n_sources, n_restarts
         Numbers of sources and of starts.
     settings
-        As of `himap.paper.grid.cases_and_methods`, but for beam and methods.
+        As of `himap.paper.grid.cases_of`.
 
     Raises
     ------
@@ -58,7 +61,7 @@ def skies(*, n_sources=5, n_restarts=16, **settings):
         A bad value of any of them.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    cases, _ = cases_and_methods(beam="oscillating", methods=(), **settings)
+    cases = cases_of(Oscillating(ripple=ripple), **settings)
     methods = [of_code(cases[0].beam, restart=k, n_sources=n_sources) for k in range(n_restarts)]
     methods[0].check(cases[0].survey.n_channels)
     return skies_of((cases, methods))

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
+from himap.instrument.beams.paper import Oscillating
 from himap.paper import ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
-from himap.paper.grid import cases_and_methods
+from himap.paper.grid import cases_of
 from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation, make
 from himap.paper.record import Experiment
@@ -48,6 +49,7 @@ class JudgedSky:
 
 def realisations(
     *,
+    ripple="bracket",
     plane_weight=0.1,
     plane_edge=15.0,
     n_sources_min=2,
@@ -60,6 +62,8 @@ def realisations(
 
     Parameters
     ----------
+    ripple
+        Reading of the ripple of the oscillating beam.
     plane_weight, plane_edge
         Of the `Dimming`.
     n_sources_min, n_sources_max
@@ -69,14 +73,13 @@ def realisations(
     method
         What is put in the place of SDecGMCA, as in `Realisation`.
     settings
-        As of `himap.paper.grid.cases_and_methods`, of the survey, the Galaxy and the ripple.
+        As of `himap.paper.grid.cases_of`.
 
     Raises
     ------
     InputError
         A bad value of any of them.
     """
-    cases, _ = cases_and_methods(beam="oscillating", methods=(), n_realisations=n_realisations, **settings)
     return [
         Realisation(
             survey=case.survey,
@@ -86,7 +89,7 @@ def realisations(
             n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
             method=method,
         )
-        for case in cases
+        for case in cases_of(Oscillating(ripple=ripple), n_realisations=n_realisations, **settings)
     ]
 
 
