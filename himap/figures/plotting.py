@@ -309,14 +309,14 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
 
 
 @drawn(CURVES | {"axes.grid": False})
-def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
+def image(values, *, x, y, xlabel, ylabel, unit, limits=(1, 99)):
     """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
     figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a picture that is heavy when fine
     low, high = np.percentile(values, limits)
     extent = (x[0], x[-1], y[0], y[-1])
     look = {"origin": "lower", "aspect": "auto", "extent": extent, "cmap": "cividis"}
     shown = axes.imshow(values, vmin=low, vmax=high, **look)
-    axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
     figure.colorbar(shown, label=unit, extend="both")
     return with_image(figure, values, x=x, y=y, unit=unit)
 

@@ -72,9 +72,9 @@ def curves(rows, quantity):
     return chosen.pivot_table(index="restart", columns="x", values="value")
 
 
-def samples(rows, floor, quantities=MEASURES):
+def samples(rows, floor):
     """Values at one floor of the last S, and the last condition number of A, (n_restarts, n)."""
-    columns = [curves(rows, name)[floor] for name in quantities]
+    columns = [curves(rows, name)[floor] for name in MEASURES]
     return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
 
 

@@ -26,14 +26,14 @@ _TITLES = {
 }
 
 
-def growth_figure(ensembles, *, columns=2):
+def growth_figure(ensembles):
     """How far A is from that of the plain start, by iteration: a panel for each of {title: rows}.
 
     Thin lines are restarts, the thick one is their median.
     """
     look = [{"color": styles.BLUE, "label": "median", "linewidth": 1.8}]
     panels = [_panel("angle", {title: rows}, look) | {"title": title} for title, rows in ensembles.items()]
-    return plotting.lines(panels, columns=columns, size=(4.4, 2.9), legend_above=True)
+    return plotting.lines(panels, size=(4.4, 2.9), legend_above=True)
 
 
 def variants_figure(variants):

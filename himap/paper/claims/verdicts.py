@@ -202,9 +202,9 @@ PLACE = ": place "
 """In the name of a part that is a place, which is not main and holds in those members that have it there."""
 
 
-def places_of(best, *, method="SD"):
+def places_of(best):
     """A `Part` for the place of each of {name: place}, such as the number of sources with the least error."""
-    return tuple(Part(f"{name}{PLACE}{place}", True, False, method) for name, place in best.items())
+    return tuple(Part(f"{name}{PLACE}{place}", True, False, "SD") for name, place in best.items())
 
 
 def not_applicable(sentence):
