@@ -27,37 +27,42 @@ class Claim:
 
     Attributes
     ----------
-    id, beam, statement
-        As in the ledger, in our words.
+    id, beam
+        As in the ledger.
     number, paper
         What is measured, and what the paper gives for it.
     section, figure, notebook
         Of the paper, the figure empty where it has none; and where the companion shows it.
     check
-        Function from `Realisation` to `himap.paper.claims.verdicts.Finding`.
+        Function from `Realisation` to `himap.paper.claims.verdicts.Finding`, whose docstring begins with the
+        claim, in our words.
     """
 
     id: str
     beam: str
-    statement: str
     number: str
     paper: str
     section: str
-    figure: str
+    figure: str = ""
     notebook: str
     check: Callable
 
     @property
+    def statement(self):
+        """What the paper claims."""
+        return self.check.__doc__.partition("\n")[0]
+
+    @property
     def reading(self):
         """How the words of the paper are read."""
-        return " ".join(self.check.__doc__.split())
+        return " ".join(self.check.__doc__.partition("\n")[2].split())
 
 
-def claim(id, beam, statement, **entry):
-    """Decorator: enter a function from `Realisation` to `Finding`; its docstring is the reading."""
+def claim(id, beam, **entry):
+    """Decorator: enter a function from `Realisation` to `Finding`; its docstring is statement and reading."""
 
     def register(check):
-        REGISTRY[id] = Claim(id=id, beam=beam, statement=statement, check=check, **entry)
+        REGISTRY[id] = Claim(id=id, beam=beam, check=check, **entry)
         return check
 
     return register

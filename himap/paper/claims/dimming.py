@@ -21,13 +21,14 @@ def _gain(sky):
 @_dimmed(
     "G1",
     "oscillating, dimmed",
-    "Dimming the plane improves every method, most PCA, ICA and SD.",
     number="largest total MSE over that of the full Galaxy",
     paper="< 1",
     section="5.2",
 )
 def dimmed_error(sky):
-    """To improve is a total MSE that is smaller by more than 1 %; most is by factors that are larger than all
+    """Dimming the plane improves every method, most PCA, ICA and SD.
+
+    To improve is a total MSE that is smaller by more than 1 %; most is by factors that are larger than all
     others, by more than 1 %. Six main parts: each method, PCA/ICA by the worse of the two; those three most.
     """
     gain = _gain(sky)
@@ -40,13 +41,14 @@ def dimmed_error(sky):
 @_dimmed(
     "G2",
     "oscillating, dimmed",
-    "The peak near k = 0.3 persists for PCA and ICA, and is below 2 % for SD.",
     number="highest P/P0 of SD near k = 0.31, less 1",
     paper="< 0.02",
     section="5.2",
 )
 def dimmed_peak(sky):
-    """A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it persists for PCA/ICA, both of
+    """The peak near k = 0.3 persists for PCA and ICA, and is below 2 % for SD.
+
+    A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it persists for PCA/ICA, both of
     them; that of SD is below 1.02.
     """
     tops = each(sky, "dimmed", bump, _THREE)
@@ -71,13 +73,14 @@ def _recovered_shares(sky):
 @_dimmed(
     "G3",
     "oscillating, dimmed",
-    "The recovered range of l grows for PCA, ICA and SD.",
     number="smallest growth of the share of l within 10 %",
     paper="> 0",
     section="5.2",
 )
 def dimmed_range(sky):
-    """The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows by more than 1 % of itself. Two main parts:
+    """The recovered range of l grows for PCA, ICA and SD.
+
+    The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows by more than 1 % of itself. Two main parts:
     PCA/ICA by the worse of the two, and SD.
     """
     shares, growth = _recovered_shares(sky)
@@ -89,13 +92,14 @@ def dimmed_range(sky):
 @_dimmed(
     "G4",
     "oscillating, dimmed",
-    "Of PCA, ICA and SD, SD gains most from dimming.",
     number="growth of SD's share of l within 10 %",
     paper="> that of PCA and ICA",
     section="6",
 )
 def dimmed_most(sky):
-    """The conclusions are about the range of l: the share of l, 2 <= l <= 200, within 10 % grows for SD, and
+    """Of PCA, ICA and SD, SD gains most from dimming.
+
+    The conclusions are about the range of l: the share of l, 2 <= l <= 200, within 10 % grows for SD, and
     more than for PCA and for ICA, by more than 1 %. Main part. Another: its total MSE shrinks, by the largest
     factor of the three.
     """

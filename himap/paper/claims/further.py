@@ -41,15 +41,15 @@ _LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
 @claim(
     "V1",
     "all three",
-    "SD converges: S changes by less than 1e-2 at the end of the warm-up, 1e-4 of the refinement.",
     number="largest relative change of S at the end of the refinement",
     paper="< 1e-4",
     section="3.3",
-    figure="",
     notebook="09_sdecgmca",
 )
 def convergence(sky):
-    """The paper stops each stage when the relative change of S between two iterations is below a tolerance. A
+    """SD converges: S changes by less than 1e-2 at the end of the warm-up, 1e-4 of the refinement.
+
+    The paper stops each stage when the relative change of S between two iterations is below a tolerance. A
     stage has converged if the change in its last iteration is below the paper's tolerance, 1e-2 in the
     warm-up and 1e-4 in the refinement. As in the public code of C21 a stage ends after 150 or 50 iterations
     at the latest; if its change is then above the tolerance, it has not converged. Six main parts: each stage
@@ -73,7 +73,6 @@ def convergence(sky):
 @claim(
     "V2",
     "oscillating",
-    "Flagged lines of sight show coherent spectral structure, that of leaked foreground.",
     number="share of the error of flagged lines in the foreground's spectra",
     paper="most",
     section="5.1",
@@ -81,7 +80,9 @@ def convergence(sky):
     notebook="12_post_masking",
 )
 def leaked_foreground(sky):
-    """The error is the residual of SD less the truth, on the lines of sight that the paper's rule flags, as a
+    """Flagged lines of sight show coherent spectral structure, that of leaked foreground.
+
+    The error is the residual of SD less the truth, on the lines of sight that the paper's rule flags, as a
     mean square over these lines and all channels. Coherent: more than half of it lies in the foreground's
     spectra, those principal spectra of the true foreground through the beam of which each has more variance
     than HI and noise have in all channels together; an error without structure has n / n_channels of itself
@@ -106,18 +107,18 @@ def leaked_foreground(sky):
 @claim(
     "V3",
     "degraded",
-    "Point sources are absorbed by the two components of the parametric fit.",
     number="change of C or P by the point sources over the truth, at 95 % of the l or k",
     paper="small",
     section="3.2",
-    figure="",
     notebook="08_parametric",
 )
 def absorbed_sources(sky):
-    """The same sky, with the same HI, Galaxy and noise, is observed and cleaned by PAR again without its
-    point sources. They are absorbed if their presence changes C by less than 10 % of the true C, the accuracy
-    that the paper calls recovered, at 95 % or more of 3 < l < 200, and P likewise at k > 0.03 (the ranges of
-    D1 and D2). Two parts, both main. How near the residual is to the truth is judged by D1 and D2.
+    """Point sources are absorbed by the two components of the parametric fit.
+
+    The same sky, with the same HI, Galaxy and noise, is observed and cleaned by PAR again without its point
+    sources. They are absorbed if their presence changes C by less than 10 % of the true C, the accuracy that
+    the paper calls recovered, at 95 % or more of 3 < l < 200, and P likewise at k > 0.03 (the ranges of D1
+    and D2). Two parts, both main. How near the residual is to the truth is judged by D1 and D2.
     """
     one, other = sky.of("degraded")["parametric"], sky.without_sources()
     angular = np.abs(one.angular - other.angular) / one.true_angular
@@ -134,20 +135,20 @@ def absorbed_sources(sky):
 @claim(
     "V4",
     "all three",
-    "The noise is subdominant, by a long observing time.",
     number="noise over HI in C or P at 95 % of the l or k, largest of the beams",
     paper="< 1",
     section="2.2",
-    figure="",
     notebook="02_beams_and_noise",
 )
 def subdominant_noise(sky):
-    """The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the
-    pixels, which only the degraded beam smooths. The noise is subdominant if its power is below that of HI,
-    by more than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main
-    parts: each spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel,
-    so that its C_l is proportional to the area of the pixels: the result holds for the resolution at which it
-    was measured.
+    """The noise is subdominant, by a long observing time.
+
+    The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the pixels,
+    which only the degraded beam smooths. The noise is subdominant if its power is below that of HI, by more
+    than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
+    spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel, so that its
+    C_l is proportional to the area of the pixels: the result holds for the resolution at which it was
+    measured.
     """
     parts, median, most = (), {}, {}
     for beam in BEAMS:
@@ -163,7 +164,6 @@ def subdominant_noise(sky):
 @claim(
     "V5",
     "oscillating",
-    "The peak is driven by the lines of sight with the brightest foreground.",
     number="share of the excess of SD that remains without the brightest 10 % of the lines",
     paper="< 0.5",
     section="5.2",
@@ -171,8 +171,10 @@ def subdominant_noise(sky):
     notebook="13_dimmed_galaxy",
 )
 def bright_lines(sky):
-    """Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess
-    is the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
+    """The peak is driven by the lines of sight with the brightest foreground.
+
+    Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess is
+    the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
     how many lines are exceptionally bright; the brightest tenth is read here, and it drives the peak if more
     than half of the excess vanishes without it. Main part: SD. Others: PCA/ICA and GMCA; and as a control,
     more than half of the excess of SD remains without the faintest tenth. The premise is absent for a method
@@ -200,15 +202,15 @@ def bright_lines(sky):
 @claim(
     "V6",
     "oscillating",
-    "SD depends on the regularisation.",
     number="median spread of C/C0 over settings of the regularisation, 10 < l < 200",
     paper="a major challenge",
     section="6",
-    figure="",
     notebook="09_sdecgmca",
 )
 def regularisation_scheme(sky):
-    """The settings are c = 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
+    """SD depends on the regularisation.
+
+    The settings are c = 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
     Table 1; all else is unchanged. The spread at each l or k is the highest less the lowest ratio to the
     truth, and its median is over 10 < l < 200 or over all k. SD depends on the regularisation if this spread
     is above 10 %, so that the setting can decide whether a spectrum is recovered; and if it is larger, by
@@ -241,7 +243,6 @@ def _spreads(comparisons):
 @claim(
     "V7",
     "all three",
-    "SD is robust on the full sky, without masks.",
     number="mean |C/C0 - 1| at 10 < l < 200, largest of the beams",
     paper="small",
     section="6",
@@ -249,7 +250,9 @@ def _spreads(comparisons):
     notebook="10_results",
 )
 def robust(sky):
-    """A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
+    """SD is robust on the full sky, without masks.
+
+    A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
     that the paper gives for these scales. SD is robust if it does not fail on the full sky, the Galactic
     plane included, before any mask: a main part for each beam. The share of the members in which a part holds
     is one less the probability of failure.

@@ -37,16 +37,12 @@ _NEAR_200 = (150, 300)
 _DIGITS = 1 / np.finfo(np.float32).eps  # condition number from which float32 maps leave no digit
 
 
-@_angular(
-    "O1",
-    "oscillating",
-    "POL and PAR fail in both spectra.",
-    number="smallest of the four mean deviations from 1",
-    paper="> 0.1",
-)
+@_angular("O1", "oscillating", number="smallest of the four mean deviations from 1", paper="> 0.1")
 def oscillating_fits(sky):
-    """A fit fails if its mean |C/C0 - 1| is above 10 % for 10 < l < 200 (or 2 nside), as in all claims, and
-    in P/P0 if the mean over all k is. Four parts, all main.
+    """POL and PAR fail in both spectra.
+
+    A fit fails if its mean |C/C0 - 1| is above 10 % for 10 < l < 200 (or 2 nside), as in all claims, and in
+    P/P0 if the mean over all k is. Four parts, all main.
     """
     measures = {"C": mean_error, "P": frequency_band("error")}
     errors = {
@@ -58,31 +54,23 @@ def oscillating_fits(sky):
     return finding(min(errors.values()), tuple(parts), {"Mean deviation from 1": errors})
 
 
-@_angular(
-    "O2",
-    "oscillating",
-    "The BSS methods have a strong excess in C/C0 at l < 10.",
-    number="smallest mean C/C0 at l < 10",
-    paper="> 1.5",
-)
+@_angular("O2", "oscillating", number="smallest mean C/C0 at l < 10", paper="> 1.5")
 def oscillating_large_scales(sky):
-    """A strong excess is a mean of more than 1.5 for 2 <= l < 10. Three main parts: PCA/ICA by the worse of
-    the two, GMCA, SD.
+    """The BSS methods have a strong excess in C/C0 at l < 10.
+
+    A strong excess is a mean of more than 1.5 for 2 <= l < 10. Three main parts: PCA/ICA by the worse of the
+    two, GMCA, SD.
     """
     means = each(sky, "oscillating", angular_band("mean", 1, 10), BSS)
     parts = parts_of(means, above(STRONG), "in excess")
     return finding(min(means.values()), parts, {"Mean C/C0 at l < 10": means})
 
 
-@_angular(
-    "O3",
-    "oscillating",
-    "SD recovers C to within 5 % for 10 < l < 200; PCA, ICA and GMCA each deviate more.",
-    number="|C/C0 - 1| of SD, at 95 % of the l",
-    paper="< 0.05",
-)
+@_angular("O3", "oscillating", number="|C/C0 - 1| of SD, at 95 % of the l", paper="< 0.05")
 def oscillating_angular(sky):
-    """Main part: SD is within 5 % at 95 % of the l (the conclusions of the paper say 20 < l < 200, which is
+    """SD recovers C to within 5 % for 10 < l < 200; PCA, ICA and GMCA each deviate more.
+
+    Main part: SD is within 5 % at 95 % of the l (the conclusions of the paper say 20 < l < 200, which is
     shown but not judged). Two others: the mean |C/C0 - 1| is larger by more than 1 % for PCA/ICA, both of
     them, and for GMCA.
     """
@@ -98,15 +86,11 @@ def oscillating_angular(sky):
     return finding(within["from 10 on"], parts, said)
 
 
-@_frequency(
-    "O4",
-    "oscillating",
-    "Every BSS method has a spurious peak in P/P0 near k = 0.3, SD the lowest.",
-    number="highest P/P0 of SD near k = 0.31",
-    paper="> 1, lowest",
-)
+@_frequency("O4", "oscillating", number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest")
 def oscillating_peak(sky):
-    """A peak is a P/P0 above 1.1 for 0.25 < k < 0.38. Three main parts: PCA/ICA (both of them) and GMCA have
+    """Every BSS method has a spurious peak in P/P0 near k = 0.3, SD the lowest.
+
+    A peak is a P/P0 above 1.1 for 0.25 < k < 0.38. Three main parts: PCA/ICA (both of them) and GMCA have
     one; SD has one; SD has the lowest of all, by more than 1 %.
     """
     tops = each(sky, "oscillating", bump, BSS)
@@ -119,17 +103,13 @@ def oscillating_peak(sky):
     return finding(tops["SD"], parts, {"Highest P/P0 near k = 0.31": tops})
 
 
-@_frequency(
-    "O5",
-    "oscillating",
-    "The BSS methods have an excess in P/P0 at low k, SD no smaller than PCA or ICA.",
-    number="mean P/P0 of SD at k < 0.1",
-    paper="> 1.1",
-)
+@_frequency("O5", "oscillating", number="mean P/P0 of SD at k < 0.1", paper="> 1.1")
 def oscillating_low_k(sky):
-    """An excess is a mean of more than 1.1 at k < 0.1; better is nearer to 1, by more than 1 % of the
-    distance. Main parts: SD is in excess, and it is no better than PCA/ICA, neither of them. Two others:
-    PCA/ICA and GMCA are in excess.
+    """The BSS methods have an excess in P/P0 at low k, SD no smaller than PCA or ICA.
+
+    An excess is a mean of more than 1.1 at k < 0.1; better is nearer to 1, by more than 1 % of the distance.
+    Main parts: SD is in excess, and it is no better than PCA/ICA, neither of them. Two others: PCA/ICA and
+    GMCA are in excess.
     """
     means = each(sky, "oscillating", frequency_band("mean", 0, LOW_K), BSS)
     distance = {name: abs(value - 1) for name, value in means.items()}
@@ -143,17 +123,13 @@ def oscillating_low_k(sky):
     return finding(means["SD"], parts, {"Mean P/P0 at k < 0.1": means})
 
 
-@_angular(
-    "O6",
-    "all three",
-    "Beyond l = 200 SD has a spurious peak in C, due to its regularised inversion.",
-    number="highest C/C0 of SD at l > 200",
-    paper="> 1.1",
-)
+@_angular("O6", "all three", number="highest C/C0 of SD at l > 200", paper="> 1.1")
 def beyond_200(sky):
-    """The regularised inversion of SD is continued beyond l = 200. A peak is a C/C0 of more than 1.1 between
-    l = 200 and 2 nside: a main part for each beam. It is due to the regularisation if its top lies where
-    strategy 3 regularises (R1): another part for each beam. It does not apply to maps that end before.
+    """Beyond l = 200 SD has a spurious peak in C, due to its regularised inversion.
+
+    The regularised inversion of SD is continued beyond l = 200. A peak is a C/C0 of more than 1.1 between l =
+    200 and 2 nside: a main part for each beam. It is due to the regularisation if its top lies where strategy
+    3 regularises (R1): another part for each beam. It does not apply to maps that end before.
     """
     parts, found = (), {}
     for beam in BEAMS:
@@ -173,15 +149,16 @@ def beyond_200(sky):
 @_angular(
     "O7",
     "all three",
-    "The offset of BSS at l < 10 exists with all beams, much larger with the oscillating one.",
     number="offset with the oscillating beam over that with the others, smallest of BSS",
     paper="> 2",
 )
 def offset_in_other_beams(sky):
-    """The offset is the largest |C/C0 - 1| for 2 <= l < 10. It exists where it is above 10 %, and is much
-    larger where it is at least twice as large. Six main parts, two for each of PCA/ICA (by the worse of the
-    two), GMCA and SD: it exists in the degraded and in the evolving beam; it is much larger in the
-    oscillating one than in both.
+    """The offset of BSS at l < 10 exists with all beams, much larger with the oscillating one.
+
+    The offset is the largest |C/C0 - 1| for 2 <= l < 10. It exists where it is above 10 %, and is much larger
+    where it is at least twice as large. Six main parts, two for each of PCA/ICA (by the worse of the two),
+    GMCA and SD: it exists in the degraded and in the evolving beam; it is much larger in the oscillating one
+    than in both.
     """
     offsets = {beam: each(sky, beam, angular_band("deviation", 1, 10), BSS) for beam in BEAMS}
     degraded, evolving, oscillating = offsets.values()
@@ -195,15 +172,15 @@ def offset_in_other_beams(sky):
 @claim(
     "R1",
     "all three",
-    "The beam can be inverted without regularisation up to l of about 200, not beyond.",
     number="first l where strategy 3 regularises, smallest of the beams",
     paper="about 200",
     section="4.2",
-    figure="",
     notebook="09_sdecgmca",
 )
 def inversion_limit(sky):
-    """With SD's mixing matrix A and the beam H itself, strategy 3 of C21 gives epsilon_l = max(0, c -
+    """The beam can be inverted without regularisation up to l of about 200, not beyond.
+
+    With SD's mixing matrix A and the beam H itself, strategy 3 of C21 gives epsilon_l = max(0, c -
     lambda_min(A^T H_l^2 A) / lambda_min(A^T A)), c of Table 1. The first l with epsilon_l > 0 lies from 150
     to 300, a range that allows for the widths of the beams; and the matrix cannot be inverted there: its
     condition number is above 8e6, at which float32 maps have no significant digit. Two main parts for each
@@ -238,15 +215,11 @@ def _onset(sky, beam):
     return at if at >= 0 else np.nan, float(highest[at] / lowest[at]) if lowest[at] else np.inf
 
 
-@_angular(
-    "S1",
-    "all three",
-    "SD is the most consistent over the three beams.",
-    number="largest mean |C/C0 - 1| of SD over the beams",
-    paper="smallest of all",
-)
+@_angular("S1", "all three", number="largest mean |C/C0 - 1| of SD over the beams", paper="smallest of all")
 def most_consistent(sky):
-    """The most consistent is the method whose deviation in its worst beam is the smallest of all six, by more
+    """SD is the most consistent over the three beams.
+
+    The most consistent is the method whose deviation in its worst beam is the smallest of all six, by more
     than 1 %: the mean |C/C0 - 1| for 2 <= l < 200, and the mean |P/P0 - 1| over all k. Two parts, both main.
     """
     worst = {}

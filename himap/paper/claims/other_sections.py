@@ -27,15 +27,15 @@ _appendix = partial(claim, section="A", notebook="14_diagnostics")
 @claim(
     "F1",
     "none",
-    "The foregrounds are over 4 orders of magnitude above HI, up to 5, at high latitude too.",
     number="log10 of the rms of the foregrounds over that of HI, all sky",
     paper="> 4, up to 5",
     section="1",
-    figure="",
     notebook="01_simulations",
 )
 def foregrounds_above_hi(sky):
-    """Of brightness temperatures, before the beam: the root mean square over channels and pixels of all
+    """The foregrounds are over 4 orders of magnitude above HI, up to 5, at high latitude too.
+
+    Of brightness temperatures, before the beam: the root mean square over channels and pixels of all
     foregrounds together over that of HI, mean brightness included. Its log10 is above 4 over all the sky, and
     from 3 to 5 at |b| > 30 deg, as "up to" is an upper bound. Two parts, both main.
     """
@@ -61,17 +61,12 @@ def _best(scan, error):
     return min(scan, key=lambda n: error(scan[n]))
 
 
-@_scan(
-    "N1",
-    "oscillating",
-    "The total MSE of SD has its minimum at 5 sources, for 2 to 20.",
-    number="n_s of the smallest MSE",
-    paper="5",
-    figure="3",
-)
+@_scan("N1", "oscillating", number="n_s of the smallest MSE", paper="5", figure="3")
 def scan_minimum(sky):
-    """The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One
-    main part; the others are the places of the minimum. The scan must have 4 and 6 too.
+    """The total MSE of SD has its minimum at 5 sources, for 2 to 20.
+
+    The sum of the mean squared relative errors of C_l (l <= 200) and P(k); the minimum must be at 5. One main
+    part; the others are the places of the minimum. The scan must have 4 and 6 too.
     """
     if missing := _missing(sky, 4, 5, 6):
         return missing
@@ -80,16 +75,12 @@ def scan_minimum(sky):
     return finding(best, parts, {"Total MSE at n_s =": {n: total(sky.scan[n]) for n in {best, 5}}})
 
 
-@_scan(
-    "N2",
-    "oscillating",
-    "The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.",
-    number="smallest MSE of these over that at n_s = 5",
-    paper="> 1",
-    figure="3",
-)
+@_scan("N2", "oscillating", number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3")
 def scan_ends(sky):
-    """Larger than at n_s = 5, by more than 1 %: at 2, at 3, and at all from 10 on. Three parts, all main."""
+    """The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.
+
+    Larger than at n_s = 5, by more than 1 %: at 2, at 3, and at all from 10 on. Three parts, all main.
+    """
     if missing := _missing(sky, 2, 3, 5, 10):
         return missing
     totals = {n: total(comparison) / total(sky.scan[5]) for n, comparison in sky.scan.items()}
@@ -100,15 +91,12 @@ def scan_ends(sky):
 
 
 @_scan(
-    "N3",
-    "oscillating",
-    "The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.",
-    number="best n_s at low k",
-    paper="5 (6 for the bump, 7 at 10 < l < 100)",
-    figure="4",
+    "N3", "oscillating", number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4"
 )
 def scan_scales(sky):
-    """Best is the smallest mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
+    """The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.
+
+    Best is the smallest mean |P/P0 - 1| at k < 0.1, |P/P0 - 1| at the bump's top, mean |C/C0 - 1|. Three
     parts, all main; the others are the places.
     """
     best = {
@@ -122,16 +110,11 @@ def scan_scales(sky):
     return _missing(sky, 5, 6, 7) or finding(best["low k"], parts, {"Best n_s": best})
 
 
-@_scan(
-    "N4",
-    "oscillating",
-    "An n_s of 5 to 7 is the best compromise over all scales.",
-    number="n_s of the smallest total, relative errors",
-    paper="5 to 7",
-    figure="3",
-)
+@_scan("N4", "oscillating", number="n_s of the smallest total, relative errors", paper="5 to 7", figure="3")
 def scan_compromise(sky):
-    """The paper does not define its total MSE: its minimum is at 5, 6 or 7 for three definitions. A main part
+    """An n_s of 5 to 7 is the best compromise over all scales.
+
+    The paper does not define its total MSE: its minimum is at 5, 6 or 7 for three definitions. A main part
     for each, relative, logarithmic and absolute; the others are the places. The scan must have 4 and 8 too.
     """
     best = {name: _best(sky.scan, lambda one, by=name: one.total_error(by)) for name in MSE_DEFINITIONS}
@@ -142,13 +125,14 @@ def scan_compromise(sky):
 @_scan(
     "N5",
     "oscillating",
-    "At the largest multipoles the differences between n_s are small.",
     number="spread over n_s at l > 150 over that at 10 < l < 100",
     paper="< 1",
     figure="4",
 )
 def scan_large_degrees(sky):
-    """The spread at one l is the highest less the lowest C/C0 of all n_s. Its median over 150 < l <= 200 is
+    """At the largest multipoles the differences between n_s are small.
+
+    The spread at one l is the highest less the lowest C/C0 of all n_s. Its median over 150 < l <= 200 is
     smaller than that over 10 < l < 100, by more than 1 %. One part. It does not apply to maps that end before
     l = 200.
     """
@@ -172,17 +156,12 @@ def _share_of_sd(values):
     return float(np.mean([sd_least(dict(zip(values, row, strict=True))) for row in rows]))
 
 
-@_appendix(
-    "A1",
-    "oscillating",
-    "SD has the highest correlation with the truth, consistently over frequency.",
-    number="share of channels where SD is highest",
-    paper="1",
-    figure="A.1",
-)
+@_appendix("A1", "oscillating", number="share of channels where SD is highest", paper="1", figure="A.1")
 def correlation_highest(sky):
-    """The highest r is the smallest 1 - r, by more than 1 % of it, since r is close to 1. Consistently is in
-    95 % of the channels or more: the main part. Another: highest on average over them.
+    """SD has the highest correlation with the truth, consistently over frequency.
+
+    The highest r is the smallest 1 - r, by more than 1 % of it, since r is close to 1. Consistently is in 95
+    % of the channels or more: the main part. Another: highest on average over them.
     """
     distances = {short: 1 - sky.correlation(name) for name, short in METHODS.items()}
     share, means = _share_of_sd(distances), {name: row.mean() for name, row in distances.items()}
@@ -195,17 +174,12 @@ def correlation_highest(sky):
     )
 
 
-@_appendix(
-    "A2",
-    "oscillating",
-    "SD has the smallest variance of R_l for 10 <= l <= 200.",
-    number="share of l where SD is smallest",
-    paper="1",
-    figure="A.2",
-)
+@_appendix("A2", "oscillating", number="share of l where SD is smallest", paper="1", figure="A.2")
 def variance_smallest(sky):
-    """Smallest, by more than 1 %, over a range is at 95 % of the l or more: the main part. Another: smallest
-    on average, the geometric mean over l.
+    """SD has the smallest variance of R_l for 10 <= l <= 200.
+
+    Smallest, by more than 1 %, over a range is at 95 % of the l or more: the main part. Another: smallest on
+    average, the geometric mean over l.
     """
     values = {}
     for name, short in METHODS.items():

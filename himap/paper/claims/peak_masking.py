@@ -63,7 +63,6 @@ def _all_absent(parts):
 @claim(
     "O8",
     "oscillating",
-    "The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.",
     number="share of masked voxels that are ripple",
     paper="notable",
     section="4.2",
@@ -71,7 +70,9 @@ def _all_absent(parts):
     notebook="10_results",
 )
 def excess_of_masking(sky):
-    """Without peak masking the mean C/C0 - 1 at l < 10 falls by more than half, for each method that has the
+    """The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.
+
+    Without peak masking the mean C/C0 - 1 at l < 10 falls by more than half, for each method that has the
     excess of O2; for a method without it the premise is absent. The deviation of a masked voxel from the
     first baseline is that of HI, noise and foreground, each less its baseline; the voxel is ripple if the
     foreground contributes most. More than a fifth of the masked voxels are ripple; most of them cannot be,
@@ -110,16 +111,11 @@ def excess_of_masking(sky):
     return finding(math.nan if most is None else most, parts, said)
 
 
-@_peaks(
-    "B1",
-    "all three",
-    "Without the masking of peaks every method is less accurate.",
-    number="smallest ratio of total MSE, without over with",
-    paper="> 1",
-    figure="B.3",
-)
+@_peaks("B1", "all three", number="smallest ratio of total MSE, without over with", paper="> 1", figure="B.3")
 def unmasked_peaks(sky):
-    """Less accurate is a larger total MSE of both spectra, by more than 1 %: a main part for each beam and
+    """Without the masking of peaks every method is less accurate.
+
+    Less accurate is a larger total MSE of both spectra, by more than 1 %: a main part for each beam and
     method, PCA/ICA by the worse of the two. The premise is absent for a beam with which no voxel is masked.
     """
     parts, ratios = (), {}
@@ -136,16 +132,16 @@ def unmasked_peaks(sky):
 @_peaks(
     "B2",
     "all three",
-    "The masking of peaks removes a bias of P/P0 over all scales.",
     number="largest median |P/P0 - 1| at k > 0.1 of BSS, with masking",
     paper="smaller than without",
     figure="B.3",
 )
 def broadband_bias(sky):
-    """The bias is the deviation of the median P/P0 at k > 0.1 from 1, which a peak of a few k does not
-    change. It is removed if the masking reduces it by more than half: a main part for each beam and BSS
-    method, PCA/ICA by the worse of the two. The premise is absent where the bias is below 10 % without the
-    masking.
+    """The masking of peaks removes a bias of P/P0 over all scales.
+
+    The bias is the deviation of the median P/P0 at k > 0.1 from 1, which a peak of a few k does not change.
+    It is removed if the masking reduces it by more than half: a main part for each beam and BSS method,
+    PCA/ICA by the worse of the two. The premise is absent where the bias is below 10 % without the masking.
     """
     median, parts, masked, unmasked = frequency_band("median", LOW_K), (), {}, {}
     for beam in BEAMS:
@@ -161,18 +157,13 @@ def broadband_bias(sky):
     return finding(math.nan if _all_absent(parts) else worst, parts, said, "{:.4g}")
 
 
-@_peaks(
-    "B3",
-    "all three",
-    "The peaks that are masked are bright HI, not point sources.",
-    number="smallest share of masked voxels on an HI peak",
-    paper="most",
-    figure="B.1",
-)
+@_peaks("B3", "all three", number="smallest share of masked voxels on an HI peak", paper="most", figure="B.1")
 def masked_peaks(sky):
-    """The deviation of a masked voxel from the first baseline is that of HI, noise and foreground (point
-    sources included), each less its baseline. The voxel lies on an HI peak if HI contributes most; more than
-    half of the voxels do. A main part for each beam, without premise where no voxel is masked.
+    """The peaks that are masked are bright HI, not point sources.
+
+    The deviation of a masked voxel from the first baseline is that of HI, noise and foreground (point sources
+    included), each less its baseline. The voxel lies on an HI peak if HI contributes most; more than half of
+    the voxels do. A main part for each beam, without premise where no voxel is masked.
     """
     counts = {beam: sky.masked_voxels(beam) for beam in BEAMS}
     shares = {
@@ -186,13 +177,14 @@ def masked_peaks(sky):
 @_post(
     "M1",
     "oscillating",
-    "Lines of sight flagged by their error lie along the Galactic plane.",
     number="share of SD's flagged lines within 15 deg of the plane",
     paper="most",
     figure="5",
 )
 def flagged_in_plane(sky):
-    """More than half of the flagged lines of sight of SD lie within 15 deg of the plane, which is 26 % of the
+    """Lines of sight flagged by their error lie along the Galactic plane.
+
+    More than half of the flagged lines of sight of SD lie within 15 deg of the plane, which is 26 % of the
     sky. One part, without premise where none is flagged; the share of the sky that is flagged is shown.
     """
     flagged, name = sky.flagged("sdecgmca"), "most lie in the plane"
@@ -208,16 +200,12 @@ def flagged_in_plane(sky):
     )
 
 
-@_post(
-    "M2",
-    "oscillating",
-    "Excluding the flagged lines of sight lowers the peak of SD.",
-    number="highest P/P0 of SD near k = 0.31, masked",
-    paper="lower than unmasked",
-)
+@_post("M2", "oscillating", number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked")
 def masked_sdecgmca(sky):
-    """The highest P/P0 near k = 0.31 is lower, by more than 1 %. One part, without premise where SD has no
-    peak, which is a P/P0 above 1.1 there.
+    """Excluding the flagged lines of sight lowers the peak of SD.
+
+    The highest P/P0 near k = 0.31 is lower, by more than 1 %. One part, without premise where SD has no peak,
+    which is a P/P0 above 1.1 there.
     """
     before, after = bump(sky.of("oscillating")["sdecgmca"]), bump(sky.masked("sdecgmca"))
     peak = before > CLEAR
@@ -232,32 +220,24 @@ def _by_mask(sky, measure, methods, *, binned):
     return {METHODS[name]: measure(sky.masked(name)) / measure(full(name)) for name in methods}
 
 
-@_post(
-    "M3",
-    "oscillating",
-    "P/P0 of the other methods does not improve notably without the flagged lines.",
-    number="smallest mean |P/P0 - 1| over that without the mask",
-    paper="about 1",
-)
+@_post("M3", "oscillating", number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1")
 def masked_others(sky):
-    """Notably is by more than a fifth of the mean |P/P0 - 1|. Two main parts: PCA/ICA by the worse of the
-    two, and GMCA.
+    """P/P0 of the other methods does not improve notably without the flagged lines.
+
+    Notably is by more than a fifth of the mean |P/P0 - 1|. Two main parts: PCA/ICA by the worse of the two,
+    and GMCA.
     """
     ratios = _by_mask(sky, frequency_band("error"), BLIND, binned=False)
     parts = parts_of(ratios, lambda value: value >= 1 - NOTABLE, "not notably better")
     return finding(min(ratios.values()), parts, {"Mean |P/P0 - 1| with over without the mask": ratios})
 
 
-@_post(
-    "M4",
-    "oscillating",
-    "C/C0 improves for every BSS method, most for SD.",
-    number="largest mean |C/C0 - 1| over that without the mask",
-    paper="< 1",
-)
+@_post("M4", "oscillating", number="largest mean |C/C0 - 1| over that without the mask", paper="< 1")
 def masked_angular(sky):
-    """The mean |C/C0 - 1| for 2 <= l < 200 shrinks by more than 1 %, with spectra of the full sky in the bins
-    of the masked ones; most is by the largest factor. Four main parts: PCA/ICA by the worse of the two, GMCA,
+    """C/C0 improves for every BSS method, most for SD.
+
+    The mean |C/C0 - 1| for 2 <= l < 200 shrinks by more than 1 %, with spectra of the full sky in the bins of
+    the masked ones; most is by the largest factor. Four main parts: PCA/ICA by the worse of the two, GMCA,
     SD; SD most.
     """
     ratios = _by_mask(sky, angular_band("error", 1, 200), BSS, binned=True)
@@ -265,16 +245,12 @@ def masked_angular(sky):
     return finding(max(ratios.values()), parts, {"Mean |C/C0 - 1| with over without the mask": ratios})
 
 
-@_post(
-    "M5",
-    "oscillating",
-    "Without the flagged lines SD recovers smaller multipoles and lower k.",
-    number="lowest l from which SD recovers C, masked",
-    paper="lower than unmasked",
-)
+@_post("M5", "oscillating", number="lowest l from which SD recovers C, masked", paper="lower than unmasked")
 def masked_range(sky):
-    """A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to k
-    = 0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
+    """Without the flagged lines SD recovers smaller multipoles and lower k.
+
+    A spectrum is recovered from the lowest l (or k) at which, and from which on up to l = 200 (or up to k =
+    0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
     lower, in the same bins. Two parts, both main, without premise where a range is complete without the mask.
     """
     both = sky.unmasked("sdecgmca"), sky.masked("sdecgmca")

@@ -21,32 +21,23 @@ from himap.paper.claims.verdicts import CLEAR, LEAST_ORDER, ORDERS, is_smaller, 
 _angular, _frequency = (partial(claim, section="4.2", figure=n, notebook="10_results") for n in "12")
 
 
-@_angular(
-    "D1",
-    "degraded",
-    "All six methods recover C to within 10 % for 3 < l < 200.",
-    number="|C/C0 - 1| of the worst method, at 95 % of the l",
-    paper="< 0.1",
-)
+@_angular("D1", "degraded", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="< 0.1")
 def degraded_angular(sky):
-    """Within 10 % at 95 % of the l between 3 and 200 (or 2 nside). A main part for each method, PCA/ICA by
-    the worse of the two.
+    """All six methods recover C to within 10 % for 3 < l < 200.
+
+    Within 10 % at 95 % of the l between 3 and 200 (or 2 nside). A main part for each method, PCA/ICA by the
+    worse of the two.
     """
     errors = each(sky, "degraded", angular_band("within", 3, 200))
     said = {"|C/C0 - 1| at 95 % of the l is below": errors}
     return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), said)
 
 
-@_frequency(
-    "D2",
-    "degraded",
-    "All six methods recover P to within 10 % for k > 0.03.",
-    number="|P/P0 - 1| of the worst method, at 95 % of the k",
-    paper="< 0.1",
-)
+@_frequency("D2", "degraded", number="|P/P0 - 1| of the worst method, at 95 % of the k", paper="< 0.1")
 def degraded_frequency(sky):
-    """Within 10 % at 95 % of the k above 0.03. A main part for each method, PCA/ICA by the worse of the
-    two.
+    """All six methods recover P to within 10 % for k > 0.03.
+
+    Within 10 % at 95 % of the k above 0.03. A main part for each method, PCA/ICA by the worse of the two.
     """
     errors = each(sky, "degraded", frequency_band("within", 0.03))
     said = {"|P/P0 - 1| at 95 % of the k is below": errors}
@@ -54,30 +45,24 @@ def degraded_frequency(sky):
 
 
 @_frequency(
-    "D3",
-    "degraded",
-    "All six methods lose power at k < 0.03.",
-    number="P/P0 of the method with the smallest loss, at 95 % of the k",
-    paper="< 1",
+    "D3", "degraded", number="P/P0 of the method with the smallest loss, at 95 % of the k", paper="< 1"
 )
 def degraded_low_k(sky):
-    """P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03. A main part for each method, PCA/ICA by
-    the worse of the two.
+    """All six methods lose power at k < 0.03.
+
+    P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03. A main part for each method, PCA/ICA by the
+    worse of the two.
     """
     tops = each(sky, "degraded", frequency_band("below", 0, 0.03))
     said = {"P/P0 at 95 % of the k below 0.03 is at most": tops}
     return finding(max(tops.values()), parts_of(tops, smaller, "loses power"), said)
 
 
-@_angular(
-    "E1",
-    "evolving",
-    "The parametric fit overestimates C by orders of magnitude at every l.",
-    number="median C/C0 of PAR",
-    paper="> 100",
-)
+@_angular("E1", "evolving", number="median C/C0 of PAR", paper="> 100")
 def evolving_parametric(sky):
-    """Orders of magnitude are two or more: the median of C/C0 over 2 <= l <= 200 is above 100. Across all
+    """The parametric fit overestimates C by orders of magnitude at every l.
+
+    Orders of magnitude are two or more: the median of C/C0 over 2 <= l <= 200 is above 100. Across all
     scales: the smallest is above 10. Two main parts.
     """
     comparison = sky.of("evolving")["parametric"]
@@ -90,15 +75,11 @@ def evolving_parametric(sky):
     return finding(median, parts, {"C/C0": {"lowest": lowest, "median": median, "highest": ratios.max()}})
 
 
-@_angular(
-    "E2",
-    "evolving",
-    "PCA, ICA and SD recover C to within about 10 % for 4 <= l <= 200.",
-    number="|C/C0 - 1| of the worst method, at 95 % of the l",
-    paper="about 0.1",
-)
+@_angular("E2", "evolving", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="about 0.1")
 def evolving_angular(sky):
-    """Within about 10 % is within 10 % at 95 % of the l. Two main parts: PCA/ICA by the worse of the two, and
+    """PCA, ICA and SD recover C to within about 10 % for 4 <= l <= 200.
+
+    Within about 10 % is within 10 % at 95 % of the l. Two main parts: PCA/ICA by the worse of the two, and
     SD.
     """
     errors = each(sky, "evolving", angular_band("within", 3, 201), ("pca", "fastica", "sdecgmca"))
@@ -106,17 +87,13 @@ def evolving_angular(sky):
     return finding(max(errors.values()), parts_of(errors, recovered, "within about 10 %"), said)
 
 
-@_angular(
-    "E3",
-    "evolving",
-    "GMCA has a clear excess in C/C0 from l = 40 down, and in P/P0 below k = 0.2.",
-    number="mean C/C0 of GMCA for 10 < l < 40",
-    paper="> 1.1",
-)
+@_angular("E3", "evolving", number="mean C/C0 of GMCA for 10 < l < 40", paper="> 1.1")
 def evolving_gmca(sky):
-    """A clear excess is a mean of more than 1.1. Four parts, all main: C/C0 for 2 <= l < 10 (small) and for
-    10 < l < 40 (intermediate); P/P0 for k < 0.2, and for 0.1 < k < 0.2 by itself, so that the lowest k alone
-    do not suffice.
+    """GMCA has a clear excess in C/C0 from l = 40 down, and in P/P0 below k = 0.2.
+
+    A clear excess is a mean of more than 1.1. Four parts, all main: C/C0 for 2 <= l < 10 (small) and for 10 <
+    l < 40 (intermediate); P/P0 for k < 0.2, and for 0.1 < k < 0.2 by itself, so that the lowest k alone do
+    not suffice.
     """
     measures = {
         "l < 10": angular_band("mean", 1, 10),
@@ -131,15 +108,13 @@ def evolving_gmca(sky):
 
 
 @_frequency(
-    "E4",
-    "evolving",
-    "All methods but PAR recover P down to k of about 0.1, and deviate more below.",
-    number="|P/P0 - 1| of the worst method, at 95 % of the k above 0.1",
-    paper="< 0.1",
+    "E4", "evolving", number="|P/P0 - 1| of the worst method, at 95 % of the k above 0.1", paper="< 0.1"
 )
 def evolving_frequency(sky):
-    """Recovered is to 10 % at 95 % of the k above 0.1; the deviation grows if 95 % of the k below are within
-    a larger one, by more than 1 %. Two main parts for each method, PCA/ICA by the worse of the two. For GMCA
+    """All methods but PAR recover P down to k of about 0.1, and deviate more below.
+
+    Recovered is to 10 % at 95 % of the k above 0.1; the deviation grows if 95 % of the k below are within a
+    larger one, by more than 1 %. Two main parts for each method, PCA/ICA by the worse of the two. For GMCA
     this is hardly compatible with its excess at 0.1 < k < 0.2 (E3).
     """
     methods = [name for name in METHODS if name != "parametric"]
@@ -154,13 +129,14 @@ def evolving_frequency(sky):
 @_frequency(
     "E5",
     "evolving",
-    "POL is insensitive to this beam.",
     number="change of C/C0 from the degraded to the evolving beam, at 95 % of the l",
     paper="small",
 )
 def evolving_polynomial(sky):
-    """Both ratios are within 10 % of those of the degraded beam, at 95 % of the l with 3 < l < 200 and of the
-    k above 0.03, below which it loses power with any beam (D3). Two parts, both main.
+    """POL is insensitive to this beam.
+
+    Both ratios are within 10 % of those of the degraded beam, at 95 % of the l with 3 < l < 200 and of the k
+    above 0.03, below which it loses power with any beam (D3). Two parts, both main.
     """
     evolving, degraded = (sky.of(beam)["polynomial"] for beam in ("evolving", "degraded"))
     ratio_l = evolving.angular_ratio / degraded.angular_ratio
