@@ -149,15 +149,21 @@ def entries(rows):
     InputError
         A claim that himap does not have.
     """
-    if unknown := sorted({*rows["claim"]} - CLAIMS.keys()):
+    found = {}
+    for row in rows.itertuples():
+        found.setdefault(row.claim, {}).setdefault((row.seed, row.restart), []).append(row)
+    if unknown := sorted(found.keys() - CLAIMS.keys()):
         raise InputError(
             f"the record has claims of another version of himap, {', '.join(unknown)}; measure it again with "
             "`himap measure claims`."
         )
-    found = {}
-    for (id, *member), several in rows.groupby(["claim", "seed", "restart"], sort=False):
-        parts = several[several["part"].notna()]
-        parts = tuple(map(Part, parts["part"], parts["held"], parts["main"], parts["method"]))
-        value, sentence = several[["value", "sentence"]].iloc[0]
-        found.setdefault(id, {})[tuple(member)] = Finding(value, parts, sentence)
-    return [Entry(claim=claim, findings=found[id]) for id, claim in CLAIMS.items() if id in found]
+    return [
+        Entry(claim=claim, findings={member: _finding(several) for member, several in found[id].items()})
+        for id, claim in CLAIMS.items()
+        if id in found
+    ]
+
+
+def _finding(rows):
+    parts = tuple(Part(row.part, row.held, row.main, row.method) for row in rows if row.part is not None)
+    return Finding(value=rows[0].value, parts=parts, sentence=rows[0].sentence)
