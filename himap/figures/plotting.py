@@ -216,8 +216,11 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     points = []
     for axes, panel in zip(grid, panels, strict=True):
         curves, markers, bundles = (panel.get(key, []) for key in ("curves", "points", "bundles"))
-        for bundle in bundles:
-            _draw_bundle(axes, *bundle)
+        for x, ys, style in bundles:  # as one picture: thousands of curves weigh no more than a few
+            pairs = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
+            look = {key: value for key, value in style.items() if key != "label"}
+            axes.add_collection(LineCollection(pairs, rasterized=True, zorder=1.5, **look))
+            axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})  # the legend has one, not faint
         for x, y, style in curves:
             _draw_curve(axes, x, y, style)
         for x, y, style in markers:
@@ -259,14 +262,6 @@ def _points(panel, x, y, style):
     named = zip(("16 %", "median", "84 %"), np.percentile(y, _BANDS, axis=0), strict=True)
     members = [(f"restart {k}", values) for k, values in enumerate(y)]
     return [(title, f"{label}: {name}", x, values) for name, values in [*named, *members]]
-
-
-def _draw_bundle(axes, x, ys, style):
-    """Curves as one picture, so that thousands weigh no more than a few; the legend has one, not faint."""
-    points = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
-    look = {key: value for key, value in style.items() if key != "label"}
-    axes.add_collection(LineCollection(points, rasterized=True, zorder=1.5, **look))
-    axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})
 
 
 def _percentiles(bundles):
