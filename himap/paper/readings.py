@@ -1,11 +1,15 @@
 """The readings of the choices that the paper leaves open about SDecGMCA, and the outcome of each."""
 
 import itertools
+import math
 import re
 from contextlib import suppress
 from dataclasses import dataclass
 
+import numpy as np
+
 from himap.core.errors import InputError
+from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.diagnostics import FAILING
 from himap.paper.claims import CLAIMS
@@ -17,8 +21,7 @@ BANDS = {
 }
 """`diagnostics.BANDS` by the names that the records have."""
 
-NEAR_PLANE = 10.0
-"""Galactic latitude below which a line of sight is near the plane, deg."""
+_NEAR_PLANE = 10.0  # deg of Galactic latitude
 
 CURVES = ("C/C0", "P/P0")
 """Quantities with a value for each x: l, or k in 1/MHz."""
@@ -40,6 +43,16 @@ mean ratios in `BANDS`; "bump", the highest P/P0 near k = 0.31 / MHz; "mean erro
 "total error", the MSE of both spectra; "iterations" of both stages; whether the last one "converged"; the
 diagnostics of the iteration (`himap.removal.separation.Separation`); and `CURVES` in bins.
 """
+
+
+def flagged_shares(errors, none=math.nan):
+    """Share of the lines of sight that their errors (n_pix,) flag, and of these near the plane, a dict.
+
+    The latter is `none` where no line is flagged.
+    """
+    flagged = diagnostics.flagged_lines(errors)
+    near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < _NEAR_PLANE
+    return {"flagged": flagged.mean(), "near the plane": near.mean() if len(near) else none}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +85,6 @@ class Reading:
         """{option: value} of all options."""
         given = dict(self.options)
         return READINGS[given.pop("reading", "default")] | given
-
-    @property
-    def unlike(self):
-        """How many values are not those of the letter."""
-        return sum(self.values[name] != READINGS["letter"][name] for name in OPTIONS)
 
     @property
     def departures(self):

@@ -12,13 +12,12 @@ from scipy.linalg import subspace_angles
 
 from himap.core.checks import whole_number
 from himap.instrument.beams.paper import Oscillating
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means, flagged_lines
+from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means
 from himap.measures.low_rank_spectra import line_errors
 from himap.paper import cleaned, pipeline
 from himap.paper.grid import cases_of, skies_of
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import NEAR_PLANE
+from himap.paper.readings import flagged_shares
 from himap.paper.record import Experiment
 from himap.store.store import product
 
@@ -140,16 +139,13 @@ def member(case, remover):
 def _last_numbers(case, remover):
     """{quantity: number} of what an `SDecGMCA` that ends at some l makes of a case."""
     result = cleaned.assessment(case, remover)
-    flagged = flagged_lines(line_errors(cleaned.error(case, remover)))
-    near = np.abs(sphere.pixel_latitude(case.survey.nside)[flagged]) < NEAR_PLANE
     whole, cut = (
         Comparison.of(result.power_spectra, truth, l_top=_L_MAX)
         for truth in (pipeline.true_spectra(case), result.cut_truth)
     )
     error = np.abs(whole.angular_ratio - 1)
     numbers = {
-        "flagged": flagged.mean(),
-        "near the plane": near.mean() if len(near) else 0,
+        **flagged_shares(line_errors(cleaned.error(case, remover)), none=0),
         "mean error": band_mean(whole.degrees, error, 9, _L_MAX + 1),
         **_ratios(whole),
         **{f"{name}, cut": ratio for name, ratio in _ratios(cut).items() if not name.startswith("C")},

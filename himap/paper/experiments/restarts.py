@@ -10,14 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP, band_means, flagged_lines
+from himap.measures.diagnostics import BUMP, band_means
 from himap.paper import cleaned
 from himap.paper.claims.base import BEAMS, angular_band, bump, mean_error
 from himap.paper.claims.entries import finding_rows
 from himap.paper.ensembles import failures
 from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
-from himap.paper.readings import BANDS, COLUMNS, NEAR_PLANE, candidates
+from himap.paper.readings import BANDS, COLUMNS, candidates, flagged_shares
 from himap.paper.record import Experiment
 
 _N_BINS = 40  # of a curve, at most
@@ -67,11 +66,13 @@ def measure(sky):
         for member in members:
             first = empty | {"reading": label}
             rows += [first | row for row in claim_rows(member)]
-            for case, n_sources, call in _calls(member, scan=single):
-                shown = first | {"case": case, "n_sources": n_sources, "restart": member.restart}
+            shown = [(case, member.calls(case)["sdecgmca"]) for case in CASES]
+            shown += [(SCAN, call) for call in member.scan_calls().values()] if single else []
+            for case, call in shown:
+                run = first | {"case": case, "n_sources": call[1].n_sources, "restart": member.restart}
                 for row in member_rows(call, masks=case == "oscillating"):
                     few = row["quantity"] == "mean error" or (case == "oscillating" and "x" not in row)
-                    rows += [shown | row] if single or few else []
+                    rows += [run | row] if single or few else []
     return rows
 
 
@@ -82,15 +83,6 @@ def claim_rows(member):
         {name: row[name] for name in names} | {"quantity": row["claim"]}
         for row in finding_rows(judge(member), member.restart)
     ]
-
-
-def _calls(member, scan):
-    """(case, number of sources, arguments of `cleaned.assessment`) of what is shown of a `Realisation`."""
-    for case in CASES:
-        call = member.calls(case)["sdecgmca"]
-        yield case, call[1].n_sources, call
-    for n_sources, call in member.scan_calls().items() if scan else ():
-        yield SCAN, n_sources, call
 
 
 def member_rows(call, *, masks=False):
@@ -104,16 +96,14 @@ def member_rows(call, *, masks=False):
         Whether curves without the flagged lines of sight, correlation and variance are wanted too.
     """
     result, comparison = cleaned.assessment(*call), cleaned.compared(*call)
-    flagged, k = flagged_lines(result.line_errors), comparison.k
-    near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < NEAR_PLANE
+    k = comparison.k
     numbers = {
         **band_means(comparison.ratios, comparison.degrees, k, BANDS, complete=False),
         "bump": bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
         "mean error": mean_error(comparison),
         "largest error": angular_band("deviation", 10, 200)(comparison),
         "total error": comparison.total_error(),
-        "flagged": flagged.mean(),
-        "near the plane": near.mean() if len(near) else math.nan,
+        **flagged_shares(result.line_errors),
         "iterations": result.n_iterations,
         "converged": result.converged,
         **(result.diagnostics or {}),
