@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -66,6 +67,11 @@ def claim(id, beam, **entry):
         return check
 
     return register
+
+
+def claims_of(**entry):
+    """The decorator `claim` with words that several share; its name is to end on "_claim"."""
+    return partial(claim, **entry)
 
 
 def each(sky, case, measure, methods=tuple(METHODS)):

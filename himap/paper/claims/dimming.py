@@ -1,13 +1,11 @@
 """Claims on the dimmed Galaxy (Sect. 5.2, Fig. 7)."""
 
-from functools import partial
-
 import numpy as np
 
-from himap.paper.claims.base import above, bump, claim, each, finding, quotients, smaller, total
+from himap.paper.claims.base import above, bump, claims_of, each, finding, quotients, smaller, total
 from himap.paper.claims.verdicts import CLEAR, RECOVERED, Part, is_smaller, parts_of
 
-_dimmed = partial(claim, figure="7", notebook="13_dimmed_galaxy")
+dimmed_claim = claims_of(figure="7", notebook="13_dimmed_galaxy")
 _CASES = ("oscillating", "dimmed")
 _THREE = ("pca", "fastica", "sdecgmca")
 
@@ -18,7 +16,7 @@ def _gain(sky):
     return quotients(dimmed, full)
 
 
-@_dimmed(
+@dimmed_claim(
     "G1",
     "oscillating, dimmed",
     number="largest total MSE over that of the full Galaxy",
@@ -38,7 +36,7 @@ def dimmed_error(sky):
     return finding(max(gain.values()), parts, {"Total MSE dimmed over full": gain})
 
 
-@_dimmed(
+@dimmed_claim(
     "G2",
     "oscillating, dimmed",
     number="highest P/P0 of SD near k = 0.31, less 1",
@@ -70,7 +68,7 @@ def _recovered_shares(sky):
     return shares, {name: dimmed[name] - full[name] for name in full}
 
 
-@_dimmed(
+@dimmed_claim(
     "G3",
     "oscillating, dimmed",
     number="smallest growth of the share of l within 10 %",
@@ -89,7 +87,7 @@ def dimmed_range(sky):
     return finding(min(growth.values()), parts, {"Share of l within 10 %": shares}, "{:.0%}")
 
 
-@_dimmed(
+@dimmed_claim(
     "G4",
     "oscillating, dimmed",
     number="growth of SD's share of l within 10 %",

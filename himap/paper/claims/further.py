@@ -228,7 +228,7 @@ def regularisation_scheme(sky):
         parts += (Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"),)
         parts += (Part(f"{spectrum} spreads more than over restarts", more, method="SD"),)
     said = {"Median spread over settings": over_settings, "over as many restarts": over_restarts}
-    said["mean |C/C0 - 1|"] = {name: mean_error(one) for name, one in settings.items()}
+    said |= {"mean |C/C0 - 1|": {name: mean_error(one) for name, one in settings.items()}}
     return finding(over_settings["C/C0"], parts, said)
 
 

@@ -1,7 +1,5 @@
 """Claims on the oscillating beam, and on all three beams (Sect. 4.2, Figs. 1 and 2)."""
 
-from functools import partial
-
 import numpy as np
 
 from himap.measures.diagnostics import FAILING
@@ -13,6 +11,7 @@ from himap.paper.claims.base import (
     angular_band,
     bump,
     claim,
+    claims_of,
     each,
     finding,
     frequency_band,
@@ -31,13 +30,13 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-_angular, _frequency = (partial(claim, section="4.2", figure=n, notebook="10_results") for n in "12")
+angular_claim, frequency_claim = (claims_of(section="4.2", figure=n, notebook="10_results") for n in "12")
 _ACCURATE = 0.05
 _NEAR_200 = (150, 300)
 _DIGITS = 1 / np.finfo(np.float32).eps  # condition number from which float32 maps leave no digit
 
 
-@_angular("O1", "oscillating", number="smallest of the four mean deviations from 1", paper="> 0.1")
+@angular_claim("O1", "oscillating", number="smallest of the four mean deviations from 1", paper="> 0.1")
 def oscillating_fits(sky):
     """POL and PAR fail in both spectra.
 
@@ -54,7 +53,7 @@ def oscillating_fits(sky):
     return finding(min(errors.values()), tuple(parts), {"Mean deviation from 1": errors})
 
 
-@_angular("O2", "oscillating", number="smallest mean C/C0 at l < 10", paper="> 1.5")
+@angular_claim("O2", "oscillating", number="smallest mean C/C0 at l < 10", paper="> 1.5")
 def oscillating_large_scales(sky):
     """The BSS methods have a strong excess in C/C0 at l < 10.
 
@@ -66,7 +65,7 @@ def oscillating_large_scales(sky):
     return finding(min(means.values()), parts, {"Mean C/C0 at l < 10": means})
 
 
-@_angular("O3", "oscillating", number="|C/C0 - 1| of SD, at 95 % of the l", paper="< 0.05")
+@angular_claim("O3", "oscillating", number="|C/C0 - 1| of SD, at 95 % of the l", paper="< 0.05")
 def oscillating_angular(sky):
     """SD recovers C to within 5 % for 10 < l < 200; PCA, ICA and GMCA each deviate more.
 
@@ -86,7 +85,7 @@ def oscillating_angular(sky):
     return finding(within["from 10 on"], parts, said)
 
 
-@_frequency("O4", "oscillating", number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest")
+@frequency_claim("O4", "oscillating", number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest")
 def oscillating_peak(sky):
     """Every BSS method has a spurious peak in P/P0 near k = 0.3, SD the lowest.
 
@@ -103,7 +102,7 @@ def oscillating_peak(sky):
     return finding(tops["SD"], parts, {"Highest P/P0 near k = 0.31": tops})
 
 
-@_frequency("O5", "oscillating", number="mean P/P0 of SD at k < 0.1", paper="> 1.1")
+@frequency_claim("O5", "oscillating", number="mean P/P0 of SD at k < 0.1", paper="> 1.1")
 def oscillating_low_k(sky):
     """The BSS methods have an excess in P/P0 at low k, SD no smaller than PCA or ICA.
 
@@ -123,7 +122,7 @@ def oscillating_low_k(sky):
     return finding(means["SD"], parts, {"Mean P/P0 at k < 0.1": means})
 
 
-@_angular("O6", "all three", number="highest C/C0 of SD at l > 200", paper="> 1.1")
+@angular_claim("O6", "all three", number="highest C/C0 of SD at l > 200", paper="> 1.1")
 def beyond_200(sky):
     """Beyond l = 200 SD has a spurious peak in C, due to its regularised inversion.
 
@@ -146,7 +145,7 @@ def beyond_200(sky):
     return finding(highest, parts, {"Highest C/C0 of SD beyond l = 200": found}, "{:.4g}")
 
 
-@_angular(
+@angular_claim(
     "O7",
     "all three",
     number="offset with the oscillating beam over that with the others, smallest of BSS",
@@ -215,7 +214,9 @@ def _onset(sky, beam):
     return at if at >= 0 else np.nan, float(highest[at] / lowest[at]) if lowest[at] else np.inf
 
 
-@_angular("S1", "all three", number="largest mean |C/C0 - 1| of SD over the beams", paper="smallest of all")
+@angular_claim(
+    "S1", "all three", number="largest mean |C/C0 - 1| of SD over the beams", paper="smallest of all"
+)
 def most_consistent(sky):
     """SD is the most consistent over the three beams.
 

@@ -1,7 +1,5 @@
 """Section 1: the sky; Section 4.3: the number of sources (Figs. 3 and 4); Appendix A: diagnostics."""
 
-from functools import partial
-
 import numpy as np
 
 from himap.measures.diagnostics import MSE_DEFINITIONS
@@ -11,6 +9,7 @@ from himap.paper.claims.base import (
     angular_band,
     bump,
     claim,
+    claims_of,
     finding,
     frequency_band,
     larger,
@@ -20,8 +19,8 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import CONSISTENT, Part, is_smaller, not_applicable, parts_of, places_of
 
-_scan = partial(claim, section="4.3", notebook="11_ns_scan")
-_appendix = partial(claim, section="A", notebook="14_diagnostics")
+scan_claim = claims_of(section="4.3", notebook="11_ns_scan")
+appendix_claim = claims_of(section="A", notebook="14_diagnostics")
 
 
 @claim(
@@ -61,7 +60,7 @@ def _best(scan, error):
     return min(scan, key=lambda n: error(scan[n]))
 
 
-@_scan("N1", "oscillating", number="n_s of the smallest MSE", paper="5", figure="3")
+@scan_claim("N1", "oscillating", number="n_s of the smallest MSE", paper="5", figure="3")
 def scan_minimum(sky):
     """The total MSE of SD has its minimum at 5 sources, for 2 to 20.
 
@@ -75,7 +74,7 @@ def scan_minimum(sky):
     return finding(best, parts, {"Total MSE at n_s =": {n: total(sky.scan[n]) for n in {best, 5}}})
 
 
-@_scan("N2", "oscillating", number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3")
+@scan_claim("N2", "oscillating", number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3")
 def scan_ends(sky):
     """The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.
 
@@ -90,7 +89,7 @@ def scan_ends(sky):
     return finding(min(values.values()), parts, {"MSE over that at n_s = 5": values})
 
 
-@_scan(
+@scan_claim(
     "N3", "oscillating", number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4"
 )
 def scan_scales(sky):
@@ -110,7 +109,9 @@ def scan_scales(sky):
     return _missing(sky, 5, 6, 7) or finding(best["low k"], parts, {"Best n_s": best})
 
 
-@_scan("N4", "oscillating", number="n_s of the smallest total, relative errors", paper="5 to 7", figure="3")
+@scan_claim(
+    "N4", "oscillating", number="n_s of the smallest total, relative errors", paper="5 to 7", figure="3"
+)
 def scan_compromise(sky):
     """An n_s of 5 to 7 is the best compromise over all scales.
 
@@ -122,7 +123,7 @@ def scan_compromise(sky):
     return _missing(sky, 4, 5, 6, 7, 8) or finding(best["relative"], parts, {"Least total at n_s": best})
 
 
-@_scan(
+@scan_claim(
     "N5",
     "oscillating",
     number="spread over n_s at l > 150 over that at 10 < l < 100",
@@ -156,7 +157,7 @@ def _share_of_sd(values):
     return float(np.mean([sd_least(dict(zip(values, row, strict=True))) for row in rows]))
 
 
-@_appendix("A1", "oscillating", number="share of channels where SD is highest", paper="1", figure="A.1")
+@appendix_claim("A1", "oscillating", number="share of channels where SD is highest", paper="1", figure="A.1")
 def correlation_highest(sky):
     """SD has the highest correlation with the truth, consistently over frequency.
 
@@ -174,7 +175,7 @@ def correlation_highest(sky):
     )
 
 
-@_appendix("A2", "oscillating", number="share of l where SD is smallest", paper="1", figure="A.2")
+@appendix_claim("A2", "oscillating", number="share of l where SD is smallest", paper="1", figure="A.2")
 def variance_smallest(sky):
     """SD has the smallest variance of R_l for 10 <= l <= 200.
 

@@ -1,7 +1,6 @@
 """Claims on masks before and after the separation (Sects. 4.1 and 5.1, Appendix B)."""
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from himap.paper.claims.base import (
     angular_band,
     bump,
     claim,
+    claims_of,
     each,
     finding,
     frequency_band,
@@ -40,8 +40,8 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-_peaks = partial(claim, section="4.1, B", notebook="03_peak_masking")
-_post = partial(claim, section="5.1", figure="6", notebook="12_post_masking")
+peak_claim = claims_of(section="4.1, B", notebook="03_peak_masking")
+post_claim = claims_of(section="5.1", figure="6", notebook="12_post_masking")
 _PLANE = 15.0  # deg of latitude
 
 
@@ -111,7 +111,9 @@ def excess_of_masking(sky):
     return finding(math.nan if most is None else most, parts, said)
 
 
-@_peaks("B1", "all three", number="smallest ratio of total MSE, without over with", paper="> 1", figure="B.3")
+@peak_claim(
+    "B1", "all three", number="smallest ratio of total MSE, without over with", paper="> 1", figure="B.3"
+)
 def unmasked_peaks(sky):
     """Without the masking of peaks every method is less accurate.
 
@@ -129,7 +131,7 @@ def unmasked_peaks(sky):
     return finding(least, parts, {"Total MSE without peak masking over that with it": ratios}, "{:.4g}")
 
 
-@_peaks(
+@peak_claim(
     "B2",
     "all three",
     number="largest median |P/P0 - 1| at k > 0.1 of BSS, with masking",
@@ -157,7 +159,9 @@ def broadband_bias(sky):
     return finding(math.nan if _all_absent(parts) else worst, parts, said, "{:.4g}")
 
 
-@_peaks("B3", "all three", number="smallest share of masked voxels on an HI peak", paper="most", figure="B.1")
+@peak_claim(
+    "B3", "all three", number="smallest share of masked voxels on an HI peak", paper="most", figure="B.1"
+)
 def masked_peaks(sky):
     """The peaks that are masked are bright HI, not point sources.
 
@@ -174,7 +178,7 @@ def masked_peaks(sky):
     return finding(min(_known(shares), default=math.nan), parts, said, "{}")
 
 
-@_post(
+@post_claim(
     "M1",
     "oscillating",
     number="share of SD's flagged lines within 15 deg of the plane",
@@ -200,7 +204,9 @@ def flagged_in_plane(sky):
     )
 
 
-@_post("M2", "oscillating", number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked")
+@post_claim(
+    "M2", "oscillating", number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked"
+)
 def masked_sdecgmca(sky):
     """Excluding the flagged lines of sight lowers the peak of SD.
 
@@ -220,7 +226,9 @@ def _by_mask(sky, measure, methods, *, binned):
     return {METHODS[name]: measure(sky.masked(name)) / measure(full(name)) for name in methods}
 
 
-@_post("M3", "oscillating", number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1")
+@post_claim(
+    "M3", "oscillating", number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1"
+)
 def masked_others(sky):
     """P/P0 of the other methods does not improve notably without the flagged lines.
 
@@ -232,7 +240,7 @@ def masked_others(sky):
     return finding(min(ratios.values()), parts, {"Mean |P/P0 - 1| with over without the mask": ratios})
 
 
-@_post("M4", "oscillating", number="largest mean |C/C0 - 1| over that without the mask", paper="< 1")
+@post_claim("M4", "oscillating", number="largest mean |C/C0 - 1| over that without the mask", paper="< 1")
 def masked_angular(sky):
     """C/C0 improves for every BSS method, most for SD.
 
@@ -245,7 +253,9 @@ def masked_angular(sky):
     return finding(max(ratios.values()), parts, {"Mean |C/C0 - 1| with over without the mask": ratios})
 
 
-@_post("M5", "oscillating", number="lowest l from which SD recovers C, masked", paper="lower than unmasked")
+@post_claim(
+    "M5", "oscillating", number="lowest l from which SD recovers C, masked", paper="lower than unmasked"
+)
 def masked_range(sky):
     """Without the flagged lines SD recovers smaller multipoles and lower k.
 

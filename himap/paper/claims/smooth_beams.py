@@ -1,14 +1,12 @@
 """Claims on the degraded and the evolving beam (Sect. 4.2, Figs. 1 and 2)."""
 
-from functools import partial
-
 import numpy as np
 
 from himap.paper.claims.base import (
     METHODS,
     above,
     angular_band,
-    claim,
+    claims_of,
     each,
     finding,
     frequency_band,
@@ -18,10 +16,10 @@ from himap.paper.claims.base import (
 )
 from himap.paper.claims.verdicts import CLEAR, LEAST_ORDER, ORDERS, is_smaller, parts_of
 
-_angular, _frequency = (partial(claim, section="4.2", figure=n, notebook="10_results") for n in "12")
+angular_claim, frequency_claim = (claims_of(section="4.2", figure=n, notebook="10_results") for n in "12")
 
 
-@_angular("D1", "degraded", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="< 0.1")
+@angular_claim("D1", "degraded", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="< 0.1")
 def degraded_angular(sky):
     """All six methods recover C to within 10 % for 3 < l < 200.
 
@@ -33,7 +31,7 @@ def degraded_angular(sky):
     return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), said)
 
 
-@_frequency("D2", "degraded", number="|P/P0 - 1| of the worst method, at 95 % of the k", paper="< 0.1")
+@frequency_claim("D2", "degraded", number="|P/P0 - 1| of the worst method, at 95 % of the k", paper="< 0.1")
 def degraded_frequency(sky):
     """All six methods recover P to within 10 % for k > 0.03.
 
@@ -44,7 +42,7 @@ def degraded_frequency(sky):
     return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), said)
 
 
-@_frequency(
+@frequency_claim(
     "D3", "degraded", number="P/P0 of the method with the smallest loss, at 95 % of the k", paper="< 1"
 )
 def degraded_low_k(sky):
@@ -58,7 +56,7 @@ def degraded_low_k(sky):
     return finding(max(tops.values()), parts_of(tops, smaller, "loses power"), said)
 
 
-@_angular("E1", "evolving", number="median C/C0 of PAR", paper="> 100")
+@angular_claim("E1", "evolving", number="median C/C0 of PAR", paper="> 100")
 def evolving_parametric(sky):
     """The parametric fit overestimates C by orders of magnitude at every l.
 
@@ -75,7 +73,7 @@ def evolving_parametric(sky):
     return finding(median, parts, {"C/C0": {"lowest": lowest, "median": median, "highest": ratios.max()}})
 
 
-@_angular("E2", "evolving", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="about 0.1")
+@angular_claim("E2", "evolving", number="|C/C0 - 1| of the worst method, at 95 % of the l", paper="about 0.1")
 def evolving_angular(sky):
     """PCA, ICA and SD recover C to within about 10 % for 4 <= l <= 200.
 
@@ -87,7 +85,7 @@ def evolving_angular(sky):
     return finding(max(errors.values()), parts_of(errors, recovered, "within about 10 %"), said)
 
 
-@_angular("E3", "evolving", number="mean C/C0 of GMCA for 10 < l < 40", paper="> 1.1")
+@angular_claim("E3", "evolving", number="mean C/C0 of GMCA for 10 < l < 40", paper="> 1.1")
 def evolving_gmca(sky):
     """GMCA has a clear excess in C/C0 from l = 40 down, and in P/P0 below k = 0.2.
 
@@ -107,7 +105,7 @@ def evolving_gmca(sky):
     return finding(excess["10 < l < 40"], parts, {"Mean C/C0 and P/P0 of GMCA at": excess})
 
 
-@_frequency(
+@frequency_claim(
     "E4", "evolving", number="|P/P0 - 1| of the worst method, at 95 % of the k above 0.1", paper="< 0.1"
 )
 def evolving_frequency(sky):
@@ -126,7 +124,7 @@ def evolving_frequency(sky):
     return finding(max(over.values()), parts, {"|P/P0 - 1| at 95 % of the k above 0.1": over, "below": under})
 
 
-@_frequency(
+@frequency_claim(
     "E5",
     "evolving",
     number="change of C/C0 from the degraded to the evolving beam, at 95 % of the l",
