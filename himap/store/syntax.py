@@ -28,7 +28,7 @@ WORDS = {
     "finding": (2, _ENTRY),
     "Finding": (2, {"sentence"}),
 }
-"""{function: (how many positional arguments count, which keywords are words)}; "claim" for any "..._claim"."""
+"""{function: (how many positional arguments count, which keywords are words)}; "claim" for all "_claim"."""
 
 
 class Hole(NamedTuple):
@@ -76,8 +76,8 @@ class Writer:
         return getattr(self, f"_{type(node).__name__}", self._plain)(node)
 
     def is_silent(self, node):
-        """Whether a statement only warns, calls what is ignored, or puts what was measured into words."""
-        if assigns(node, "said"):
+        """Whether a statement only warns, calls what is ignored, or is the `wording` of a number."""
+        if assigns(node, "wording"):
             return True
         call = node.value if isinstance(node, ast.Expr) else None
         return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))

@@ -85,11 +85,11 @@ def quotients(over, under):
     return {name: value / under[name] for name, value in over.items()}
 
 
-def finding(value, parts, said, form="{:.3g}"):
-    """A `Finding` whose sentence is `said`: text, or {what: numbers as of `listing`} of what was measured."""
-    if not isinstance(said, str):
-        said = "; ".join(f"{what}: {listing(numbers, form)}" for what, numbers in said.items()) + "."
-    return Finding(value, parts, said)
+def finding(value, parts, wording, form="{:.3g}"):
+    """A `Finding`; its sentence is `wording`: text, or {what: numbers as of `listing`} of what was measured."""
+    if not isinstance(wording, str):
+        wording = "; ".join(f"{what}: {listing(numbers, form)}" for what, numbers in wording.items()) + "."
+    return Finding(value, parts, wording)
 
 
 def listing(values, form="{:.3g}"):

@@ -110,5 +110,5 @@ def dimmed_most(sky):
         Part("SD's range grows most", most, method="SD"),
         Part("SD's error shrinks most", shrinks, False, "SD"),
     )
-    said = {"Growth of the share of l within 10 %": growth, "total MSE dimmed over full": gain}
-    return finding(growth["SD"], parts, said)
+    wording = {"Growth of the share of l within 10 %": growth, "total MSE dimmed over full": gain}
+    return finding(growth["SD"], parts, wording)

@@ -58,16 +58,16 @@ def convergence(sky):
     found = {beam: sky.diagnostics(beam) for beam in BEAMS}
     if not all(found.values()):
         return not_applicable("This method does not iterate in two stages.")
-    parts, said = (), {}
+    parts, wording = (), {}
     for beam, row in found.items():
-        said[beam] = {}
+        wording[beam] = {}
         for stage, tolerance in _TOLERANCES.items():
             name = stage.replace("-", "")
             change, n = row[f"{name}_change"], row[f"n_{name}"]
             parts += (Part(f"{stage} converges, {beam} beam", bool(change < tolerance), method="SD"),)
-            said[beam] |= {f"{n:.0f} iterations of the {stage}": change}
+            wording[beam] |= {f"{n:.0f} iterations of the {stage}": change}
     value = max(row["refinement_change"] for row in found.values())
-    return finding(value, parts, {"Relative change of S after": said}, "{:.2g}")
+    return finding(value, parts, {"Relative change of S after": wording}, "{:.2g}")
 
 
 @claim(
@@ -92,16 +92,16 @@ def leaked_foreground(sky):
     """
     found = sky.flagged_error()
     share, held = math.nan, (None, None)
-    said = "No line of sight is flagged."
+    wording = "No line of sight is flagged."
     if found["error"]:
         share, of_truth = found["in spectra"] / found["error"], found["truth in spectra"] / found["truth"]
         held = share > MOST, is_smaller(found["signal loss"], found["foreground residual"])
         rms = {name: found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")}
         shares = {"error of flagged lines": share, "truth": of_truth}
-        said = {f"Share in the {found['n_spectra']} spectra of the foreground": shares, "rms in mK": rms}
+        wording = {f"Share in the {found['n_spectra']} spectra of the foreground": shares, "rms in mK": rms}
     names = "most of the error in the foreground's spectra", "foreground residual above signal loss"
     parts = (Part(name, one, method="SD") for name, one in zip(names, held, strict=True))
-    return finding(share, tuple(parts), said)
+    return finding(share, tuple(parts), wording)
 
 
 @claim(
@@ -128,8 +128,8 @@ def absorbed_sources(sky):
         "P": in_band("below", one.k, frequency, 0.03, np.inf),
     }
     parts = parts_of(tops, recovered, "the same without point sources", method="PAR")
-    said = {"Change by point sources over the true spectrum, at 95 % of the l or k below": tops}
-    return finding(max(tops.values()), parts, said)
+    wording = {"Change by point sources over the true spectrum, at 95 % of the l or k below": tops}
+    return finding(max(tops.values()), parts, wording)
 
 
 @claim(
@@ -195,8 +195,8 @@ def bright_lines(sky):
         *parts_of(remaining, below(MOST), words, main=False),
         *parts_of({"SD": faint}, above(MOST), "excess remains without the faintest", main=False),
     )
-    said = {"Highest P/P0 near k = 0.31 without the brightest lines, and without the faintest": tops}
-    return finding(math.nan if sd is None else sd, parts, said, "{:.4g}")
+    wording = {"Highest P/P0 near k = 0.31 without the brightest lines, and without the faintest": tops}
+    return finding(math.nan if sd is None else sd, parts, wording, "{:.4g}")
 
 
 @claim(
@@ -227,9 +227,9 @@ def regularisation_scheme(sky):
         more = is_smaller(over_restarts[spectrum], spread)
         parts += (Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"),)
         parts += (Part(f"{spectrum} spreads more than over restarts", more, method="SD"),)
-    said = {"Median spread over settings": over_settings, "over as many restarts": over_restarts}
-    said |= {"mean |C/C0 - 1|": {name: mean_error(one) for name, one in settings.items()}}
-    return finding(over_settings["C/C0"], parts, said)
+    wording = {"Median spread over settings": over_settings, "over as many restarts": over_restarts}
+    wording |= {"mean |C/C0 - 1|": {name: mean_error(one) for name, one in settings.items()}}
+    return finding(over_settings["C/C0"], parts, wording)
 
 
 def _spreads(comparisons):

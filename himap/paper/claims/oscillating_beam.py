@@ -81,8 +81,8 @@ def oscillating_angular(sky):
         Part("SD within 5 %", within["from 10 on"] < _ACCURATE, method="SD"),
         *parts_of(others, lambda value: is_smaller(errors["SD"], value), "further off", main=False),
     )
-    said = {"|C/C0 - 1| of SD at 95 % of the l": within, "mean |C/C0 - 1|": errors}
-    return finding(within["from 10 on"], parts, said)
+    wording = {"|C/C0 - 1| of SD at 95 % of the l": within, "mean |C/C0 - 1|": errors}
+    return finding(within["from 10 on"], parts, wording)
 
 
 @frequency_claim("O4", "oscillating", number="highest P/P0 of SD near k = 0.31", paper="> 1, lowest")
@@ -195,8 +195,8 @@ def inversion_limit(sky):
         near = _NEAR_200[0] <= onsets[beam] <= _NEAR_200[1]
         parts += (Part(f"{beam} beam: sets in near l = 200", near, method="SD"),)
         parts += (Part(f"{beam} beam: cannot be inverted there", conditions[beam] > _DIGITS, method="SD"),)
-    said = {"Strategy 3 regularises from l =": onsets, "condition number": conditions}
-    return finding(float(np.fmin.reduce([*onsets.values()])), parts, said)
+    wording = {"Strategy 3 regularises from l =": onsets, "condition number": conditions}
+    return finding(float(np.fmin.reduce([*onsets.values()])), parts, wording)
 
 
 def _onset(sky, beam):

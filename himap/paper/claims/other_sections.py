@@ -147,8 +147,8 @@ def scan_large_degrees(sky):
     middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
     large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
     parts = (Part("smaller at l > 150", is_smaller(large, middle), method="SD"),)
-    said = {"Median spread of C/C0 over n_s": {"10 < l < 100": middle, "l > 150": large}}
-    return finding(large / middle, parts, said)
+    wording = {"Median spread of C/C0 over n_s": {"10 < l < 100": middle, "l > 150": large}}
+    return finding(large / middle, parts, wording)
 
 
 def _share_of_sd(values):

@@ -106,9 +106,9 @@ def excess_of_masking(sky):
         parts += parts_of(shares, above(MOST), f"excess gone without masking{clip}", main=not clip)
         held = None if share is None else share > NOTABLE
         parts += (Part(f"ripple among the masked voxels{clip}", held, main=not clip),)
-    said = {"Mean C/C0 at l < 10 by the sigma of the clipping": masked, "without masking": unmasked}
-    said |= {"masked voxels by what stands out most": counts}
-    return finding(math.nan if most is None else most, parts, said)
+    wording = {"Mean C/C0 at l < 10 by the sigma of the clipping": masked, "without masking": unmasked}
+    wording |= {"masked voxels by what stands out most": counts}
+    return finding(math.nan if most is None else most, parts, wording)
 
 
 @peak_claim(
@@ -155,8 +155,8 @@ def broadband_bias(sky):
         }
         parts += parts_of(gone, above(MOST), f"less biased, {beam} beam")
     worst = max(abs(value - 1) for row in masked.values() for value in row.values())
-    said = {"Median P/P0 at k > 0.1 without masking": unmasked, "with it": masked}
-    return finding(math.nan if _all_absent(parts) else worst, parts, said, "{:.4g}")
+    wording = {"Median P/P0 at k > 0.1 without masking": unmasked, "with it": masked}
+    return finding(math.nan if _all_absent(parts) else worst, parts, wording, "{:.4g}")
 
 
 @peak_claim(
@@ -174,8 +174,8 @@ def masked_peaks(sky):
         beam: row["HI"] / sum(row.values()) if sum(row.values()) else None for beam, row in counts.items()
     }
     parts = parts_of(shares, above(MOST), "beam: most on HI peaks")
-    said = {"Masked voxels by what stands out most": counts}
-    return finding(min(_known(shares), default=math.nan), parts, said, "{}")
+    wording = {"Masked voxels by what stands out most": counts}
+    return finding(min(_known(shares), default=math.nan), parts, wording, "{}")
 
 
 @post_claim(
@@ -216,8 +216,8 @@ def masked_sdecgmca(sky):
     before, after = bump(sky.of("oscillating")["sdecgmca"]), bump(sky.masked("sdecgmca"))
     peak = before > CLEAR
     parts = (Part("lower peak", is_smaller(after, before) if peak else None, method="SD"),)
-    said = {"Highest P/P0 near k = 0.31": {"without the mask": before, "with it": after}}
-    return finding(after if peak else math.nan, parts, said, "{:.4g}")
+    wording = {"Highest P/P0 near k = 0.31": {"without the mask": before, "with it": after}}
+    return finding(after if peak else math.nan, parts, wording, "{:.4g}")
 
 
 def _by_mask(sky, measure, methods, *, binned):
@@ -274,7 +274,7 @@ def masked_range(sky):
         before, after = starts[axis]
         held = is_smaller(after, before) if before > lowest[axis] else None
         parts += (Part(f"SD recovered to {word}", held, method="SD"),)
-    said = {
+    wording = {
         f"SD is recovered from {axis} =": {
             "without the mask": before,
             "with it": after,
@@ -282,7 +282,7 @@ def masked_range(sky):
         }
         for axis, (before, after) in starts.items()
     }
-    return finding(starts["l"][1] if starts["l"][0] > lowest["l"] else math.nan, parts, said)
+    return finding(starts["l"][1] if starts["l"][0] > lowest["l"] else math.nan, parts, wording)
 
 
 def _recovered_from(x, ratios, top):

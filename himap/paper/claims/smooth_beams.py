@@ -27,8 +27,8 @@ def degraded_angular(sky):
     worse of the two.
     """
     errors = each(sky, "degraded", angular_band("within", 3, 200))
-    said = {"|C/C0 - 1| at 95 % of the l is below": errors}
-    return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), said)
+    wording = {"|C/C0 - 1| at 95 % of the l is below": errors}
+    return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), wording)
 
 
 @frequency_claim("D2", "degraded", number="|P/P0 - 1| of the worst method, at 95 % of the k", paper="< 0.1")
@@ -38,8 +38,8 @@ def degraded_frequency(sky):
     Within 10 % at 95 % of the k above 0.03. A main part for each method, PCA/ICA by the worse of the two.
     """
     errors = each(sky, "degraded", frequency_band("within", 0.03))
-    said = {"|P/P0 - 1| at 95 % of the k is below": errors}
-    return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), said)
+    wording = {"|P/P0 - 1| at 95 % of the k is below": errors}
+    return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), wording)
 
 
 @frequency_claim(
@@ -52,8 +52,8 @@ def degraded_low_k(sky):
     worse of the two.
     """
     tops = each(sky, "degraded", frequency_band("below", 0, 0.03))
-    said = {"P/P0 at 95 % of the k below 0.03 is at most": tops}
-    return finding(max(tops.values()), parts_of(tops, smaller, "loses power"), said)
+    wording = {"P/P0 at 95 % of the k below 0.03 is at most": tops}
+    return finding(max(tops.values()), parts_of(tops, smaller, "loses power"), wording)
 
 
 @angular_claim("E1", "evolving", number="median C/C0 of PAR", paper="> 100")
@@ -81,8 +81,8 @@ def evolving_angular(sky):
     SD.
     """
     errors = each(sky, "evolving", angular_band("within", 3, 201), ("pca", "fastica", "sdecgmca"))
-    said = {"|C/C0 - 1| at 95 % of the l is below": errors}
-    return finding(max(errors.values()), parts_of(errors, recovered, "within about 10 %"), said)
+    wording = {"|C/C0 - 1| at 95 % of the l is below": errors}
+    return finding(max(errors.values()), parts_of(errors, recovered, "within about 10 %"), wording)
 
 
 @angular_claim("E3", "evolving", number="mean C/C0 of GMCA for 10 < l < 40", paper="> 1.1")
