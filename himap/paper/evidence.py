@@ -48,7 +48,7 @@ def sky_brightness(survey, galaxy):
 
 
 @product
-def masked_voxels(case, spread="line"):
+def masked_voxels(case, spread=True):
     """How many voxels of a `Case` the peak masking replaces, by what stands out there most, (3,) int.
 
     `spread` is as in `pipeline.peak_masked`.

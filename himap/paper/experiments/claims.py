@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.instrument.beams.paper import Oscillating
-from himap.paper import ledger_table
+from himap.paper import cleaned, ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
 from himap.paper.grid import cases_of
 from himap.paper.methods import BEAM_AWARE
-from himap.paper.realisation import Realisation, make
+from himap.paper.realisation import Realisation
 from himap.paper.record import Experiment
 from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming
@@ -140,7 +140,10 @@ def measure(sky):
 
 def prepare(several):
     """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
-    make([one for sky in several for one in sky.members])
+    members = [one for sky in several for one in sky.members]
+    assessments = dict.fromkeys(call for one in members for call in one.assessments)
+    facts = dict.fromkeys(fact for one in members for fact in one.facts)
+    cleaned.make_by_case([*((cleaned.assessment, call) for call in assessments), *facts])
 
 
 def _summary(rows):
