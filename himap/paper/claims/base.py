@@ -86,7 +86,7 @@ def quotients(over, under):
 
 
 def finding(value, parts, wording, form="{:.3g}"):
-    """A `Finding` whose sentence is `wording`: text, or {what: numbers as of `listing`} that are behind it."""
+    """A `Finding` whose sentence is `wording`: text, or {what: numbers as of `listing`} behind it."""
     if not isinstance(wording, str):
         wording = "; ".join(f"{what}: {listing(numbers, form)}" for what, numbers in wording.items()) + "."
     return Finding(value, parts, wording)
