@@ -167,9 +167,7 @@ def judge_shares(shares):
     groups = {}
     for share in shares:
         groups.setdefault(share.part.method or share.part.name, []).append(share.holds)
-    outcome = {
-        name: False if False in held else None if None in held else True for name, held in groups.items()
-    }
+    outcome = {name: _all_hold(held) for name, held in groups.items()}
     if all(outcome.values()):
         return REPRODUCED, ""
     methods = {share.part.method for share in shares} - {""}
@@ -218,17 +216,16 @@ def parts_of(values, test, words, *, main=True, method=""):
     PCA and ICA leave the same foreground, and are one part: that of the worse of the two, so that it holds if
     it does for both. A part is about the method that it has the name of, otherwise about `method`.
     """
-    held = {}
+    joint = {}
     for name, value in values.items():
-        joint = "PCA/ICA" if name in ("PCA", "ICA") else name
-        held.setdefault(joint, []).append(None if value is None else bool(test(value)))
-    about = {name: name if name in _ALONE else method for name in held}
+        held = None if value is None else bool(test(value))
+        joint.setdefault("PCA/ICA" if name in ("PCA", "ICA") else name, []).append(held)
     return tuple(
-        Part(
-            f"{name} {words}",
-            False if False in several else None if None in several else True,
-            main,
-            about[name],
-        )
-        for name, several in held.items()
+        Part(f"{name} {words}", _all_hold(several), main, name if name in _ALONE else method)
+        for name, several in joint.items()
     )
+
+
+def _all_hold(held):
+    """False if one of them does not hold, else None if one is undecided or its premise is absent."""
+    return False if False in held else None if None in held else True
