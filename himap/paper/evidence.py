@@ -65,9 +65,10 @@ def masked_voxels(case, spread=True):
         hi, truth = whole[:, block], observed.truth[:, lines[block]]
         parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
         masked = flagged[:, lines[block]]
-        baselines = [smooth_baselines(part, observed.freqs) for part in parts]
-        out = [part - one.basis @ one.first for part, one in zip(parts, baselines, strict=True)]
-        out = np.array([part[masked] for part in out])
+        out = np.empty((len(parts), np.count_nonzero(masked)))
+        for part, row in zip(parts, out, strict=True):  # in float64, of one at a time
+            baselines = smooth_baselines(part, observed.freqs)
+            row[:] = (part - baselines.basis @ baselines.first)[masked]
         largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
         counts += np.bincount(largest, minlength=len(STANDING_OUT))
     return counts
