@@ -202,10 +202,13 @@ ABSENT = {
     "B1": (attribute("voxels", dict.fromkeys(BEAMS, NONE)), "Total MSE"),
     "B3": (attribute("voxels", dict.fromkeys(BEAMS, NONE)), "Masked voxels by what stands out most"),
     "M1": (attribute("lines", np.zeros_like(IN_PLANE)), "No line of sight is flagged."),
-    "M2": (set_to("oscillating", SD, "frequency", 1.09, BUMP), "SD has no peak: the highest P/P0 goes from"),
+    "M2": (
+        set_to("oscillating", SD, "frequency", 1.09, BUMP),
+        "Highest P/P0 near k = 0.31: without the mask",
+    ),
     "M5": (
         both(*(set_to("oscillating", SD, kind, 1) for kind in ("angular", "frequency"))),
-        "SD is recovered in l from 2 without and",
+        "SD is recovered from l =: without the mask 2,",
     ),
     "V2": (item("error", "error", 0.0), "No line of sight is flagged."),
     "V5": (item("tops", "sdecgmca", [1.09, 1, 1, 1, 1, 1]), "Highest P/P0 near k = 0.31 without"),

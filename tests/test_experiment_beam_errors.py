@@ -162,4 +162,3 @@ def test_figure():
     assert curves["BeamSubspace 3"].get_xydata() == pytest.approx(np.array([[1e-3, 0.01], [1e-2, 0.5]]))
     assert curves["PCA 6"].get_ydata() == pytest.approx([0.02, 0.02])
     assert "unknown ripple" in ripple.get_xlabel()
-    assert len(beam_errors_figure(table, kinds=["ripple"]).axes) == 1

@@ -90,6 +90,7 @@ class TestMaking:
         ((case, (pca,)),) = sky.methods.items()
         assert own_recovery.is_cached(case, pca) and not cleaned.separation.is_cached(case, pca)
         assert not any(made.is_cached(case) for made in (pipeline.observation, pipeline.peak_masked))
+        assert not pipeline.hi_of_sky.is_cached(replace(case.survey, seed=1).sky)
         # And nothing is observed for what is there.
         monkeypatch.setattr(pipeline.observation, "_function", lambda case: 1 / 0)
         ((*_, own, transfers),) = measured_recoveries(sky)
@@ -165,7 +166,7 @@ class TestTransfer:
         def rows(n, _):
             return [{"band": "C/C0", "uncorrected": 2.0, "corrected": n and 6 / (n + 1), "error_bar": 0.1}]
 
-        monkeypatch.setattr(transfer, "make_products", lambda work: None)
+        monkeypatch.setattr(transfer.grid, "make_products", lambda work: None)
         monkeypatch.setattr(transfer, "bootstrap", Known)
         power = HarmonicPower(power=np.ones((3, 3)), n_channels=4, channel_width=1.0)
         monkeypatch.setattr(transfer, "own_recovery", lambda case, one: MockPower(power, power, power))

@@ -19,7 +19,7 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import BEAMS
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.claims.verdicts import places_of
-from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, restarts, skies
+from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, skies
 from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
 from himap.paper.methods import BEAM_AWARE
 
@@ -151,8 +151,8 @@ def test_a_method_that_is_chaotic_has_restarts_and_another_has_one(monkeypatch):
     assert started.restart == 2
     others = [[call for call in one.assessments if call[1].name != "readable"] for one in members[0]]
     assert others[0] == others[1] == others[2]  # not done again
-    (first, _) = realisations(**settings, method="beam_subspace")
-    assert restarts(first, 3) == [first]
+    (first, _) = skies(**settings, method="beam_subspace", n_restarts=3)
+    assert [one.restart for one in first.members] == [0]
     with pytest.raises(InputError, match="n_restarts must be a whole number between 1"):
         skies(**settings, n_restarts=0)
 
@@ -173,12 +173,12 @@ def test_a_method_that_is_chaotic_has_restarts_and_another_has_one(monkeypatch):
 )
 def test_bad_settings_are_refused_before_any_work(options, message):
     with pytest.raises(InputError, match=message):
-        realisations(**({"preset": "ci"} | options))
+        skies(**({"preset": "ci"} | options))
 
 
 def test_a_reading_is_an_option_of_the_method(monkeypatch):
     monkeypatch.setitem(BEAM_AWARE, "sdecgmca", (Readable, ("n_sources",)))
-    (sky,) = realisations(preset="ci", reading="letter", n_realisations=1)
+    ((sky,),) = (one.members for one in skies(preset="ci", reading="letter", n_realisations=1, n_restarts=1))
     assert sky.options == (("reading", "letter"),)
     assert {method.reading for _, method, *_ in sky.assessments if method.name == "readable"} == {"letter"}
     (sky,) = realisations(preset="ci", n_realisations=1)

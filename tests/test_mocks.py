@@ -11,7 +11,7 @@ from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
-from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered, transfer_functions
+from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered
 from himap.removal import PCA, BeamSubspace, SDecGMCA
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
@@ -119,33 +119,6 @@ def test_the_truth_comes_back_as_it_was_assessed():
     assert own.output.angular[low] == pytest.approx(assessed.power_spectra.angular.mean[low], rel=2e-3)
 
 
-class TestTransferFunctions:
-    REMOVERS = PCA(n_sources=3), PCA(n_sources=5)
-
-    def test_many_methods_and_mocks(self):
-        found = transfer_functions(CASE, self.REMOVERS, [USUAL, Mock(seed=8)])
-        assert list(found) == list(self.REMOVERS)
-        few, many = (found[remover] for remover in self.REMOVERS)
-        assert len(few.mocks) == 2
-        low = slice(2, SURVEY.nside)
-        assert (many.angular[low] < few.angular[low]).mean() > 0.8
-        assert few.frequency[-1] > 0.9 > few.frequency[1]
-        assert not pipeline.hi_of_sky.is_cached(replace(SURVEY, seed=8).sky)
-
-    def test_one_mock_of_two_is_that_one(self):
-        found = transfer_functions(CASE, self.REMOVERS[:1], [USUAL])[self.REMOVERS[0]]
-        (alone,) = recovered(CASE, self.REMOVERS[:1], USUAL)
-        assert np.array_equal(found.mocks[0].output.power, alone.output.power)
-
-    @pytest.mark.parametrize(
-        ("removers", "mocks", "told"),
-        [
-            ((), [USUAL], "got 0 and 1"),
-            ((PCA(),), [], "got 1 and 0"),
-            ((PCA(n_sources=17),), [USUAL], "at most the number of channels, 16"),
-            ((PCA(n_sources=3),), [Mock(seed=SURVEY.seed)], "another sky than the data"),
-        ],
-    )
-    def test_refused(self, removers, mocks, told):
-        with pytest.raises(InputError, match=told):
-            transfer_functions(CASE, removers, mocks)
+def test_a_mock_is_of_another_sky_than_the_data():
+    with pytest.raises(InputError, match="another sky than the data"):
+        recovered(CASE, (PCA(n_sources=3),), Mock(seed=SURVEY.seed))

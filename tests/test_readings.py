@@ -141,7 +141,8 @@ class TestEvaluate:
         assert there == [*sky, *line] and sky[-1] == "C/C0, 10 to 19"
         for name in there:
             curve, low, high = BANDS[name]
-            x, values = {"C/C0": (degrees, ratio), "P/P0": (comparison.k, comparison.frequency_ratio)}[curve]
+            x = {"angular": degrees, "frequency": comparison.k}[curve]
+            values = comparison.ratios[curve]
             assert numbers[name] == pytest.approx(values[(x > low) & (x < high)].mean())
         errors = np.abs(ratio[(degrees > 10) & (degrees < 200)] - 1)
         assert numbers["mean error"] == pytest.approx(errors.mean())

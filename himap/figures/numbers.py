@@ -75,9 +75,7 @@ def one_run(entry):
     channels: 125
     † one run, not compared
     """
-    if isinstance(entry, dict):
-        return {name: one_run(item) for name, item in entry.items()}
-    return Marked(entry if isinstance(entry, tuple) else (entry, None))
+    return of_restarts([entry])
 
 
 def of_restarts(entries):
@@ -105,7 +103,7 @@ def of_restarts(entries):
     if isinstance(first, dict):
         return {name: of_restarts([entry[name] for entry in entries]) for name in first}
     if len(entries) == 1:
-        return one_run(first)
+        return Marked(first if isinstance(first, tuple) else (first, None))
     if isinstance(first, tuple):
         values, tolerances = (np.array([entry[n] for entry in entries], dtype=float) for n in (0, 1))
         low, median, high = map(float, np.percentile(values, (16, 50, 84)))

@@ -161,7 +161,14 @@ def marks(groups, columns, looks, *, breaks=()):
         for row, cells in rows.items():
             names[place + 0.5] = row
             for n, cell in enumerate(cells):
-                _draw_cell(axes, n, place, cell, looks)
+                shown = cell[:1] if len(set(cell)) == 1 else cell
+                for part, mark in enumerate(shown):
+                    sign, colour, ink = looks[mark]
+                    left, width = n + part / len(shown), 1 / len(shown)
+                    box = {"facecolor": colour, "edgecolor": "white", "linewidth": 0.6}
+                    axes.add_patch(Rectangle((left, place), width, 1, **box))
+                    middle = left + width / 2, place + 0.52
+                    axes.text(*middle, sign, color=ink, ha="center", va="center", fontsize=8)
                 points.append((row, columns[n], range(len(cell)), [list(looks).index(x) for x in cell]))
             place += 1
     for n in breaks:
@@ -180,15 +187,3 @@ def marks(groups, columns, looks, *, breaks=()):
     corner = {"loc": "lower right", "bbox_to_anchor": (-0.02, 1.02)}  # left of the names of the columns
     axes.legend(handles=handles, frameon=False, fontsize=9, **corner)
     return with_curves(figure, points)
-
-
-def _draw_cell(axes, column, row, cell, looks):
-    """One mark for all of a cell where they are the same, else one next to the other."""
-    shown = cell[:1] if len(set(cell)) == 1 else cell
-    for n, mark in enumerate(shown):
-        sign, colour, ink = looks[mark]
-        width = 1 / len(shown)
-        corner = (column + n * width, row)
-        axes.add_patch(Rectangle(corner, width, 1, facecolor=colour, edgecolor="white", linewidth=0.6))
-        middle = (column + (n + 0.5) * width, row + 0.52)
-        axes.text(*middle, sign, color=ink, ha="center", va="center", fontsize=8)

@@ -216,8 +216,11 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     points = []
     for axes, panel in zip(grid, panels, strict=True):
         curves, markers, bundles = (panel.get(key, []) for key in ("curves", "points", "bundles"))
-        for bundle in bundles:
-            _draw_bundle(axes, *bundle)
+        for x, ys, style in bundles:  # as one picture: thousands of curves weigh no more than a few
+            pairs = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
+            look = {key: value for key, value in style.items() if key != "label"}
+            axes.add_collection(LineCollection(pairs, rasterized=True, zorder=1.5, **look))
+            axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})  # the legend has one, not faint
         for x, y, style in curves:
             _draw_curve(axes, x, y, style)
         for x, y, style in markers:
@@ -261,14 +264,6 @@ def _points(panel, x, y, style):
     return [(title, f"{label}: {name}", x, values) for name, values in [*named, *members]]
 
 
-def _draw_bundle(axes, x, ys, style):
-    """Curves as one picture, so that thousands weigh no more than a few; the legend has one, not faint."""
-    points = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
-    look = {key: value for key, value in style.items() if key != "label"}
-    axes.add_collection(LineCollection(points, rasterized=True, zorder=1.5, **look))
-    axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})
-
-
 def _percentiles(bundles):
     """(x, y, style) of percentiles over the curves of each bundle."""
     return [
@@ -309,14 +304,14 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
 
 
 @drawn(CURVES | {"axes.grid": False})
-def image(values, *, x, y, xlabel, ylabel, unit, title="", limits=(1, 99)):
+def image(values, *, x, y, xlabel, ylabel, unit, limits=(1, 99)):
     """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
     figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a picture that is heavy when fine
     low, high = np.percentile(values, limits)
     extent = (x[0], x[-1], y[0], y[-1])
     look = {"origin": "lower", "aspect": "auto", "extent": extent, "cmap": "cividis"}
     shown = axes.imshow(values, vmin=low, vmax=high, **look)
-    axes.set(xlabel=xlabel, ylabel=ylabel, title=title)
+    axes.set(xlabel=xlabel, ylabel=ylabel)
     figure.colorbar(shown, label=unit, extend="both")
     return with_image(figure, values, x=x, y=y, unit=unit)
 

@@ -153,7 +153,7 @@ def _mean(total, count):
     return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
 
 
-def cell_of(freqs, angles, *, cosmology=None):
+def cell_of(freqs, angles):
     """Sides of a voxel in Mpc/h, along the line of sight and across, (3,), and the redshift they are at.
 
     Across they are the comoving distance to the middle of the band times the angles; along, the mean
@@ -165,8 +165,6 @@ def cell_of(freqs, angles, *, cosmology=None):
         Channel centres, MHz, ascending and evenly spaced.
     angles
         Height and width of a pixel, rad.
-    cosmology
-        A `Cosmology`, the paper's unless given.
 
     Raises
     ------
@@ -175,7 +173,6 @@ def cell_of(freqs, angles, *, cosmology=None):
     """
     from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow: most who clean do without
 
-    cosmology = Cosmology() if cosmology is None else cosmology
     if not evenly_spaced(freqs):
         steps = np.diff(freqs)
         raise InputError(
@@ -183,6 +180,7 @@ def cell_of(freqs, angles, *, cosmology=None):
         )
     if freqs[-1] >= FREQ_21CM:
         raise InputError(f"channels must be below {FREQ_21CM:.1f} MHz to show 21 cm, got {freqs[-1]:g} MHz.")
+    cosmology = Cosmology()
     z = float(redshift(0.5 * (freqs[0] + freqs[-1])))
     far, near = cosmology.comoving_distance(redshift(freqs[[0, -1]]))
     along = (far - near) / (len(freqs) - 1)

@@ -83,43 +83,32 @@ def band_means(ratios, angular, frequency, table=BANDS, *, complete=True):
 
 def band_mean(x, values, low, high):
     """Mean of `values` where low < x < high."""
-    return float(_inside(x, values, low, high).mean())
-
-
-def band_median(x, values, low, high):
-    """Median of `values` where low < x < high."""
-    return float(np.median(_inside(x, values, low, high)))
+    return float(inside(x, values, low, high).mean())
 
 
 def band_max(x, values, low, high):
     """Largest of `values` where low < x < high."""
-    return float(_inside(x, values, low, high).max())
-
-
-def band_quantile(x, values, low, high, share):
-    """The least value that a share of `values` does not exceed where low < x < high."""
-    return float(np.quantile(_inside(x, values, low, high), share, method="inverted_cdf"))
-
-
-def largest_deviation(x, ratios, low, high):
-    """Largest |ratio - 1| where low < x < high, and the x it is at."""
-    deviation = np.abs(_inside(x, ratios, low, high) - 1)
-    worst = deviation.argmax()
-    return float(deviation[worst]), float(_inside(x, np.asarray(x), low, high)[worst])
+    return float(inside(x, values, low, high).max())
 
 
 def _within(x, low, high):
     return (np.asarray(x) > low) & (np.asarray(x) < high)
 
 
-def _inside(x, values, low, high):
-    """The `values` where low < x < high, one at least."""
-    inside = _within(x, low, high)
-    if not inside.any():
+def inside(x, values, low, high):
+    """The `values` where low < x < high.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    there = _within(x, low, high)
+    if not there.any():
         raise InputError(
             f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}."
         )
-    return values[inside]
+    return values[there]
 
 
 def mean_squared_error(recovered, true, definition="relative"):

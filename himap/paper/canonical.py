@@ -23,19 +23,16 @@ import numpy as np
 from himap import removal
 from himap.core.survey import Survey
 from himap.instrument import beams
-from himap.instrument.beams.meerkat import MeerKAT, MeerKATLobes
 from himap.instrument.beams.others import FromFile, PerturbedBeam
-from himap.instrument.beams.paper import Degraded, Evolving, Oscillating, Rippled
+from himap.instrument.beams.paper import Degraded, Oscillating, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import authors, beam_errors
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gaussian_process import GaussianProcess
 from himap.removal.gmca import GMCA
-from himap.removal.gnilc import GNILC
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
-from himap.removal.polynomial import Polynomial
 from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.galaxy import Dimming, Galaxy
@@ -98,31 +95,14 @@ _CHOSEN_METHODS = (
     PLAIN,
     FastICA(n_sources=3),
     GMCA(n_sources=3, n_scales=3),
-    Polynomial(),
-    Parametric(),
     AWARE,
     SDecGMCA(**ONCE),
-    GNILC(),
-    SmoothSpectra(),
     GaussianProcess(shortest=400.0, longest_hi=2.0),  # bounds in which its search ends alike everywhere
-)
-_CHOSEN_BEAMS = (
-    Degraded(),
-    Evolving(),
-    Oscillating(),
-    MeerKAT(),
-    MeerKATLobes(),
-    Rippled(),
-    PerturbedBeam(width=0.1, ripple=0.1),
 )
 
 
 def _call_of(product, arguments):
-    return lambda: _SHOWN.get(product, _all)(product.compute(*arguments))
-
-
-def _all(result):
-    return result
+    return lambda: _SHOWN.get(product, lambda result: result)(product.compute(*arguments))
 
 
 def _separated(separation):
@@ -130,37 +110,25 @@ def _separated(separation):
     return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
 
 
-def _first(eigenvalues):
-    """Those above the rounding of the maps."""
-    return eigenvalues[:6]
-
-
 def _assessed(assessment):
     """Spectra of the residual, at the level of HI; of an iteration neither its length nor its diagnostics."""
     return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
 
 
-def _fitted(fit):
-    """A S, whose signs are fixed."""
-    return fit.mixing @ fit.sources
-
-
 def _spectra_of_member(numbers):
     """Without the condition number and the changes of an iteration that does not converge."""
-    return {name: list(values.values()) for name, values in numbers.items() if name not in _ITERATED}
-
-
-_ITERATED = ("condition", "change", "converged")
+    iterated = ("condition", "change", "converged")
+    return {name: list(values.values()) for name, values in numbers.items() if name not in iterated}
 
 
 _SHOWN = {
     authors.first_mixings: np.abs,
     authors.member: _spectra_of_member,
     cleaned.assessment: _assessed,
-    cleaned.fit: _fitted,
+    cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
     cleaned.separation: _separated,
     masked.separation: _separated,
-    choice.eigenvalues: _first,
+    choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
 }
 
 
@@ -175,10 +143,11 @@ def _beam(beam):
     return lambda: beam.of_survey(SURVEY)
 
 
-_METHODS = {method.name: method for method in _CHOSEN_METHODS}
-_METHODS |= {name: removal.create(name) for name in removal.available() if name not in _METHODS}
-_BEAMS = {beam.name: _beam(beam) for beam in _CHOSEN_BEAMS} | {"file": _beam_of_file}
-_BEAMS |= {name: _beam(beams.create(name)) for name in beams.available() if name not in _BEAMS}
+_METHODS = {name: removal.create(name) for name in removal.available()}
+_METHODS |= {method.name: method for method in _CHOSEN_METHODS}
+_PERTURBED = PerturbedBeam(width=0.1, ripple=0.1)
+_BEAMS = {name: _beam(beams.create(name)) for name in beams.available() if name != FromFile.name}
+_BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: _beam(_PERTURBED)}
 
 CALLS = (
     {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}

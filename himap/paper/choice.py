@@ -6,7 +6,7 @@ import numpy as np
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap.measures import n_sources
-from himap.measures.diagnostics import JUDGED, band_means
+from himap.measures.diagnostics import JUDGED
 from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import own_recovery, recovered
@@ -92,8 +92,7 @@ def source_number_criteria(case, removers, mocks):
         rows = []
         for spectra in several:
             known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
-            means = band_means(known, own[0].degrees, own[0].k)
-            rows.append([mean for band, mean in means.items() if band in JUDGED])
+            rows.append([mean for band, mean in own[0].band_means(known).items() if band in JUDGED])
         return np.array(rows)
 
     residual, true = in_bands([one.output for one in own]), in_bands([one.input for one in own])

@@ -13,7 +13,7 @@ from himap.core.memory import check_memory
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.diagnostics import Assessment
+from himap.measures.diagnostics import Assessment, Comparison
 from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
 from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
@@ -94,8 +94,12 @@ def error_of(case, separation, mask_peaks=True):
     """The same of any `Separation` of a case."""
     endless = separation.lmax is None
     there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
-    whole = on_sky(there, case.survey.nside, separation.lmax) + -separation.foreground
-    return whole.truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
+    return difference(case, on_sky(there, case.survey.nside, separation.lmax), separation.foreground)
+
+
+def difference(case, one, other):
+    """One `LowRankCube` less another, without the terms that no spectrum of the case shows."""
+    return (one + -other).truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
 
 
 @product
@@ -122,10 +126,10 @@ def assessment(case, remover, mask_peaks=True, post_mask=False):
     masked = masked_truth = None
     if post_mask:
         mask = ~diagnostics.flagged_lines(errors)
-        masked, masked_truth = _masked_spectra(case, truth, wrong, mask, alms)
+        masked, masked_truth = masked_spectra(case, truth, wrong, mask, alms)
         if cut is not None:  # a mask mixes multipoles
             padded = sphere.alms_padded(low_alms, case.survey.lmax)
-            masked, _ = _masked_spectra(case, low, wrong, mask, padded)
+            masked, _ = masked_spectra(case, low, wrong, mask, padded)
             masked = replace(masked, angular=masked.angular.upto(lmax))
     return Assessment(
         power_spectra=PowerSpectra(
@@ -157,15 +161,30 @@ def _against_all(low, wrong, truth):
     return errors, correlation
 
 
-def _masked_spectra(case, true, wrong, mask, alms):
-    """`PowerSpectra` of the residual and of a truth on the lines of sight in `mask`."""
-    angular = angular_power_pair(masked_alms(true, mask=mask, alms=alms), wrong, mask=mask)
-    frequency = frequency_power(true, case.survey.channel_width, mask=mask)
-    recovered = Moments.of(true, wrong, mask=mask).frequency_power(frequency, case.survey.channel_width)
+def masked_spectra(case, true, error, mask, alms=None):
+    """`PowerSpectra` of a cube with an error, a `LowRankCube`, and of the cube, on the lines in `mask`.
+
+    `alms` are the coefficients of the cube `true` without a mask, where they are at hand.
+    """
+    width = case.survey.channel_width
+    angular = angular_power_pair(masked_alms(true, mask=mask, alms=alms), error, mask=mask)
+    frequency = frequency_power(true, width, mask=mask)
+    recovered = Moments.of(true, error, mask=mask).frequency_power(frequency, width)
     return tuple(
         PowerSpectra(angular=power, frequency=along)
         for power, along in zip(angular, (recovered, frequency), strict=True)
     )
+
+
+def compared(*call, masked=False):
+    """The `Comparison` of the residual with the truth, of arguments of `assessment`.
+
+    With `masked`, without the lines of sight whose error stands out, which `post_mask` must ask for.
+    """
+    result, (case, *_) = assessment(*call), call
+    unmasked = result.power_spectra, pipeline.true_spectra(case)
+    pair = (result.masked, result.masked_truth) if masked else unmasked
+    return Comparison.of(*pair, l_top=2 * case.survey.nside)
 
 
 def make(work):

@@ -11,45 +11,37 @@ class Conclusion:
 
     Attributes
     ----------
-    name
-        A few words.
     says
         What the paper concludes, in our words.
     claims
         Ids of the claims that hold its numbers.
     """
 
-    name: str
     says: str
     claims: tuple
 
 
 CONCLUSIONS = (
     Conclusion(
-        name="The degraded beam",
         says="With all channels at one resolution every method recovers both spectra to better than 10 %.",
         claims=("D1", "D2"),
     ),
     Conclusion(
-        name="The evolving beam",
         says="With a beam that evolves smoothly with frequency the parametric fit fails, GMCA degrades from "
         "intermediate scales on, and PCA, FastICA and SDecGMCA remain accurate.",
         claims=("E1", "E2", "E3", "E4"),
     ),
     Conclusion(
-        name="The oscillating beam",
         says="Both fits fail; of the other methods SDecGMCA is the most accurate: it suppresses the spurious "
         "peak near k = 0.3 and recovers the angular spectrum at intermediate multipoles. Beyond l of about "
         "200 its inversion of the beam is unstable.",
         claims=("O1", "O3", "O4", "O6", "S1"),
     ),
     Conclusion(
-        name="The number of sources",
         says="The number of sources is critical; 5 to 7 is the best compromise.",
         claims=("N1", "N2", "N4"),
     ),
     Conclusion(
-        name="Masks",
         says="Excluding contaminated lines of sight after the separation reduces the residual of SDecGMCA; "
         "dimming the Galactic plane before it improves PCA, FastICA and most of all SDecGMCA.",
         claims=("M2", "M4", "M5", "G1", "G3", "G4"),

@@ -3,13 +3,15 @@
 Tables are those of the experiments `authors` and `restarts`.
 """
 
+import itertools
+
 import numpy as np
 import pandas as pd
 
 from himap.measures.diagnostics import FAILING
 from himap.paper import cleaned
 from himap.paper.claims.verdicts import wilson
-from himap.paper.experiments.authors import first_mixings, growth, of_code
+from himap.paper.experiments.authors import first_mixings, growth, of_code, rows_of
 
 _NO_K = {"share": 1.0, "n_warmup": 1}
 
@@ -50,12 +52,8 @@ def variant_growth(case, options, n_restarts, **common):
         first_mixings(case, of_code(case.beam, restart=k, **common | options, tolerance=0.0))
         for k in range(n_restarts)
     )
-    return pd.DataFrame(
-        {"restart": k, "quantity": quantity, "x": x, "value": value}
-        for k, mixings in enumerate(others, 1)
-        for quantity, curve in growth(mixings, plain).items()
-        for x, value in curve.items()
-    )
+    rows = (rows_of(k, growth(mixings, plain)) for k, mixings in enumerate(others, 1))
+    return pd.DataFrame(itertools.chain(*rows))
 
 
 def first_kept(case, options):
@@ -74,9 +72,9 @@ def curves(rows, quantity):
     return chosen.pivot_table(index="restart", columns="x", values="value")
 
 
-def samples(rows, floor, quantities=MEASURES):
+def samples(rows, floor):
     """Values at one floor of the last S, and the last condition number of A, (n_restarts, n)."""
-    columns = [curves(rows, name)[floor] for name in quantities]
+    columns = [curves(rows, name)[floor] for name in MEASURES]
     return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
 
 
@@ -86,13 +84,12 @@ def failures(rows):
     `rows` are of the experiment `restarts`. Columns beside these: "failed", "members", "skies", and "low" and
     "high", the Wilson interval of the probability, two sigma.
     """
-    found, errors = [], rows[rows["quantity"] == "mean error"]
-    for run, group in errors.groupby(_RUN, sort=False):
-        failed, members = int((group["value"] > FAILING).sum()), len(group)
-        low, high = wilson(failed, members, z=2)
-        counts = {"failed": failed, "members": members, "skies": group["seed"].nunique()}
-        found.append(dict(zip(_RUN, run, strict=True)) | counts | {"low": low, "high": high})
-    return pd.DataFrame(found)
+    errors = rows[rows["quantity"] == "mean error"]
+    runs = errors.assign(failed=errors["value"] > FAILING).groupby(_RUN, sort=False)
+    counts = {"failed": ("failed", "sum"), "members": ("failed", "size"), "skies": ("seed", "nunique")}
+    table = runs.agg(**counts).reset_index()
+    table[["low", "high"]] = [wilson(*pair, z=2) for pair in table[["failed", "members"]].to_numpy()]
+    return table
 
 
 def any_within(values, stored):

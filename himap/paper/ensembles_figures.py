@@ -26,14 +26,14 @@ _TITLES = {
 }
 
 
-def growth_figure(ensembles, *, columns=2):
+def growth_figure(ensembles):
     """How far A is from that of the plain start, by iteration: a panel for each of {title: rows}.
 
     Thin lines are restarts, the thick one is their median.
     """
     look = [{"color": styles.BLUE, "label": "median", "linewidth": 1.8}]
     panels = [_panel("angle", {title: rows}, look) | {"title": title} for title, rows in ensembles.items()]
-    return plotting.lines(panels, columns=columns, size=(4.4, 2.9), legend_above=True)
+    return plotting.lines(panels, size=(4.4, 2.9), legend_above=True)
 
 
 def variants_figure(variants):
@@ -74,16 +74,11 @@ def distributions_figure(ensembles, floors):
             for (x, name), colour in zip(names.items(), (styles.VERMILION, styles.BLUE), strict=False):
                 colour = colour if name else "black"
                 look = {"color": colour, "linestyle": line, "label": ", ".join(filter(None, (label, name)))}
-                drawn.append((*_steps(table[x].to_numpy() / unit), look))
+                values = np.sort(table[x].to_numpy() / unit)
+                shares = np.arange(len(values) + 1) / len(values)
+                drawn.append((np.repeat(values, 2), np.repeat(shares, 2)[1:-1], look))
         if "/" in quantity or quantity == "bump":
             drawn.append(([1, 1], [0, 1], _TRUTH))
         panel = {"curves": drawn, "title": _TITLES[quantity], "xscale": "log"}
         panels.append(panel | ({} if len(panels) % 4 else {"ylabel": "share of the restarts"}))
     return plotting.lines(panels, columns=4, size=(2.5, 2.6), legend_above=True)
-
-
-def _steps(values):
-    """The distribution function of a sample, (x, share of the members up to x)."""
-    values = np.sort(values)
-    shares = np.arange(len(values) + 1) / len(values)
-    return np.repeat(values, 2), np.repeat(shares, 2)[1:-1]

@@ -6,7 +6,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import blocks
 from himap.measures import diagnostics
-from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair
+from himap.measures.low_rank_spectra import Moments, angular_power_pair
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.paper import cleaned, leakage, pipeline
 from himap.removal import harmonic
@@ -48,7 +48,7 @@ def sky_brightness(survey, galaxy):
 
 
 @product
-def masked_voxels(case, spread="line"):
+def masked_voxels(case, spread=True):
     """How many voxels of a `Case` the peak masking replaces, by what stands out there most, (3,) int.
 
     `spread` is as in `pipeline.peak_masked`.
@@ -65,7 +65,10 @@ def masked_voxels(case, spread="line"):
         hi, truth = whole[:, block], observed.truth[:, lines[block]]
         parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
         masked = flagged[:, lines[block]]
-        out = np.array([_less_baseline(part, observed.freqs)[masked] for part in parts])
+        out = np.empty((len(parts), np.count_nonzero(masked)))
+        for part, row in zip(parts, out, strict=True):  # in float64, of one at a time
+            baselines = smooth_baselines(part, observed.freqs)
+            row[:] = (part - baselines.basis @ baselines.first)[masked]
         largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
         counts += np.bincount(largest, minlength=len(STANDING_OUT))
     return counts
@@ -78,12 +81,6 @@ def _hi_through_beam(case, lines):
     for row, alm, window in zip(hi, pipeline.hi_alms_of_sky(survey.sky), windows, strict=True):
         row[:] = sphere.synthesise(sphere.multiply_beam(alm, window), survey.nside)[lines]
     return hi
-
-
-def _less_baseline(cube, freqs):
-    """Lines of sight less a fit to all channels, mK, of the shape of `cube`, float64."""
-    baselines = smooth_baselines(cube, freqs)
-    return cube - baselines.basis @ baselines.first
 
 
 @product
@@ -128,7 +125,7 @@ def _spectra_with(components, case, remover):
     bright = on_sky(seen_through(modes, spectra, beams), survey.nside)
     found = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
     true = pipeline.true_spectra(case)
-    wrong = (bright + -found.foreground).truncate(FAINT * float(true.angular.variance.sum()))
+    wrong = cleaned.difference(case, bright, found.foreground)
     return PowerSpectra(
         angular=angular_power_pair(pipeline.truth_alms(case), wrong)[0],
         frequency=Moments.of(truth, wrong).frequency_power(true.frequency, survey.channel_width),

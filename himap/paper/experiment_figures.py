@@ -71,25 +71,18 @@ def _transfer_panel(table):
     }
 
 
-def beam_errors_figure(table, *, kinds=None, columns=2):
+def beam_errors_figure(table):
     """Foreground residual by the error of the assumed beam: one panel for each kind, one curve a method.
 
-    Parameters
-    ----------
-    table
-        Of `himap.paper.experiments.beam_errors`.
-    kinds
-        Which, in which order; all that the table has, but for other beams, unless given.
-    columns
-        Of panels.
+    `table` is of `himap.paper.experiments.beam_errors`; other beams are left out.
     """
     excess = worst_excess(table)
     tried = {kind: sorted({key[3] for key in excess if key[2] == kind and key[3]}) for kind in KINDS}
-    kinds = [kind for kind in KINDS if tried[kind] and kind != "beam"] if kinds is None else kinds
     looks = styles.of_methods(dict.fromkeys(key[:2] for key in excess))
     panels = []
-    for kind in kinds:
-        errors = tried[kind]
+    for kind, errors in tried.items():
+        if kind == "beam" or not errors:
+            continue
         ends = [errors[0] / 1.5, errors[-1] * 1.5]
         curves = [(ends, [_CLOSE, _CLOSE], {"color": "0.75"} | _THIN)]
         for (method, look), marker in zip(looks.items(), cycle("os^Dv"), strict=False):
@@ -102,7 +95,7 @@ def beam_errors_figure(table, *, kinds=None, columns=2):
         panel = {"curves": curves, "xlim": ends, "xscale": "log", "xlabel": KINDS[kind]}
         panel |= {"ylim": (1e-3, 1e2), "yscale": "log", "ylabel": "foreground residual / (HI + noise)"}
         panels.append(panel)
-    return plotting.lines(panels, columns=min(columns, len(panels)), size=(4.6, 3.4), legend_above=True)
+    return plotting.lines(panels, columns=min(2, len(panels)), size=(4.6, 3.4), legend_above=True)
 
 
 def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):

@@ -9,18 +9,14 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import styles
 from himap.instrument.beams import named
+from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.mocks import (
-    first_mocks,
-    make_mocks,
-    own_recovery,
-    recovered,
-    resampled,
-    transfer_functions,
-)
+from himap.paper.mocks import first_mocks, own_recovery, recovered, resampled
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
+from himap.store.parallel import make_all
+from himap.store.store import temporary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,31 +60,24 @@ class Sky:
         return next(iter(self.methods)).galaxy
 
 
-def cases_and_methods(
+def cases_of(
+    beam,
     *,
     preset="quick",
     survey=None,
     galaxy="synthetic",
     template_dir=None,
     small_scales=True,
-    beam="oscillating",
-    ripple="bracket",
-    methods=(("beam_subspace", 3),),
-    reading="default",
     n_realisations=20,
 ):
-    """Cases that differ in their seed only, and the methods that clean them, two lists.
+    """A list of `pipeline.Case` that differ in their seed only.
 
     Parameters
     ----------
+    beam
+        A `Beam`.
     preset, survey, galaxy, template_dir, small_scales
         As in `himap.paper.study.Study`.
-    beam, ripple
-        Name of the beam, and the reading of the oscillating one.
-    methods
-        Pairs (name, number of sources); None for a method that has no number.
-    reading
-        Of SDecGMCA, if it is among them.
     n_realisations
         How many skies: the seed of the survey, and those after it.
 
@@ -98,13 +87,38 @@ def cases_and_methods(
         A bad value of any of them.
     """
     whole_number("n_realisations", n_realisations, 1, 1000)
-    selected = paper_beams(ripple=ripple).get(beam) or named(beam)
     first = pipeline.Case(
         survey=Survey.preset(preset, **(survey or {})),
         galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        beam=selected,
+        beam=beam,
     )
-    removers = []
+    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
+    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+
+
+def cases_and_methods(
+    *, beam="oscillating", ripple="bracket", methods=(("beam_subspace", 3),), reading="default", **settings
+):
+    """Cases that differ in their seed only, and the methods that clean them, two lists.
+
+    Parameters
+    ----------
+    beam, ripple
+        Name of the beam, and the reading of the oscillating one.
+    methods
+        Pairs (name, number of sources); None for a method that has no number.
+    reading
+        Of SDecGMCA, if it is among them.
+    settings
+        As of `cases_of`.
+
+    Raises
+    ------
+    InputError
+        A bad value of any of them.
+    """
+    selected = paper_beams(ripple=ripple).get(beam) or named(beam)
+    cases, removers = cases_of(selected, **settings), []
     for pair in methods:
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise InputError(
@@ -116,9 +130,8 @@ def cases_and_methods(
             removers.append(sdecgmca_for(selected, n_sources=n_sources, reading=reading))
         else:
             removers.append(create(name, **({} if n_sources is None else {"n_sources": n_sources})))
-        removers[-1].check(first.survey.n_channels)
-    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
-    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds], removers
+        removers[-1].check(cases[0].survey.n_channels)
+    return cases, removers
 
 
 def skies_of(*observed, n_mocks=0, **attributes):
@@ -141,11 +154,17 @@ def make_products(work):
     """Make products of cases; observations and separations that are made for it are deleted.
 
     `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
-    again, and nothing is observed for it.
+    again, and nothing is observed for it. Of mocks the coefficients of HI and noise are made first, once for
+    all, and stay; their maps do not.
     """
-    with_mocks = recovered, resampled
-    mocked = [call for product, call in work if product in with_mocks and not product.is_cached(*call)]
-    make_mocks([call[0] for call in mocked], dict.fromkeys(call[2] for call in mocked))
+    surveys = {}
+    for product, call in work:
+        if product in (recovered, resampled) and not product.is_cached(*call):
+            surveys[replace(call[0].survey, seed=call[2].seed)] = None
+    with temporary(pipeline.hi_of_sky):
+        hi = dict.fromkeys(survey.sky for survey in surveys)
+        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in hi], "HI of mocks")
+        make_all(pipeline.noise_alms, [(survey,) for survey in surveys], "noise of mocks")
     cleaned.make_by_case(work)
 
 
@@ -159,17 +178,14 @@ def measured_recoveries(sky):
         case: tuple(one for one in removers if sky.corrected is None or one.name in sky.corrected)
         for case, removers in sky.methods.items()
     }
-    work = [
-        (recovered, (case, removers, mock))
-        for case, removers in corrected.items()
-        if removers
-        for mock in sky.mocks
-    ]
-    make_products(work + [(own_recovery, pair) for pair in pairs])
+    calls = [(case, several, mock) for case, several in corrected.items() if several for mock in sky.mocks]
+    make_products([(recovered, call) for call in calls] + [(own_recovery, pair) for pair in pairs])
     transfers = {}
-    for case, removers in corrected.items():
-        transfers[case] = transfer_functions(case, removers, sky.mocks) if removers else {}
-    return [(case, one, own_recovery(case, one), transfers[case].get(one)) for case, one in pairs]
+    for case, several in corrected.items():
+        by_method = zip(*(recovered(*call) for call in calls if call[0] == case), strict=True)
+        for remover, powers in zip(several, by_method, strict=True):
+            transfers[case, remover] = TransferFunction(mocks=powers)
+    return [(*pair, own_recovery(*pair), transfers.get(pair)) for pair in pairs]
 
 
 def method_columns(remover):

@@ -9,7 +9,14 @@ import numpy as np
 
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube, centred, projection
-from himap.measures.transfer import HarmonicPower, TransferFunction, expected_mock_power, harmonic_power
+from himap.measures.transfer import (
+    HarmonicPower,
+    TransferFunction,
+    expected_mock_power,
+    harmonic_power,
+    mock_power_of_cubes,
+    quotient,
+)
 from himap.paper import cleaned, pipeline
 from himap.removal.analysis import cube_modes
 from himap.removal.smooth_spectra import FilteredSeparation
@@ -46,12 +53,9 @@ class Parts:
 
         `kind` is "angular", by l, or "frequency", by k; 0 where there is no truth.
         """
-        truth = getattr(self.truth, kind)
-        return {
-            name: np.divide(getattr(power, kind), truth, out=np.zeros_like(truth), where=truth > 0)
-            for name, power in vars(self).items()
-            if name != "truth"
-        }
+        powers = {name: getattr(power, kind) for name, power in vars(self).items()}
+        truth = powers.pop("truth")
+        return {name: quotient(power, truth) for name, power in powers.items()}
 
 
 def split_error(case, remover, mask_peaks=True):
@@ -108,16 +112,9 @@ def decompose(case, remover, mask_peaks=True):
     width, lmax = case.survey.channel_width, case.survey.lmax if found.lmax is None else found.lmax
     left, lost, truth = (sphere.analyse(cube, lmax, n_iter=sphere.N_ITER_FLAT) for cube in cubes)
     kept = truth - lost
-    recovered = kept + left
-    cubes = {"truth": truth, "recovered": recovered, "kept": kept, "left": left}
-    powers = {name: harmonic_power(alms, width) for name, alms in cubes.items()}
-    difference = harmonic_power(recovered - truth, width)
-    shared = HarmonicPower(
-        power=(powers["truth"].power + powers["recovered"].power - difference.power) / 2,
-        n_channels=difference.n_channels,
-        channel_width=width,
-    )
-    return Parts(shared=shared, **powers)
+    power = mock_power_of_cubes(truth, kept + left, width)
+    powers = {name: harmonic_power(alms, width) for name, alms in (("kept", kept), ("left", left))}
+    return Parts(truth=power.input, recovered=power.output, shared=power.cross, **powers)
 
 
 @product(name="foreseen")
@@ -131,8 +128,5 @@ def corrected(case, remover, mask_peaks=True):
     """C/C0 and P/P0 once divided by what the method knows that it keeps, {"angular", "frequency": (n,)}."""
     kept = TransferFunction(mocks=(expected_loss(case, remover, mask_peaks),))
     measured = decompose(case, remover, mask_peaks)
-    found = {}
-    for kind in ("angular", "frequency"):
-        ratio, share = measured.ratios(kind)["recovered"], getattr(kept, kind)
-        found[kind] = np.divide(ratio, share[: len(ratio)], out=np.zeros_like(ratio), where=ratio > 0)
-    return found
+    ratios = {kind: measured.ratios(kind)["recovered"] for kind in ("angular", "frequency")}
+    return {kind: quotient(ratio, getattr(kept, kind)[: len(ratio)]) for kind, ratio in ratios.items()}

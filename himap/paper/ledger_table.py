@@ -124,6 +124,8 @@ class LedgerTable:
             shares_text(share for share in entry.shares.values() if PLACE not in share.part.name)
         )
         shares = f"<br>Holds in what share of the members: {parts}" if parts else ""
+        places = ", ".join(f"{place} in {share:.0%}" for place, share in sorted(entry.places.items()))
+        where = html.escape(f" ({places})") if places else ""
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
             # As wide as can be read: on a phone the table scrolls.
@@ -131,30 +133,21 @@ class LedgerTable:
             f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
             f"{html.escape(entry.sentence)}{shares}</details></div>",
             f"{badge}<br>{members_text(entry)}",
-            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{html.escape(places_text(entry))}",
+            f"{html.escape(measured(entry))}<br><em>{claim['number']}</em>{where}",
             claim["paper"],
             html.escape(cause(entry, self.others)),
         )
         return [HTML(cell) for cell in cells]
 
 
-def share_text(share):
-    """A `Share` in words, with its interval, and how often the premise is absent."""
-    text = f"{share.mean:.0%}"
-    if share.low < share.high:
-        text += f" ({share.low:.0%} to {share.high:.0%})"
-    return text + (f", premise absent in {share.absent:.0%}" if share.absent else "")
-
-
 def shares_text(shares):
-    """The `Share` of some parts, one after the other."""
-    return "; ".join(f"{share.part.name} {share_text(share)}" for share in shares)
-
-
-def places_text(entry):
-    """The places of a minimum, each with the share of the members that have it there; may be empty."""
-    places = ", ".join(f"{place} in {share:.0%}" for place, share in sorted(entry.places.items()))
-    return f" ({places})" if places else ""
+    """In words, for each `Share`, its interval and how often the premise is absent, one after the other."""
+    texts = []
+    for share in shares:
+        interval = f" ({share.low:.0%} to {share.high:.0%})" if share.low < share.high else ""
+        absent = f", premise absent in {share.absent:.0%}" if share.absent else ""
+        texts.append(f"{share.part.name} {share.mean:.0%}{interval}{absent}")
+    return "; ".join(texts)
 
 
 def members_text(entry):

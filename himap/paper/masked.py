@@ -13,8 +13,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
-from himap.measures.low_rank_spectra import Moments, angular_power_pair, difference, line_errors, masked_alms
-from himap.measures.spectra import PowerSpectra, frequency_power
+from himap.measures.low_rank_spectra import difference, line_errors
 from himap.paper import cleaned, pipeline
 from himap.removal.data import scattered
 from himap.sky.galaxy import Dimming
@@ -110,20 +109,12 @@ def compared(case, remover, region, way, margin=4.0):
     margin
         How far inside of its edge spectra begin, deg. C_l are decoupled (MASTER), in bins of 1 / f_sky.
     """
-    survey = case.survey
-    inside = region.mask(survey.nside, margin)
+    inside = region.mask(case.survey.nside, margin)
     left, true = residual(case, remover, region, way), pipeline.truth(case)
     if way == "post-masked":
         inside &= ~diagnostics.flagged_lines(line_errors(cleaned.error(case, remover)))
-    wrong = difference(left, true, mask=inside)
-    angular = angular_power_pair(masked_alms(true, mask=inside), wrong, mask=inside)
-    frequency = frequency_power(true, survey.channel_width, mask=inside)
-    recovered = Moments.of(true, wrong, mask=inside).frequency_power(frequency, survey.channel_width)
-    pair = (
-        PowerSpectra(angular=power, frequency=along)
-        for power, along in zip(angular, (recovered, frequency), strict=True)
-    )
-    return Comparison.of(*pair, l_top=2 * survey.nside)
+    pair = cleaned.masked_spectra(case, true, difference(left, true, mask=inside), inside)
+    return Comparison.of(*pair, l_top=2 * case.survey.nside)
 
 
 @product(name="masked_by_depth")

@@ -12,15 +12,13 @@ from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.bootstrap import bootstrap_of
-from himap.measures.low_rank_spectra import FAINT
-from himap.measures.transfer import TransferFunction, mock_power
+from himap.measures.transfer import mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
 from himap.removal.cleaning import one_more
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
-from himap.store.parallel import make_all
-from himap.store.store import product, temporary
+from himap.store.store import product
 
 _MOST_MOCKS = 10_000  # of one sky
 
@@ -128,7 +126,7 @@ def recovered(case, removers, mock, mask_peaks=True):
 
 def _power(case, alms, before, after):
     """The `MockPower` of a mock, from the `Separation` of all but the mock, and of all with it."""
-    wrong = (before.foreground + -after.foreground).truncate(_faint(case))
+    wrong = cleaned.difference(case, before.foreground, after.foreground)
     own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
     return mock_power(own, wrong, case.survey.channel_width)
 
@@ -163,46 +161,6 @@ def own_recovery(case, remover, mask_peaks=True):
     return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
-def _faint(case):
-    """Variance of terms that no spectrum shows, mK^2, summed over channels."""
-    return FAINT * float(pipeline.true_spectra(case).angular.variance.sum())
-
-
-def transfer_functions(case, removers, mocks, *, mask_peaks=True):
-    """What some methods keep of mocks in an observation, {method: `TransferFunction`}.
-
-    Parameters
-    ----------
-    case
-        `pipeline.Case`.
-    removers
-        Methods; the mocks are made, and their peaks masked, once for all of them.
-    mocks
-        `Mock` each.
-    mask_peaks
-        As in `cleaned.separation`.
-
-    Raises
-    ------
-    InputError
-        No method or no mock, a mock of the sky of the case, or what a method refuses.
-    """
-    removers, mocks = tuple(removers), list(mocks)
-    if not removers or not mocks:
-        raise InputError(f"there must be methods and mocks, got {len(removers)} and {len(mocks)}.")
-    for remover in removers:
-        remover.check(case.survey.n_channels)
-    calls = [(case, removers, mock, mask_peaks) for mock in mocks]
-    if not all(recovered.is_cached(*call) for call in calls):
-        make_mocks([case], mocks)
-        cleaned.make([(recovered, call) for call in calls])
-    rows = [recovered(*call) for call in calls]
-    return {
-        remover: TransferFunction(mocks=column)
-        for remover, column in zip(removers, zip(*rows, strict=True), strict=True)
-    }
-
-
 def mocks_of_sky(seed, n_mocks):
     """So many usual mocks for the sky of a seed, a tuple: of seeds that no sky has, nor a mock of another."""
     first = _MOST_MOCKS * (seed + 1)
@@ -214,12 +172,3 @@ def first_mocks(n_mocks, cases):
     taken = {case.survey.seed for case in cases}
     free = (seed for seed in itertools.count(1) if seed not in taken)
     return [Mock(seed=seed) for seed in itertools.islice(free, n_mocks)]
-
-
-def make_mocks(cases, mocks):
-    """Make the coefficients of the HI and noise of all mocks; their maps do not stay."""
-    own = dict.fromkeys(replace(case.survey, seed=mock.seed) for case in cases for mock in mocks)
-    with temporary(pipeline.hi_of_sky):
-        skies = dict.fromkeys(survey.sky for survey in own)
-        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in skies], "HI of mocks")
-        make_all(pipeline.noise_alms, [(survey,) for survey in own], "noise of mocks")

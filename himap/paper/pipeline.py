@@ -131,10 +131,13 @@ def observation(case):
 
 
 @product
-def peak_masked(case, spread="line"):
-    """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1); see `peaks.SPREADS`."""
+def peak_masked(case, spread=True):
+    """The observed maps with their peaks masked, a `PeakMasked` (paper, Sect. 4.1).
+
+    `spread` is a name in `peaks.SPREADS`, or True for that of the line.
+    """
     observed = observation(case)
-    return peaks.mask_peaks(observed.maps, observed.freqs, spread=spread)
+    return peaks.mask_peaks(observed.maps, observed.freqs, spread="line" if spread is True else spread)
 
 
 @product
@@ -150,7 +153,7 @@ def basis(case, mask_peaks):
     """
     if not mask_peaks:
         return observation(case).maps
-    return peak_masked(case, "line" if mask_peaks is True else mask_peaks).maps
+    return peak_masked(case, mask_peaks).maps
 
 
 @product

@@ -6,54 +6,25 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass
 
+import numpy as np
+
 from himap.core.errors import InputError
-from himap.measures.diagnostics import ANGULAR_BANDS, FAILING
+from himap.maps import sphere
+from himap.measures import diagnostics
+from himap.measures.diagnostics import FAILING
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
-BANDS = {f"C/C0, {low} to {high}": ("C/C0", low - 0.5, high + 0.5) for low, high in ANGULAR_BANDS} | {
-    "P/P0, k < 0.03": ("P/P0", 0, 0.03),
-    "P/P0, 0.03 to 0.1": ("P/P0", 0.03, 0.1),
-    "P/P0, k > 0.1": ("P/P0", 0.1, math.inf),
+BANDS = {
+    name.replace("0-0.03", "k < 0.03").replace("-", " to "): band for name, band in diagnostics.BANDS.items()
 }
-"""{band: (curve, lower and upper end)}; of k in 1/MHz."""
+"""`diagnostics.BANDS` by the names that the records have."""
 
-NEAR_PLANE = 10.0
-"""Galactic latitude below which a line of sight is near the plane, deg."""
-
-DIAGNOSTICS = (
-    "n_warmup",
-    "n_refinement",
-    "warmup_change",
-    "refinement_change",
-    "condition",
-    "cost",
-    "floored",
-)
-"""Those of an SDecGMCA (`himap.removal.separation.Separation`)."""
+_NEAR_PLANE = 10.0  # deg of Galactic latitude
 
 CURVES = ("C/C0", "P/P0")
 """Quantities with a value for each x: l, or k in 1/MHz."""
-
-QUANTITIES = (
-    *BANDS,
-    "bump",
-    "mean error",
-    "largest error",
-    "flagged",
-    "near the plane",
-    "total error",
-    "iterations",
-    "converged",
-    *DIAGNOSTICS,
-    *CURVES,
-)
-"""What is measured of a run besides claims: mean ratios in bands; the highest P/P0 near k = 0.31 / MHz; mean
-and largest |C/C0 - 1| at 10 < l < 200; the share of lines of sight that are flagged, and of these near the
-plane; the total MSE of both spectra; iterations of both stages; whether the last one converged; diagnostics
-of the iteration; and both curves in bins.
-"""
 
 COLUMNS = {
     "reading": str,
@@ -66,7 +37,22 @@ COLUMNS = {
     "main": bool,
     "held": bool,
 }
-"""{column: type} of the rows of readings: the quantity is the id of a claim, or one of `QUANTITIES`."""
+"""{column: type} of the rows of readings. The quantity is the id of a claim; or what is measured besides:
+mean ratios in `BANDS`; "bump", the highest P/P0 near k = 0.31 / MHz; "mean error" and "largest error",
+|C/C0 - 1| at 10 < l < 200; the share of lines of sight that are "flagged", and of these "near the plane";
+"total error", the MSE of both spectra; "iterations" of both stages; whether the last one "converged"; the
+diagnostics of the iteration (`himap.removal.separation.Separation`); and `CURVES` in bins.
+"""
+
+
+def flagged_shares(errors, none=math.nan):
+    """Share of the lines of sight that their errors (n_pix,) flag, and of these near the plane, a dict.
+
+    The latter is `none` where no line is flagged.
+    """
+    flagged = diagnostics.flagged_lines(errors)
+    near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < _NEAR_PLANE
+    return {"flagged": flagged.mean(), "near the plane": near.mean() if len(near) else none}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,11 +85,6 @@ class Reading:
         """{option: value} of all options."""
         given = dict(self.options)
         return READINGS[given.pop("reading", "default")] | given
-
-    @property
-    def unlike(self):
-        """How many values are not those of the letter."""
-        return sum(self.values[name] != READINGS["letter"][name] for name in OPTIONS)
 
     @property
     def departures(self):

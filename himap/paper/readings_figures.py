@@ -107,7 +107,11 @@ def curves_figure(outcomes):
                 label: [run.curves[curve] for run in outcomes[label].runs if run.seed == seed]
                 for label in named
             }
-            curves = [(*_ensemble(those), _LOOKS[label]) for label, those in members.items() if those]
+            curves = []
+            for label, those in members.items():
+                if those:
+                    (x, *_), ys = zip(*those, strict=True)
+                    curves.append((x, ys[0] if len(ys) == 1 else np.array(ys), _LOOKS[label]))
             ends = [min(x[0] for x, _, _ in curves), max(x[-1] for x, _, _ in curves)]
             panels.append(
                 {
@@ -120,12 +124,6 @@ def curves_figure(outcomes):
                 }
             )
     return plotting.lines(panels, size=(5, 3.6), legend_above=True)
-
-
-def _ensemble(curves):
-    """x, and the y of some restarts, (n_members, n), or of the only one, (n,)."""
-    (x, *_), ys = zip(*curves, strict=True)
-    return x, ys[0] if len(ys) == 1 else np.array(ys)
 
 
 def code_figure(compared, iterations):

@@ -91,12 +91,11 @@ class Realisation:
     @property
     def facts(self):
         """What else the claims need, [(product of `evidence`, arguments)]."""
-        of_cases = evidence.masked_voxels, evidence.noise_and_hi
         calls = self.calls("oscillating")
         return [
             (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
-            *((fact, (self.cases[beam][0],)) for beam in BEAMS for fact in of_cases),
-            *((evidence.masked_voxels, self._clip(case)) for case in CLIPPED.values()),
+            *((evidence.noise_and_hi, self.cases[beam][:1]) for beam in BEAMS),
+            *((evidence.masked_voxels, self.cases[case][:2]) for case in (*BEAMS, *CLIPPED.values())),
             (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
             (evidence.error_of_flagged_lines, calls["sdecgmca"]),
             *((evidence.peak_without_lines, calls[name][:3]) for name in BSS),
@@ -114,11 +113,6 @@ class Realisation:
             for name, method in zip(METHODS, methods, strict=True)
             if name in BSS or case not in CLIPPED.values()
         }
-
-    def _clip(self, case):
-        """Arguments of `evidence.masked_voxels`."""
-        observed, peaks, _ = self.cases[case]
-        return (observed,) if peaks is True else (observed, peaks)
 
     def _beyond(self, beam):
         """Arguments of `cleaned.assessment` for SD beyond l = 200; itself where it has no such option."""
@@ -176,12 +170,11 @@ class Realisation:
         """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
         return {n: self._compare(call) for n, call in self.scan_calls().items()}
 
-    def _compare(self, call):
+    def _compare(self, call, masked=False):
         """`Comparison` of an assessment with the truth, which ends where it does."""
-        if call not in self._compared:
-            result = cleaned.assessment(*call)
-            self._compared[call] = self._comparison(result.power_spectra, pipeline.true_spectra(call[0]))
-        return self._compared[call]
+        if (call, masked) not in self._compared:
+            self._compared[call, masked] = cleaned.compared(*call, masked=masked)
+        return self._compared[call, masked]
 
     @cached_property
     def _compared(self):
@@ -196,8 +189,7 @@ class Realisation:
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
-        result = self.assessed(method)
-        return self._comparison(result.masked, result.masked_truth)
+        return self._compare(self.calls("oscillating")[method], masked=True)
 
     def unmasked(self, method):
         """The `Comparison` of the full sky in the bins of `masked`."""
@@ -226,7 +218,7 @@ class Realisation:
 
     def masked_voxels(self, case):
         """{"HI", "noise" or "foreground": how many voxels where it stands out the peak masking replaces}."""
-        counts = evidence.masked_voxels(*self._clip(case))
+        counts = evidence.masked_voxels(*self.cases[case][:2])
         return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
 
     def noise_over_hi(self, beam):
@@ -279,10 +271,3 @@ class Realisation:
     def regularisation(self, beam):
         """c of Table 1."""
         return table_1(self.cases[beam][0].beam)["regularisation"]
-
-
-def make(realisations):
-    """Compute what some realisations need together and is not in the cache; returns how many assessments."""
-    assessments = dict.fromkeys(call for sky in realisations for call in sky.assessments)
-    facts = dict.fromkeys(fact for sky in realisations for fact in sky.facts)
-    return cleaned.make_by_case([*((cleaned.assessment, call) for call in assessments), *facts])

@@ -12,7 +12,6 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts
-from himap.measures.diagnostics import Comparison
 from himap.paper import cleaned, pipeline
 from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming, Galaxy
@@ -103,15 +102,13 @@ class Study:
         with self._keeping:
             return cleaned.assessment(self.case(beam), remover, mask_peaks, post_mask)
 
-    def compared(self, beam, remover, *, masked=False, **options):
+    def compared(self, beam, remover, *, mask_peaks=True, masked=False):
         """Both spectra against the truth, a `Comparison`.
 
         With `masked`, without the lines of sight whose error stands out, in what is left and in the truth.
         """
-        result = self.assessed(beam, remover, post_mask=masked, **options)
-        unmasked = result.power_spectra, self.truth(beam)
-        pair = (result.masked, result.masked_truth) if masked else unmasked
-        return Comparison.of(*pair, l_top=self.l_top)
+        with self._keeping:
+            return cleaned.compared(self.case(beam), remover, mask_peaks, masked, masked=masked)
 
     def members(self, remover):
         """`remover` from each of `n_restarts` starts, its own first; one without restarts alone: a list."""

@@ -83,21 +83,21 @@ def channel_figure(study, beam, remover, **options):
     return _of_method(study, figure, beam, remover)
 
 
-def mixing_figure(study, beam, remover, *, ylabel="mixing coefficient", **options):
+def mixing_figure(study, beam, remover, **options):
     """The spectra that a method removes: columns of its mixing matrix against frequency."""
     curves = []
     for n, column in enumerate(study.separation(beam, remover, **options).mixing.T):
         style = {"color": styles.COLOURS[n % 5], "linestyle": _LINES[n % 5], "label": f"component {n + 1}"}
         curves.append((study.survey.freqs, column, style))
-    panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": ylabel}
+    panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": "mixing coefficient"}
     return _of_method(study, plotting.lines([panel], columns=1, size=(6.4, 4)), beam, remover)
 
 
-def sources_figure(study, beam, remover, *, n_shown=6, limits=(2, 98), **options):
+def sources_figure(study, beam, remover, **options):
     """The maps that go with the columns of the mixing matrix."""
-    sources = study.separation(beam, remover, **options).sources[:n_shown]
+    sources = study.separation(beam, remover, **options).sources[:6]
     maps = {f"component {n + 1}": source for n, source in enumerate(sources)}
-    return _of_method(study, plotting.sky_maps(maps, limits=limits), beam, remover)
+    return _of_method(study, plotting.sky_maps(maps, limits=(2, 98)), beam, remover)
 
 
 def _panel(study, kind, beam, curves, title):

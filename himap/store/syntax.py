@@ -19,15 +19,16 @@ _SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
 _LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
 _CLASS = "<class>"
 
-_ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "sentence", "reading", None}
+_ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "form"}
 WORDS = {
     "parameter": (1, {"help"}),
     "claim": (2, _ENTRY),
-    "number_claim": (2, _ENTRY),
+    "claims_of": (0, _ENTRY),
     "not_applicable": (0, _ENTRY),
+    "finding": (2, _ENTRY),
     "Finding": (2, {"sentence"}),
 }
-"""{function: (how many positional arguments count, keywords that are words)}; None is what ``**`` adds."""
+"""{function: (how many positional arguments count, which keywords are words)}; "claim" for all "_claim"."""
 
 
 class Hole(NamedTuple):
@@ -75,7 +76,9 @@ class Writer:
         return getattr(self, f"_{type(node).__name__}", self._plain)(node)
 
     def is_silent(self, node):
-        """Whether a statement only warns, or calls what is ignored."""
+        """Whether a statement only warns, calls what is ignored, or is the `wording` of a number."""
+        if assigns(node, "wording"):
+            return True
         call = node.value if isinstance(node, ast.Expr) else None
         return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))
 
@@ -142,8 +145,9 @@ class Writer:
 
     def _Call(self, node):
         args, keywords = node.args, node.keywords
-        if called(node) in WORDS:
-            n_args, words = WORDS[called(node)]
+        name = "claim" if called(node).endswith("_claim") else called(node)
+        if name in WORDS:
+            n_args, words = WORDS[name]
             args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
         elif self._is_ignored(node.func):
             if called(node) == "progress" and args:

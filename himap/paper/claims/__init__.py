@@ -39,14 +39,10 @@ __all__ = [
     "Part",
 ]
 
-_LETTERS = "FDEORNBMGSAV"
+_LETTERS = "FDEORNBMGSAV"  # in the order of the paper; others follow
 
-
-def _place(id):
-    """Where a claim stands in the ledger: by letter, those of the paper's order first, then by number."""
-    known = id[0] in _LETTERS
-    return not known, _LETTERS.find(id[0]) if known else id[0], int(id[1:])
-
-
-CLAIMS = {id: REGISTRY[id] for id in sorted(REGISTRY, key=_place)}
+CLAIMS = {
+    id: REGISTRY[id]
+    for id in sorted(REGISTRY, key=lambda id: ((_LETTERS + id[0]).index(id[0]), id[0], int(id[1:])))
+}
 """{id: `Claim`}, in the order of the paper."""

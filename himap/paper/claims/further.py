@@ -11,14 +11,14 @@ import numpy as np
 from himap.measures.diagnostics import FAILING
 from himap.paper.claims.base import (
     BEAMS,
-    STATISTICS,
     above,
     angular_band,
     below,
     claim,
+    finding,
     frequency_band,
-    largest,
-    listing,
+    in_band,
+    mean_error,
     recovered,
     smaller,
 )
@@ -27,7 +27,6 @@ from himap.paper.claims.verdicts import (
     METHODS,
     MOST,
     RECOVERED,
-    Finding,
     Part,
     is_smaller,
     not_applicable,
@@ -35,54 +34,55 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-_STAGES = {"warm-up": ("warmup", 1e-2), "refinement": ("refinement", 1e-4)}
+_TOLERANCES = {"warm-up": 1e-2, "refinement": 1e-4}
 _LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
 
 
 @claim(
     "V1",
     "all three",
-    "SD converges: S changes by less than 1e-2 at the end of the warm-up, 1e-4 of the refinement.",
     number="largest relative change of S at the end of the refinement",
     paper="< 1e-4",
     section="3.3",
-    figure="",
     notebook="09_sdecgmca",
 )
-def convergence(realisation):
-    """The paper stops each stage when the relative change of S between two iterations is below a tolerance. A
+def convergence(sky):
+    """SD converges: S changes by less than 1e-2 at the end of the warm-up, 1e-4 of the refinement.
+
+    The paper stops each stage when the relative change of S between two iterations is below a tolerance. A
     stage has converged if the change in its last iteration is below the paper's tolerance, 1e-2 in the
     warm-up and 1e-4 in the refinement. As in the public code of C21 a stage ends after 150 or 50 iterations
     at the latest; if its change is then above the tolerance, it has not converged. Six main parts: each stage
     with each beam. It does not apply to a method without these stages.
     """
-    found = {beam: realisation.diagnostics(beam) for beam in BEAMS}
+    found = {beam: sky.diagnostics(beam) for beam in BEAMS}
     if not all(found.values()):
         return not_applicable("This method does not iterate in two stages.")
-    parts, words = [], []
+    parts, wording = (), {}
     for beam, row in found.items():
-        changes = []
-        for stage, (name, tolerance) in _STAGES.items():
-            change = row[f"{name}_change"]
-            parts.append(Part(f"{stage} converges, {beam} beam", bool(change < tolerance), method="SD"))
-            changes.append(f"{change:.2g} after {row[f'n_{name}']:.0f} iterations of the {stage}")
-        words.append(f"{beam} {', '.join(changes)}")
+        wording[beam] = {}
+        for stage, tolerance in _TOLERANCES.items():
+            name = stage.replace("-", "")
+            change, n = row[f"{name}_change"], row[f"n_{name}"]
+            parts += (Part(f"{stage} converges, {beam} beam", bool(change < tolerance), method="SD"),)
+            wording[beam] |= {f"{n:.0f} iterations of the {stage}": change}
     value = max(row["refinement_change"] for row in found.values())
-    return Finding(value, tuple(parts), f"Relative change of S: {'; '.join(words)}.")
+    return finding(value, parts, {"Relative change of S after": wording}, "{:.2g}")
 
 
 @claim(
     "V2",
     "oscillating",
-    "Flagged lines of sight show coherent spectral structure, that of leaked foreground.",
     number="share of the error of flagged lines in the foreground's spectra",
     paper="most",
     section="5.1",
     figure="5",
     notebook="12_post_masking",
 )
-def leaked_foreground(realisation):
-    """The error is the residual of SD less the truth, on the lines of sight that the paper's rule flags, as a
+def leaked_foreground(sky):
+    """Flagged lines of sight show coherent spectral structure, that of leaked foreground.
+
+    The error is the residual of SD less the truth, on the lines of sight that the paper's rule flags, as a
     mean square over these lines and all channels. Coherent: more than half of it lies in the foreground's
     spectra, those principal spectra of the true foreground through the beam of which each has more variance
     than HI and noise have in all channels together; an error without structure has n / n_channels of itself
@@ -90,136 +90,127 @@ def leaked_foreground(realisation):
     signal loss, for the mixing matrix as estimated. Leaked foreground: the foreground residual is larger than
     the signal loss, by more than 1 %. Two parts, both main. The premise is absent if no line is flagged.
     """
-    found = realisation.flagged_error()
+    found = sky.flagged_error()
+    share, held = math.nan, (None, None)
+    wording = "No line of sight is flagged."
+    if found["error"]:
+        share, of_truth = found["in spectra"] / found["error"], found["truth in spectra"] / found["truth"]
+        held = share > MOST, is_smaller(found["signal loss"], found["foreground residual"])
+        rms = {name: found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")}
+        shares = {"error of flagged lines": share, "truth": of_truth}
+        wording = {f"Share in the {found['n_spectra']} spectra of the foreground": shares, "rms in mK": rms}
     names = "most of the error in the foreground's spectra", "foreground residual above signal loss"
-    if found["error"] == 0:
-        parts = tuple(Part(name, None, method="SD") for name in names)
-        return Finding(math.nan, parts, "No line of sight is flagged.")
-    share = found["in spectra"] / found["error"]
-    of_truth = found["truth in spectra"] / found["truth"]
-    held = share > MOST, is_smaller(found["signal loss"], found["foreground residual"])
-    rms = {name: found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")}
-    return Finding(
-        share,
-        tuple(Part(name, one, method="SD") for name, one in zip(names, held, strict=True)),
-        f"{share:.0%} of the error of flagged lines lies in the {found['n_spectra']} spectra in which the "
-        f"foreground is brighter than the truth, which has {of_truth:.0%} there. Rms in mK: {listing(rms)}.",
-    )
+    parts = (Part(name, one, method="SD") for name, one in zip(names, held, strict=True))
+    return finding(share, tuple(parts), wording)
 
 
 @claim(
     "V3",
     "degraded",
-    "Point sources are absorbed by the two components of the parametric fit.",
     number="change of C or P by the point sources over the truth, at 95 % of the l or k",
     paper="small",
     section="3.2",
-    figure="",
     notebook="08_parametric",
 )
-def absorbed_sources(realisation):
-    """The same sky, with the same HI, Galaxy and noise, is observed and cleaned by PAR again without its
-    point sources. They are absorbed if their presence changes C by less than 10 % of the true C, the accuracy
-    that the paper calls recovered, at 95 % or more of 3 < l < 200, and P likewise at k > 0.03 (the ranges of
-    D1 and D2). Two parts, both main. How near the residual is to the truth is judged by D1 and D2.
+def absorbed_sources(sky):
+    """Point sources are absorbed by the two components of the parametric fit.
+
+    The same sky, with the same HI, Galaxy and noise, is observed and cleaned by PAR again without its point
+    sources. They are absorbed if their presence changes C by less than 10 % of the true C, the accuracy that
+    the paper calls recovered, at 95 % or more of 3 < l < 200, and P likewise at k > 0.03 (the ranges of D1
+    and D2). Two parts, both main. How near the residual is to the truth is judged by D1 and D2.
     """
-    one, other = realisation.of("degraded")["parametric"], realisation.without_sources()
+    one, other = sky.of("degraded")["parametric"], sky.without_sources()
     angular = np.abs(one.angular - other.angular) / one.true_angular
     frequency = np.abs(one.frequency - other.frequency) / one.true_frequency
     tops = {
-        "C": STATISTICS["below"](one.degrees, angular, 3, 200),
-        "P": STATISTICS["below"](one.k, frequency, 0.03, np.inf),
+        "C": in_band("below", one.degrees, angular, 3, 200),
+        "P": in_band("below", one.k, frequency, 0.03, np.inf),
     }
-    return Finding(
-        largest(tops),
-        parts_of(tops, recovered, "the same without point sources", method="PAR"),
-        f"Change by point sources over the true spectrum, at 95 % of the l or k below: {listing(tops)}.",
-    )
+    parts = parts_of(tops, recovered, "the same without point sources", method="PAR")
+    wording = {"Change by point sources over the true spectrum, at 95 % of the l or k below": tops}
+    return finding(max(tops.values()), parts, wording)
 
 
 @claim(
     "V4",
     "all three",
-    "The noise is subdominant, by a long observing time.",
     number="noise over HI in C or P at 95 % of the l or k, largest of the beams",
     paper="< 1",
     section="2.2",
-    figure="",
     notebook="02_beams_and_noise",
 )
-def subdominant_noise(realisation):
-    """The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the
-    pixels, which only the degraded beam smooths. The noise is subdominant if its power is below that of HI,
-    by more than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main
-    parts: each spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel,
-    so that its C_l is proportional to the area of the pixels: the result holds for the resolution at which it
-    was measured.
+def subdominant_noise(sky):
+    """The noise is subdominant, by a long observing time.
+
+    The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the pixels,
+    which only the degraded beam smooths. The noise is subdominant if its power is below that of HI, by more
+    than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
+    spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel, so that its
+    C_l is proportional to the area of the pixels: the result holds for the resolution at which it was
+    measured.
     """
-    tops, parts, words = {}, [], []
+    parts, median, most = (), {}, {}
     for beam in BEAMS:
-        noise, medians, here = realisation.noise_over_hi(beam), {}, {}
-        for found, statistic in ((medians, "median"), (here, "below")):
-            found["C"] = angular_band(statistic, 1, 201)(noise)
-            found["P"] = frequency_band(statistic)(noise)
-        tops |= {(beam, name): value for name, value in here.items()}
-        parts += parts_of(here, smaller, f"of noise below HI, {beam} beam")
-        words.append(f"{beam}: {listing(medians)}, at 95 % of the l or k below {listing(here)}")
-    return Finding(largest(tops), tuple(parts), f"Noise over HI, median {'; '.join(words)}.")
+        noise = sky.noise_over_hi(beam)
+        for found, statistic in ((median, "median"), (most, "below")):
+            angular, frequency = angular_band(statistic, 1, 201), frequency_band(statistic)
+            found[beam] = {"C": angular(noise), "P": frequency(noise)}
+        parts += parts_of(most[beam], smaller, f"of noise below HI, {beam} beam")
+    value = max(max(row.values()) for row in most.values())
+    return finding(value, parts, {"Noise over HI, median": median, "at 95 % of the l or k below": most})
 
 
 @claim(
     "V5",
     "oscillating",
-    "The peak is driven by the lines of sight with the brightest foreground.",
     number="share of the excess of SD that remains without the brightest 10 % of the lines",
     paper="< 0.5",
     section="5.2",
     figure="7",
     notebook="13_dimmed_galaxy",
 )
-def bright_lines(realisation):
-    """Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess
-    is the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
+def bright_lines(sky):
+    """The peak is driven by the lines of sight with the brightest foreground.
+
+    Lines of sight are ranked by their foreground through the beam, in the mean over channels. The excess is
+    the highest P/P0 near k = 0.31, less 1, of residual and truth on the same lines. The paper does not say
     how many lines are exceptionally bright; the brightest tenth is read here, and it drives the peak if more
     than half of the excess vanishes without it. Main part: SD. Others: PCA/ICA and GMCA; and as a control,
     more than half of the excess of SD remains without the faintest tenth. The premise is absent for a method
     without a peak, which is a P/P0 above 1.1.
     """
-    tops, remaining, words = {}, {}, []
+    tops, remaining, words = {}, {}, "excess gone without the brightest"
     for method in BSS:
-        shares, values = realisation.without_brightest(method)
-        name = METHODS[method]
-        tops[name] = dict(zip((*shares, "faintest"), values, strict=True))
-        peak = values[0] > CLEAR
-        remaining[name] = (tops[name][_LEFT_OUT] - 1) / (values[0] - 1) if peak else None
-        words.append(f"{name} {', '.join(f'{top:.4g}' for top in values[:-1])}")
-    sd, listed = {"SD": remaining.pop("SD")}, ", ".join(f"{share:.0%}" for share in shares)
-    faint = None if sd["SD"] is None else (tops["SD"]["faintest"] - 1) / (tops["SD"][0.0] - 1)
+        shares, values = sky.without_brightest(method)
+        one = dict(zip((*shares, "faintest"), values, strict=True))
+        remaining[METHODS[method]] = (one[_LEFT_OUT] - 1) / (one[0.0] - 1) if one[0.0] > CLEAR else None
+        tops[METHODS[method]] = {
+            share if share == "faintest" else f"{share:.0%}": top for share, top in one.items()
+        }
+    sd = remaining.pop("SD")
+    faint = None if sd is None else (one["faintest"] - 1) / (one[0.0] - 1)
     parts = (
-        *parts_of(sd, below(MOST), "excess gone without the brightest"),
-        *parts_of(remaining, below(MOST), "excess gone without the brightest", main=False),
+        *parts_of({"SD": sd}, below(MOST), words),
+        *parts_of(remaining, below(MOST), words, main=False),
         *parts_of({"SD": faint}, above(MOST), "excess remains without the faintest", main=False),
     )
-    return Finding(
-        math.nan if sd["SD"] is None else sd["SD"],
-        parts,
-        f"Highest P/P0 near k = 0.31 without the brightest {listed} of the lines: "
-        f"{'; '.join(words)}; of SD without the faintest tenth {tops['SD']['faintest']:.4g}.",
-    )
+    wording = {"Highest P/P0 near k = 0.31 without the brightest lines, and without the faintest": tops}
+    return finding(math.nan if sd is None else sd, parts, wording, "{:.4g}")
 
 
 @claim(
     "V6",
     "oscillating",
-    "SD depends on the regularisation.",
     number="median spread of C/C0 over settings of the regularisation, 10 < l < 200",
     paper="a major challenge",
     section="6",
-    figure="",
     notebook="09_sdecgmca",
 )
-def regularisation_scheme(realisation):
-    """The settings are c = 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
+def regularisation_scheme(sky):
+    """SD depends on the regularisation.
+
+    The settings are c = 1e-3, 1e-2 (Table 1) and 1e-1, and strategies 3 and 4 in the refinement with c of
     Table 1; all else is unchanged. The spread at each l or k is the highest less the lowest ratio to the
     truth, and its median is over 10 < l < 200 or over all k. SD depends on the regularisation if this spread
     is above 10 %, so that the setting can decide whether a spectrum is recovered; and if it is larger, by
@@ -227,54 +218,46 @@ def regularisation_scheme(realisation):
     any change of a setting acts as a restart too. Four main parts: both for C/C0 and for P/P0. It does not
     apply to a method without these settings.
     """
-    settings = realisation.by_regularisation()
+    settings = sky.by_regularisation()
     if len(settings) < 2:
         return not_applicable("This method is not regularised.")
-    several = {"settings": list(settings.values()), "restarts": realisation.by_restart(len(settings))}
-    spreads = {name: _spreads(comparisons) for name, comparisons in several.items()}
-    parts = []
-    for spectrum, spread in spreads["settings"].items():
-        more = is_smaller(spreads["restarts"][spectrum], spread)
-        parts.append(Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"))
-        parts.append(Part(f"{spectrum} spreads more than over restarts", more, method="SD"))
-    errors = {label: angular_band("error", 10, 200)(one) for label, one in settings.items()}
-    return Finding(
-        spreads["settings"]["C/C0"],
-        tuple(parts),
-        f"Median spread over {len(settings)} settings: {listing(spreads['settings'])}; over as many "
-        f"restarts: {listing(spreads['restarts'])}. Mean |C/C0 - 1|: {listing(errors)}.",
-    )
+    over_settings, over_restarts = map(_spreads, (settings.values(), sky.by_restart(len(settings))))
+    parts = ()
+    for spectrum, spread in over_settings.items():
+        more = is_smaller(over_restarts[spectrum], spread)
+        parts += (Part(f"{spectrum} spreads by more than 10 %", spread > RECOVERED, method="SD"),)
+        parts += (Part(f"{spectrum} spreads more than over restarts", more, method="SD"),)
+    wording = {"Median spread over settings": over_settings, "over as many restarts": over_restarts}
+    wording |= {"mean |C/C0 - 1|": {name: mean_error(one) for name, one in settings.items()}}
+    return finding(over_settings["C/C0"], parts, wording)
 
 
 def _spreads(comparisons):
     """{spectrum: median over l or k of the highest less the lowest ratio} of some `Comparison`."""
-    degrees = comparisons[0].degrees
-    inside = (degrees > 10) & (degrees < 200)
-    ratios = {
-        "C/C0": [one.angular_ratio[inside] for one in comparisons],
-        "P/P0": [one.frequency_ratio for one in comparisons],
-    }
-    return {name: float(np.median(np.ptp(rows, axis=0))) for name, rows in ratios.items()}
+    degrees = next(iter(comparisons)).degrees
+    spread_l = np.ptp([one.angular_ratio for one in comparisons], axis=0)
+    spread_k = np.ptp([one.frequency_ratio for one in comparisons], axis=0)
+    return {"C/C0": in_band("median", degrees, spread_l, 10, 200), "P/P0": float(np.median(spread_k))}
 
 
 @claim(
     "V7",
     "all three",
-    "SD is robust on the full sky, without masks.",
     number="mean |C/C0 - 1| at 10 < l < 200, largest of the beams",
     paper="small",
     section="6",
     figure="1",
     notebook="10_results",
 )
-def robust(realisation):
-    """A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
+def robust(sky):
+    """SD is robust on the full sky, without masks.
+
+    A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
     that the paper gives for these scales. SD is robust if it does not fail on the full sky, the Galactic
     plane included, before any mask: a main part for each beam. The share of the members in which a part holds
     is one less the probability of failure.
     """
-    errors = {beam: angular_band("error", 10, 200)(realisation.of(beam)["sdecgmca"]) for beam in BEAMS}
-    parts = tuple(
-        Part(f"does not fail, {beam} beam", value <= FAILING, method="SD") for beam, value in errors.items()
-    )
-    return Finding(largest(errors), parts, f"Mean |C/C0 - 1| of SD at 10 < l < 200: {listing(errors)}.")
+    errors = {beam: mean_error(sky.of(beam)["sdecgmca"]) for beam in BEAMS}
+    words = "does not fail, {} beam"
+    parts = (Part(words.format(beam), value <= FAILING, method="SD") for beam, value in errors.items())
+    return finding(max(errors.values()), tuple(parts), {"Mean |C/C0 - 1| of SD at 10 < l < 200": errors})

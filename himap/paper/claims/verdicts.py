@@ -6,6 +6,7 @@ about, such as l ~ 40, is that number itself.
 
 import math
 from dataclasses import dataclass
+from statistics import fmean
 
 from scipy.stats import binomtest, norm
 
@@ -136,7 +137,7 @@ class Share:
         shares = [sum(several) / len(several) for several in skies]
         low, high = (min(shares), max(shares)) if len(skies) > 1 else wilson(sum(skies[0]), len(skies[0]))
         absent = [sum(one is None for one in several) / len(several) for several in held.values()]
-        return cls(part=part, mean=_mean(shares), low=low, high=high, absent=_mean(absent))
+        return cls(part=part, mean=fmean(shares), low=low, high=high, absent=fmean(absent))
 
     @property
     def holds(self):
@@ -147,10 +148,6 @@ class Share:
 
 
 _ROUNDING = 1e-9  # of a share
-
-
-def _mean(values):
-    return sum(values) / len(values)
 
 
 def wilson(count, total, z=1.0):
@@ -170,9 +167,7 @@ def judge_shares(shares):
     groups = {}
     for share in shares:
         groups.setdefault(share.part.method or share.part.name, []).append(share.holds)
-    outcome = {
-        name: False if False in held else None if None in held else True for name, held in groups.items()
-    }
+    outcome = {name: _all_hold(held) for name, held in groups.items()}
     if all(outcome.values()):
         return REPRODUCED, ""
     methods = {share.part.method for share in shares} - {""}
@@ -205,9 +200,9 @@ PLACE = ": place "
 """In the name of a part that is a place, which is not main and holds in those members that have it there."""
 
 
-def places_of(best, *, method="SD"):
+def places_of(best):
     """A `Part` for the place of each of {name: place}, such as the number of sources with the least error."""
-    return tuple(Part(f"{name}{PLACE}{place}", True, False, method) for name, place in best.items())
+    return tuple(Part(f"{name}{PLACE}{place}", True, False, "SD") for name, place in best.items())
 
 
 def not_applicable(sentence):
@@ -221,17 +216,16 @@ def parts_of(values, test, words, *, main=True, method=""):
     PCA and ICA leave the same foreground, and are one part: that of the worse of the two, so that it holds if
     it does for both. A part is about the method that it has the name of, otherwise about `method`.
     """
-    held = {}
+    joint = {}
     for name, value in values.items():
-        joint = "PCA/ICA" if name in ("PCA", "ICA") else name
-        held.setdefault(joint, []).append(None if value is None else bool(test(value)))
-    about = {name: name if name in _ALONE else method for name in held}
+        held = None if value is None else bool(test(value))
+        joint.setdefault("PCA/ICA" if name in ("PCA", "ICA") else name, []).append(held)
     return tuple(
-        Part(
-            f"{name} {words}",
-            False if False in several else None if None in several else True,
-            main,
-            about[name],
-        )
-        for name, several in held.items()
+        Part(f"{name} {words}", _all_hold(several), main, name if name in _ALONE else method)
+        for name, several in joint.items()
     )
+
+
+def _all_hold(held):
+    """False if one of them does not hold, else None if one is undecided or its premise is absent."""
+    return False if False in held else None if None in held else True

@@ -11,17 +11,14 @@ import numpy as np
 from scipy.linalg import subspace_angles
 
 from himap.core.checks import whole_number
-from himap.core.survey import Survey
 from himap.instrument.beams.paper import Oscillating
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means, flagged_lines
+from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means
 from himap.measures.low_rank_spectra import line_errors
 from himap.paper import cleaned, pipeline
-from himap.paper.grid import Sky
+from himap.paper.grid import cases_of, skies_of
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import NEAR_PLANE
+from himap.paper.readings import flagged_shares
 from himap.paper.record import Experiment
-from himap.sky.galaxy import Galaxy
 from himap.store.store import product
 
 N_ITERATIONS = 30
@@ -45,28 +42,17 @@ def of_code(beam, *, restart=0, **options):
     return sdecgmca_for(beam, **{"reading": "code", "pixels": "healpix", "restart": restart} | options)
 
 
-def skies(
-    *,
-    preset="ci",
-    survey=None,
-    galaxy="synthetic",
-    template_dir=None,
-    small_scales=True,
-    ripple="bracket",
-    n_sources=5,
-    n_restarts=16,
-    n_realisations=1,
-):
+def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
     """A list of `Sky`, each with the methods of `n_restarts` starts.
 
     Parameters
     ----------
-    preset, survey, galaxy, template_dir, small_scales
-        As in `himap.paper.study.Study`.
     ripple
         Reading of the ripple of the oscillating beam.
-    n_sources, n_restarts, n_realisations
-        Numbers of sources, of starts, and of skies: the seed of the survey, and those after it.
+    n_sources, n_restarts
+        Numbers of sources and of starts.
+    settings
+        As of `himap.paper.grid.cases_of`.
 
     Raises
     ------
@@ -74,17 +60,10 @@ def skies(
         A bad value of any of them.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    whole_number("n_realisations", n_realisations, 1, 1000)
-    first = pipeline.Case(
-        survey=Survey.preset(preset, **(survey or {})),
-        galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        beam=Oscillating(ripple=ripple),
-    )
-    methods = [of_code(first.beam, restart=k, n_sources=n_sources) for k in range(n_restarts)]
-    methods[0].check(first.survey.n_channels)
-    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
-    cases = (replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds)
-    return [Sky(methods={case: methods}) for case in cases]
+    cases = cases_of(Oscillating(ripple=ripple), **settings)
+    methods = [of_code(cases[0].beam, restart=k, n_sources=n_sources) for k in range(n_restarts)]
+    methods[0].check(cases[0].survey.n_channels)
+    return skies_of((cases, methods))
 
 
 def measure(sky):
@@ -97,12 +76,17 @@ def measure(sky):
             numbers = member(case, one)
             curves = growth(first_mixings(case, one), plain if one.restart else None)
             curves["condition"] |= numbers["condition"]
-            rows += [
-                {"restart": one.restart, "quantity": quantity, "x": float(x), "value": float(value)}
-                for quantity, curve in (numbers | curves).items()
-                for x, value in curve.items()
-            ]
+            rows += rows_of(one.restart, numbers | curves)
     return rows
+
+
+def rows_of(restart, curves):
+    """Rows of {quantity: {x: value}} of a start."""
+    return [
+        {"restart": restart, "quantity": quantity, "x": float(x), "value": float(value)}
+        for quantity, curve in curves.items()
+        for x, value in curve.items()
+    ]
 
 
 @product
@@ -155,16 +139,13 @@ def member(case, remover):
 def _last_numbers(case, remover):
     """{quantity: number} of what an `SDecGMCA` that ends at some l makes of a case."""
     result = cleaned.assessment(case, remover)
-    flagged = flagged_lines(line_errors(cleaned.error(case, remover)))
-    near = np.abs(sphere.pixel_latitude(case.survey.nside)[flagged]) < NEAR_PLANE
     whole, cut = (
         Comparison.of(result.power_spectra, truth, l_top=_L_MAX)
         for truth in (pipeline.true_spectra(case), result.cut_truth)
     )
     error = np.abs(whole.angular_ratio - 1)
     numbers = {
-        "flagged": flagged.mean(),
-        "near the plane": near.mean() if len(near) else 0,
+        **flagged_shares(line_errors(cleaned.error(case, remover)), none=0),
         "mean error": band_mean(whole.degrees, error, 9, _L_MAX + 1),
         **_ratios(whole),
         **{f"{name}, cut": ratio for name, ratio in _ratios(cut).items() if not name.startswith("C")},

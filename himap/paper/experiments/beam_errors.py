@@ -11,15 +11,7 @@ from himap.instrument.beams.others import PerturbedBeam
 from himap.instrument.beams.paper import Oscillating, Rippled
 from himap.measures.diagnostics import JUDGED
 from himap.measures.transfer import mock_power
-from himap.paper import cleaned, pipeline
-from himap.paper.grid import (
-    band_rows,
-    cases_and_methods,
-    make_products,
-    method_columns,
-    skies_of,
-    summarise,
-)
+from himap.paper import cleaned, grid, pipeline
 from himap.paper.mocks import own_recovery
 from himap.paper.record import Experiment
 from himap.store.store import product
@@ -110,14 +102,14 @@ def skies(*, errors=_ERRORS, **settings):
     InputError
         What `assumed_beam` or `cases_and_methods` refuses.
     """
-    cases, removers = cases_and_methods(**settings)
+    cases, removers = grid.cases_and_methods(**settings)
     beam = cases[0].beam
     beams = {("width", 0.0): beam}
     for kind, several in errors.items():
         beams |= {(kind, error): assumed_beam(beam, kind, error) for error in several}
     for assumed in beams.values():
         assumed.of_survey(cases[0].survey)  # fails now
-    return skies_of((cases, removers), beams=beams)
+    return grid.skies_of((cases, removers), beams=beams)
 
 
 def measure(sky):
@@ -130,14 +122,16 @@ def measure(sky):
                 work[remover, *key] = recovery_assuming, (case, remover, beam)
         else:
             work[remover, "none", 0.0] = own_recovery, (case, remover)
-    make_products(work.values())
+    grid.make_products(work.values())
     rows = []
     for (remover, kind, error), (measured, call) in work.items():
         power = measured(*call)
         ratio, recovered = power.ratios(), power.ratios("cross")
         excess = {axis: ratio[axis] - recovered[axis] for axis in ratio}
-        first = method_columns(remover) | {"kind": kind, "error": error}
-        rows += [first | row for row in band_rows(power, ratio=ratio, recovered=recovered, excess=excess)]
+        first = grid.method_columns(remover) | {"kind": kind, "error": error}
+        rows += [
+            first | row for row in grid.band_rows(power, ratio=ratio, recovered=recovered, excess=excess)
+        ]
     return rows
 
 
@@ -203,7 +197,7 @@ def _summary(table):
         "most excess": lambda group: f"{most(group)['excess']:.2%}",
         "in ": lambda group: most(group)["band"],
     }
-    return summarise(mean_over_skies(table), _METHOD, cells).rename(columns=str.strip)
+    return grid.summarise(mean_over_skies(table), _METHOD, cells).rename(columns=str.strip)
 
 
 EXPERIMENT = Experiment(

@@ -1,20 +1,21 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.survey import Survey
 from himap.instrument.beams.paper import Oscillating
-from himap.paper import ledger_table
+from himap.paper import cleaned, ledger_table
 from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.claims.verdicts import not_applicable
+from himap.paper.grid import cases_of
 from himap.paper.methods import BEAM_AWARE
-from himap.paper.realisation import Realisation, make
+from himap.paper.realisation import Realisation
 from himap.paper.record import Experiment
 from himap.removal.restarts import has_restarts
-from himap.sky.galaxy import Dimming, Galaxy
+from himap.sky.galaxy import Dimming
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
 _UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V6", "V7")  # claims on multipoles near it
@@ -48,26 +49,19 @@ class JudgedSky:
 
 def realisations(
     *,
-    preset="quick",
-    survey=None,
-    galaxy="synthetic",
-    template_dir=None,
-    small_scales=True,
     ripple="bracket",
     plane_weight=0.1,
     plane_edge=15.0,
     n_sources_min=2,
     n_sources_max=20,
     n_realisations=5,
-    reading="default",
     method="sdecgmca",
+    **settings,
 ):
     """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
 
     Parameters
     ----------
-    preset, survey, galaxy, template_dir, small_scales
-        As in `himap.paper.study.Study`.
     ripple
         Reading of the ripple of the oscillating beam.
     plane_weight, plane_edge
@@ -76,50 +70,45 @@ def realisations(
         Ends of the scan.
     n_realisations
         How many; fewer than 5 say little about verdicts that depend on the sky.
-    reading
-        Of the open choices of SDecGMCA, or "default".
     method
         What is put in the place of SDecGMCA, as in `Realisation`.
+    settings
+        As of `himap.paper.grid.cases_of`.
 
     Raises
     ------
     InputError
         A bad value of any of them.
     """
-    whole_number("n_realisations", n_realisations, 1, 1000)
-    first = Realisation(
-        survey=Survey.preset(preset, **(survey or {})),
-        galaxy=Galaxy(source=galaxy, template_dir=template_dir, small_scales=small_scales),
-        oscillating=Oscillating(ripple=ripple),
-        dimming=Dimming(weight=plane_weight, edge=plane_edge),
-        n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
-        method=method,
-        options=options_of(reading),
-    )
-    seeds = range(first.survey.seed, first.survey.seed + n_realisations)
-    return [replace(first, survey=replace(first.survey, seed=seed)) for seed in seeds]
+    return [
+        Realisation(
+            survey=case.survey,
+            galaxy=case.galaxy,
+            oscillating=case.beam,
+            dimming=Dimming(weight=plane_weight, edge=plane_edge),
+            n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
+            method=method,
+        )
+        for case in cases_of(Oscillating(ripple=ripple), n_realisations=n_realisations, **settings)
+    ]
 
 
-def options_of(reading):
-    """Options of the reading of SDecGMCA with a name, as of `Realisation`."""
-    return () if reading == "default" else (("reading", reading),)
+def judged_skies(several, readings, n_restarts):
+    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every reading of SDecGMCA.
 
-
-def restarts(realisation, n_restarts):
-    """A list of a `Realisation` from each of some starts of the method in the place of SDecGMCA.
-
-    There is one for a method that has no restarts.
+    Readings are names, or {label: options as of `Realisation`}. There is one restart of a method that has
+    none.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    n_restarts = n_restarts if has_restarts(BEAM_AWARE[realisation.method][0]) else 1
-    return [replace(realisation, restart=k) for k in range(n_restarts)]
-
-
-def judged_skies(several, options, n_restarts):
-    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every {reading: options}."""
+    if not isinstance(readings, Mapping):
+        readings = {name: () if name == "default" else (("reading", name),) for name in readings}
+    n_restarts = n_restarts if has_restarts(BEAM_AWARE[several[0].method][0]) else 1
     return [
         JudgedSky(
-            {label: restarts(replace(sky, options=given), n_restarts) for label, given in options.items()}
+            {
+                label: [replace(sky, options=options, restart=k) for k in range(n_restarts)]
+                for label, options in readings.items()
+            }
         )
         for sky in several
     ]
@@ -127,7 +116,7 @@ def judged_skies(several, options, n_restarts):
 
 def skies(*, n_restarts=2, reading="default", **settings):
     """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
-    return judged_skies(realisations(**settings), {reading: options_of(reading)}, n_restarts)
+    return judged_skies(realisations(**settings), [reading], n_restarts)
 
 
 def judge(realisation):
@@ -151,7 +140,10 @@ def measure(sky):
 
 def prepare(several):
     """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
-    make([one for sky in several for one in sky.members])
+    members = [one for sky in several for one in sky.members]
+    assessments = dict.fromkeys(call for one in members for call in one.assessments)
+    facts = dict.fromkeys(fact for one in members for fact in one.facts)
+    cleaned.make_by_case([*((cleaned.assessment, call) for call in assessments), *facts])
 
 
 def _summary(rows):

@@ -9,13 +9,7 @@ from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.measures import diagnostics
 from himap.measures.diagnostics import JUDGED, bands
-from himap.paper.grid import (
-    cases_and_methods,
-    measured_recoveries,
-    method_columns,
-    skies_of,
-    summarise,
-)
+from himap.paper import grid
 from himap.paper.record import Experiment
 
 COLUMNS = {
@@ -67,12 +61,12 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
     for place, beam in enumerate(beams):
         pairs = [_of_beam(pair, place, len(beams)) for pair in methods]
         pairs = [pair for n, pair in enumerate(pairs) if pair not in pairs[:n]]
-        observed.append(cases_and_methods(beam=beam, methods=pairs, **settings))
+        observed.append(grid.cases_and_methods(beam=beam, methods=pairs, **settings))
     there = {remover.name for _, removers in observed for remover in removers}
     if unknown := set(corrected) - there:
         absent, present = (", ".join(sorted(names)) for names in (unknown, there))
         raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
-    return skies_of(*observed, n_mocks=n_mocks, corrected=tuple(corrected))
+    return grid.skies_of(*observed, n_mocks=n_mocks, corrected=tuple(corrected))
 
 
 def _of_beam(pair, place, n_beams):
@@ -90,8 +84,8 @@ def _of_beam(pair, place, n_beams):
 def measure(sky):
     """Ratios to the truth in bins of l and k, of each beam and method of a `Sky`."""
     rows = []
-    for case, remover, power, transfer in measured_recoveries(sky):
-        first = {"beam": str(case.beam)} | method_columns(remover)
+    for case, remover, power, transfer in grid.measured_recoveries(sky):
+        first = {"beam": str(case.beam)} | grid.method_columns(remover)
         for divisor in (None, transfer) if transfer else (None,):
             corrected = {"corrected": divisor is not None}
             rows += [first | corrected | row for row in curves(power, divisor)]
@@ -185,7 +179,7 @@ def _summary(table):
         "residual / truth": lambda group: f"{group['ratio'].mean():.4f}",
         "scatter": lambda group: f"{group['ratio'].std():.4f}",
     }
-    return summarise(in_bands(table).reset_index(), [*METHOD, "band"], cells)
+    return grid.summarise(in_bands(table).reset_index(), [*METHOD, "band"], cells)
 
 
 EXPERIMENT = Experiment(

@@ -95,26 +95,15 @@ def measure(sky):
         make_products(work)
         noise = float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))
         for name, removers in by_name.items():
+            criteria = source_number_criteria(case, removers, sky.mocks)
+            recommended = criteria.recommended() | ({"minka": minka(case)} if name == "pca" else {})
+            bias = dict(zip(criteria.counts.tolist(), criteria.error.tolist(), strict=True))
             first = {"beam": str(case.beam), "noise": noise, "method": name}
-            rows += [first | row for row in _recommendations(case, name, removers, sky.mocks)]
+            best = {"best": criteria.best, "least_bias": min(bias.values())}
+            for criterion, number in recommended.items():
+                row = {"criterion": criterion, "recommended": int(number or 0), "bias": bias.get(number)}
+                rows.append(first | row | best)
     return rows
-
-
-def _recommendations(case, name, removers, mocks):
-    """The last columns of each criterion, for a method with each number of sources."""
-    criteria = source_number_criteria(case, removers, mocks)
-    recommended = criteria.recommended() | ({"minka": minka(case)} if name == "pca" else {})
-    bias = dict(zip(criteria.counts.tolist(), criteria.error.tolist(), strict=True))
-    return [
-        {
-            "criterion": criterion,
-            "recommended": int(number or 0),
-            "best": criteria.best,
-            "bias": bias.get(number),
-            "least_bias": min(bias.values()),
-        }
-        for criterion, number in recommended.items()
-    ]
 
 
 def _summary(table):

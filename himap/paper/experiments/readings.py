@@ -7,7 +7,7 @@ import math
 
 from himap.paper.experiments.claims import judged_skies, prepare, realisations
 from himap.paper.experiments.restarts import claim_rows, member_rows
-from himap.paper.readings import COLUMNS, QUANTITIES, outcomes, readings
+from himap.paper.readings import COLUMNS, outcomes, readings
 from himap.paper.readings_table import summary_table
 from himap.paper.record import Experiment
 
@@ -27,8 +27,7 @@ def measure(sky):
         for one in several:
             first = empty | {"reading": label, "restart": one.restart}
             call = one.calls("oscillating")["sdecgmca"]
-            numbers = [row for row in member_rows(call) if row["quantity"] in QUANTITIES]
-            rows += [first | row for row in claim_rows(one) + numbers]
+            rows += [first | row for row in claim_rows(one) + member_rows(call)]
     return rows
 
 

@@ -10,17 +10,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from himap.maps import sphere
-from himap.measures.diagnostics import BUMP, Comparison, flagged_lines
-from himap.paper import cleaned, pipeline
-from himap.paper.claims.base import BEAMS, angular_band, bump
+from himap.measures.diagnostics import BUMP, band_means
+from himap.paper import cleaned
+from himap.paper.claims.base import BEAMS, angular_band, bump, mean_error
 from himap.paper.claims.entries import finding_rows
+from himap.paper.ensembles import failures
 from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
-from himap.paper.readings import BANDS, COLUMNS, FAILING, NEAR_PLANE, candidates
+from himap.paper.readings import BANDS, COLUMNS, candidates, flagged_shares
 from himap.paper.record import Experiment
 
 _N_BINS = 40  # of a curve, at most
-_EDGE = 200  # of l that the paper recovers
 _SPARSE = (10, 15, 20)  # numbers of sources beyond 8
 
 CASES = (*BEAMS, "dimmed")
@@ -51,9 +50,8 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
     """
     whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
     scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
-    chosen = candidates() if reading == "all" else {reading: None}
-    options = {label: one.options if one else (("reading", label),) for label, one in chosen.items()}
-    return judged_skies([replace(sky, n_sources=scan) for sky in whole], options, n_restarts)
+    several = {label: one.options for label, one in candidates().items()} if reading == "all" else [reading]
+    return judged_skies([replace(sky, n_sources=scan) for sky in whole], several, n_restarts)
 
 
 def measure(sky):
@@ -68,11 +66,13 @@ def measure(sky):
         for member in members:
             first = empty | {"reading": label}
             rows += [first | row for row in claim_rows(member)]
-            for case, n_sources, call in _calls(member, scan=single):
-                shown = first | {"case": case, "n_sources": n_sources, "restart": member.restart}
+            shown = [(case, member.calls(case)["sdecgmca"]) for case in CASES]
+            shown += [(SCAN, call) for call in member.scan_calls().values()] if single else []
+            for case, call in shown:
+                run = first | {"case": case, "n_sources": call[1].n_sources, "restart": member.restart}
                 for row in member_rows(call, masks=case == "oscillating"):
                     few = row["quantity"] == "mean error" or (case == "oscillating" and "x" not in row)
-                    rows += [shown | row] if single or few else []
+                    rows += [run | row] if single or few else []
     return rows
 
 
@@ -85,15 +85,6 @@ def claim_rows(member):
     ]
 
 
-def _calls(member, scan):
-    """(case, number of sources, arguments of `cleaned.assessment`) of what is shown of a `Realisation`."""
-    for case in CASES:
-        call = member.calls(case)["sdecgmca"]
-        yield case, call[1].n_sources, call
-    for n_sources, call in member.scan_calls().items() if scan else ():
-        yield SCAN, n_sources, call
-
-
 def member_rows(call, *, masks=False):
     """The columns quantity, x and value of SDecGMCA, a list of dicts.
 
@@ -104,48 +95,29 @@ def member_rows(call, *, masks=False):
     masks
         Whether curves without the flagged lines of sight, correlation and variance are wanted too.
     """
-    case, *_ = call
-    result, truth, l_top = cleaned.assessment(*call), pipeline.true_spectra(case), 2 * case.survey.nside
-    comparison = Comparison.of(result.power_spectra, truth, l_top=l_top)
-    curves = _curves(comparison)
-    if masks:
-        without = Comparison.of(result.masked, result.masked_truth, l_top=l_top)
-        curves |= {f"{name}, masked": curve for name, curve in _curves(without).items()}
-        curves["r"] = case.survey.freqs, result.correlation
-    rows = [{"quantity": name, "value": float(value)} for name, value in _numbers(result, comparison).items()]
-    for name, curve in curves.items():
-        rows += [{"quantity": name, "x": x, "value": value} for x, value in _binned(*curve)]
-    return rows
-
-
-def _curves(comparison):
-    """{"C/C0", "P/P0": (x, ratio)} of a `Comparison`."""
-    return {
-        "C/C0": (comparison.degrees, comparison.angular_ratio),
-        "P/P0": (comparison.k, comparison.frequency_ratio),
-    }
-
-
-def _numbers(result, comparison):
-    """{quantity: number} of a member."""
-    curves, flagged, k = _curves(comparison), flagged_lines(result.line_errors), comparison.k
-    near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < NEAR_PLANE
-    inside = {
-        band: (curve, (curves[curve][0] > low) & (curves[curve][0] < high))
-        for band, (curve, low, high) in BANDS.items()
-    }
-    return {
-        **{band: curves[curve][1][there].mean() for band, (curve, there) in inside.items() if there.any()},
+    result, comparison = cleaned.assessment(*call), cleaned.compared(*call)
+    k = comparison.k
+    numbers = {
+        **band_means(comparison.ratios, comparison.degrees, k, BANDS, complete=False),
         "bump": bump(comparison) if ((k > BUMP[0]) & (k < BUMP[1])).any() else math.nan,
-        "mean error": angular_band("error", 10, _EDGE)(comparison),
-        "largest error": angular_band("deviation", 10, _EDGE)(comparison),
+        "mean error": mean_error(comparison),
+        "largest error": angular_band("deviation", 10, 200)(comparison),
         "total error": comparison.total_error(),
-        "flagged": flagged.mean(),
-        "near the plane": near.mean() if len(near) else math.nan,
+        **flagged_shares(result.line_errors),
         "iterations": result.n_iterations,
         "converged": result.converged,
         **(result.diagnostics or {}),
     }
+    curves = {"C/C0": (comparison.degrees, comparison.angular_ratio), "P/P0": (k, comparison.frequency_ratio)}
+    if masks:
+        masked = cleaned.compared(*call, masked=True)
+        curves["C/C0, masked"] = masked.degrees, masked.angular_ratio
+        curves["P/P0, masked"] = masked.k, masked.frequency_ratio
+        curves["r"] = call[0].survey.freqs, result.correlation
+    rows = [{"quantity": name, "value": float(value)} for name, value in numbers.items()]
+    for name, curve in curves.items():
+        rows += [{"quantity": name, "x": x, "value": value} for x, value in _binned(*curve)]
+    return rows
 
 
 def _binned(x, values):
@@ -166,9 +138,7 @@ def _summary(rows):
         aggfunc="median",
         sort=False,
     )
-    errors = rows[rows["quantity"] == "mean error"]
-    failing = errors.assign(fails=errors["value"] > FAILING).groupby(list(table.index.names), sort=False)
-    table.insert(0, "failed", [f"{one['fails'].sum()} of {len(one)}" for _, one in failing])
+    table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()])
     return table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
 
 

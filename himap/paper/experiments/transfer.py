@@ -7,14 +7,7 @@ from scipy import stats
 
 from himap.core.checks import whole_number
 from himap.measures.bootstrap import KINDS, sigma
-from himap.paper.grid import (
-    band_rows,
-    cases_and_methods,
-    make_products,
-    method_columns,
-    skies_of,
-    summarise,
-)
+from himap.paper import grid
 from himap.paper.mocks import bootstrap, mocks_of_sky, own_recovery, resampled
 from himap.paper.record import Experiment
 from himap.removal.cleaning import one_more
@@ -45,7 +38,7 @@ def skies(*, n_mocks=8, **settings):
     Parameters and errors as of `cases_and_methods`.
     """
     whole_number("n_mocks", n_mocks, 2, 1000)  # one mock has no scatter
-    several = skies_of(cases_and_methods(**settings))
+    several = grid.skies_of(grid.cases_and_methods(**settings))
     return [replace(sky, mocks=mocks_of_sky(sky.survey.seed, n_mocks)) for sky in several]
 
 
@@ -60,7 +53,7 @@ def measure(sky):
     while going:
         wanted = dict.fromkeys((case, one) for (case, _), one in going.items())
         further = dict.fromkeys((case, method) for case, one in wanted for method in (one, one_more(one)))
-        make_products(
+        grid.make_products(
             [(resampled, (*pair, mock)) for pair in wanted for mock in sky.mocks]
             + [(own_recovery, pair) for pair in further]
         )
@@ -77,7 +70,9 @@ def measure(sky):
             if pair not in explained and len(chains[pair]) < MOST
         }
     return [
-        method_columns(remover) | row for (_, remover), chain in chains.items() for row in in_bands(chain)
+        grid.method_columns(remover) | row
+        for (_, remover), chain in chains.items()
+        for row in in_bands(chain)
     ]
 
 
@@ -105,7 +100,7 @@ def corrected_bands(power, transfer):
         true, left = (getattr(part, kind) for part in (power.input, power.output))
         corrected[kind] = np.r_[np.nan, transfer.corrected(kind, left)[1:] / true[1:]]
     errors = power.band_means({kind: transfer.errors(kind) for kind in corrected})
-    rows = band_rows(power, uncorrected=power.ratios(), corrected=corrected)
+    rows = grid.band_rows(power, uncorrected=power.ratios(), corrected=corrected)
     return [row | {"error_bar": float(sigma(errors[row["band"]]))} for row in rows]
 
 
@@ -149,7 +144,7 @@ def _summary(table):
         "within 1σ": within,
         "χ²": lambda group: f"{chi_squared(group):.2f}",
     }
-    return summarise(table, ["method", "n_sources", "band"], cells)
+    return grid.summarise(table, ["method", "n_sources", "band"], cells)
 
 
 EXPERIMENT = Experiment(
