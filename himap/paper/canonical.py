@@ -158,8 +158,8 @@ CALLS = (
 
 _RESIDUALS = dict.fromkeys(
     (
-        *("assessment", "error_of_flagged_lines", "foreseen", "masked_by_depth", "masked_comparison", "member"),
-        *("own_recovery", "parts", "peak_without_lines", "recovered", "recovery_assuming"),
+        *("assessment", "error_of_flagged_lines", "foreseen", "masked_by_depth", "masked_comparison"),
+        *("member", "own_recovery", "parts", "peak_without_lines", "recovered", "recovery_assuming"),
         "spectra_without_sources",
         *_METHODS,
     ),
@@ -167,5 +167,5 @@ _RESIDUALS = dict.fromkeys(
 )
 RTOLS = _RESIDUALS | {"analysis": 1e-3, "masked_analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
 RTOLS["resampled"] = 3e-3
-"""Where two machines agree to less than others: some three times what two processors differ by in what remains
-of a bright foreground in single precision, and where a search ends."""
+"""Where two machines agree to less than others: some three times what two processors differ by in the rest of
+a bright foreground in single precision, and where a search ends."""
