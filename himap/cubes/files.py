@@ -16,7 +16,7 @@ from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, same_freqs
 from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
-from himap.maps.frames import FRAMES, frame_of, is_nested
+from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
 from himap.removal.gnilc import LINE
@@ -108,7 +108,7 @@ def read_cube(
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if not layout.pixels.whole_sky and axes is None:
-            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels.shape)))
+            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels)))
         if weighed:
             weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):
@@ -117,7 +117,19 @@ def read_cube(
         return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(path, *, cube=None, rotate=False, maps_name=None, freqs_name=None, axes=None, **given):
+def read_truth(
+    path,
+    *,
+    cube=None,
+    freqs=None,
+    unit=None,
+    order=None,
+    frame=None,
+    maps_name=None,
+    freqs_name=None,
+    axes=None,
+    rotate=False,
+):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
@@ -132,8 +144,12 @@ def read_truth(path, *, cube=None, rotate=False, maps_name=None, freqs_name=None
             names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
             maps, layout = read_file(path, **names, held=_HELD_TRUTH)
         pixels = layout.pixels
-        stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
-        unsaid = {name: value for name, value in given.items() if stated[name] is None}
+        unsaid = {
+            "freqs": freqs if layout.freqs is None else None,
+            "unit": unit if layout.unit is None else None,
+            "order": order if pixels.nested is None else None,
+            "frame": frame if pixels.frame is None else None,
+        }
         truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
@@ -239,8 +255,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         raise InputError(
             unlike_names(layout.names)
             + f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
-            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, or "
-            "pixel,freq)."
+            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, dec,ra,freq "
+            "and so on, or pixel,freq)."
         )
     if layout.names:
         if layout.freqs is None:
@@ -272,9 +288,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
 
 def _framed(path, pixels, frame):
     """HEALPix pixels in the frame that the caller gives, if any."""
-    given = frame_of(frame)
-    if given not in (None, *FRAMES):
-        raise InputError(f"the frame of coordinates must be one of {', '.join(FRAMES)}, got {frame!r}.")
+    given = frame_of(frame, name="the frame of coordinates (--frame)")
     _check_same(None in (given, pixels.frame) or given == pixels.frame, path, "frame", pixels.frame, frame)
     return replace(pixels, frame=pixels.frame or given)
 
@@ -317,7 +331,8 @@ def read_freqs(path):
         raise InputError(
             f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
             "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
-            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line."
+            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line, with decimal "
+            "points."
         )
     return edges.mean(axis=1), f"the edges of channels in {path}"
 

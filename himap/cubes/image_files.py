@@ -19,7 +19,8 @@ from himap.cubes.axes import check_world_axes, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, only_value
 from himap.cubes.names import stated_freqs
-from himap.maps.healpix_io import freq_in_header
+from himap.maps.frames import spectral_frame_of
+from himap.maps.healpix_io import card_text, freq_in_header
 
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
@@ -77,10 +78,10 @@ def read_image_fits(paths, *, axes=None, held=1):
     if len(paths) > 1:  # whose tables may have one name
         parts = [_without_tables(part, remarks) for part in parts]
     where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
-    units = [str(part.header.get("BUNIT") or "").strip() or None for part in parts]
+    units = [card_text(part.header, "BUNIT") for part in parts]
     pixels = ImagePixels(parts=tuple(parts))
     ends = np.cumsum([part.n_channels for part in parts])
-    frames = [str(part.header.get("SPECSYS") or "").strip() or None for part in parts]
+    frames = [spectral_frame_of(part.header.get("SPECSYS")) for part in parts]
     frame = only_value(where, "spectral frame", frames, names)
     dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
     n_pix = int(np.prod(pixels.shape))
@@ -183,7 +184,7 @@ def _part(path, index, header, shape, wcs, axes=None):
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
-    unit = str(header.get("BUNIT") or "")
+    unit = card_text(header, "BUNIT") or ""
     if "jy" in unit.lower():
         values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
         if "sr" in unit.lower():

@@ -13,6 +13,7 @@ from himap.core.errors import InputError
 from himap.core.reading import format_of, regular_file
 from himap.cubes.layout import OURS, array_of_mask
 from himap.maps.frames import frame_of
+from himap.maps.healpix_io import card_text
 
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
 """What an image is in, as astropy opens it."""
@@ -93,7 +94,7 @@ class ImagePart:
             header.update(_freq_cards(freqs, n_axes - self.order[0]))
         for key in (*_STALE, *OURS):
             header.remove(key, ignore_missing=True)
-        if not str(header.get("BUNIT") or "").strip():
+        if card_text(header, "BUNIT") is None:
             header["BUNIT"] = unit
         header.update(cards)
         if history:
@@ -293,7 +294,9 @@ def image_name(path, index, header):
 def _frame_of(celestial):
     """The frame of two axes of the sky, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
     types, wcs = "".join(celestial.wcs.ctype), celestial.wcs
-    return frame_of(wcs.radesys, wcs.equinox) if "RA" in types else frame_of(types[:1])
+    if "RA" in types:
+        return frame_of(wcs.radesys, wcs.equinox, "RADESYS")
+    return frame_of(types[:1], name="CTYPE")
 
 
 def world_of(header, file=None):

@@ -12,7 +12,7 @@ from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, read_array, regular_file
 from himap.maps import sphere
-from himap.maps.frames import FRAMES, frame_name
+from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
 from himap.maps.healpix_io import MILLIKELVIN, read_maps, to_ring, write_maps
 from himap.maps.sphere import pixels_last, sphere_sizes
 
@@ -230,6 +230,9 @@ class Layout:
     about: dict = field(default_factory=dict)
     channels: np.ndarray | None = None
 
+    def __post_init__(self):
+        _ = self.spectral_frame  # refuses a word that is none
+
     @classmethod
     def of_sphere(cls, maps, nested=None, *, partial=False, frame=None, **stated):
         """That of HEALPix maps (n_channels, n_pix); InputError for a number of pixels that no sphere has."""
@@ -238,8 +241,8 @@ class Layout:
 
     @property
     def spectral_frame(self):
-        """SPECSYS, in capitals; None where nothing says it."""
-        return str(self.about.get("SPECSYS") or "").strip().upper() or None
+        """SPECSYS, as of `himap.maps.frames.spectral_frame_of`; None where nothing says it."""
+        return spectral_frame_of(self.about.get("SPECSYS"))
 
     @property
     def cards(self):
@@ -253,7 +256,7 @@ class Layout:
         Parameters and errors as of `SpherePixels.in_frame_of`; `spectral_frame` is SPECSYS, and may not
         differ from that of these.
         """
-        mine, theirs = self.spectral_frame, str(spectral_frame or "").strip().upper() or None
+        mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
         pixels, said, about = *self.pixels.in_frame_of(label, frame, **options), self.about
         if mine != theirs and None not in (mine, theirs):
             raise InputError(

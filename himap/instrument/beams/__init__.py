@@ -49,7 +49,7 @@ def named(text):
         name = _BEAMS.find(name)
     if _BEAMS.holds(name):
         pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
-        return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
+        return create(name, **{key.lower(): _value(name, key.lower(), value) for key, _, value in pairs})
     return create("file", path=str(text))
 
 
