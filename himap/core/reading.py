@@ -135,14 +135,15 @@ def read_numbers(path):
 
 
 def _check_commas(path, lines):
-    """Refuse numbers with decimal commas; without any point such pairs may be two columns that rise."""
+    """Refuse numbers with decimal commas; pairs of whole ones may be one line, or edges that adjoin."""
     words = [re.split(r"[\s;]+", line.partition("#")[0].strip()) for line in lines]
     words = [row for row in words if row != [""] and _NUMBER.fullmatch(row[0])]
     with_comma = [word for row in words for word in row if "," in word]
     if not with_comma or not all(_NUMBER.fullmatch(word) for row in words for word in row):
         return
-    pairs = [row[0].split(",") for row in words if len(row) == 1]
-    if len(pairs) == len(words) and all(len(pair) == 2 and int(pair[0]) < int(pair[1]) for pair in pairs):
+    first, last = np.array([(row[0].split(",") * 2)[:2] for row in words], dtype=int).T
+    are_pairs = len(with_comma) == len(words) == sum(map(len, words))
+    if are_pairs and ((last[:-1] == first[1:]).all() or (first[:-1] == last[1:]).all()):
         return
     raise InputError(
         f"{path} has numbers with decimal commas, such as {with_comma[0]}: write points, "

@@ -13,6 +13,7 @@ from himap.maps.low_rank import precision
 from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights
 
+_TWICE = 1e-8  # relative: closer channels have one frequency
 _FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
 
 
@@ -281,9 +282,12 @@ def _seen_channels(seen, freqs):
     channels = channels[seen[channels].any(axis=1)]
     if len(channels) < 2:
         raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(seen)}.")
-    twice = freqs[channels][1:][np.diff(freqs[channels]) == 0]
+    twice = freqs[channels][1:][np.diff(freqs[channels]) < _TWICE * freqs[channels][1:]]
     if len(twice):
-        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
+        raise InputError(
+            f"two channels have the frequency {twice[0]:g} MHz, or differ by a rounding: leave one of them "
+            "out, or correct what states the step of frequencies (CDELT)."
+        )
     checked_freqs(freqs[channels], len(channels))
     return channels
 

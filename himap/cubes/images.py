@@ -12,7 +12,7 @@ from astropy.wcs import WCS, WcsError
 from himap.core.errors import InputError
 from himap.core.reading import format_of, regular_file
 from himap.cubes.layout import OURS, array_of_mask
-from himap.maps.frames import frame_of
+from himap.maps.frames import equinox_of, frame_of
 from himap.maps.healpix_io import card_text
 
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
@@ -305,6 +305,9 @@ def world_of(header, file=None):
     FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
     """
     header = header.copy()
+    frame_of(header.get("RADESYS"), name="RADESYS")  # astropy leaves out what is no text, and keeps any text
+    if "EQUINOX" in header:
+        header["EQUINOX"] = equinox_of(header["EQUINOX"])
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
         header[key] = _FREQ.sub("FREQ", name)

@@ -41,15 +41,26 @@ def frame_of(text, equinox=None, name="COORDSYS"):
     word = "" if text is None else str(text).strip().upper()
     frame = _SPELLINGS.get(word, word)
     if frame not in (None, *FRAMES, *_NOT_ROTATED):
-        known = ", ".join((*FRAMES, *_NOT_ROTATED))
+        known = ", ".join((*FRAMES, "ICRS", "FK5", *_NOT_ROTATED))
         raise InputError(f"{name} must be one of {known}, got {text!r}; correct it.")
-    if frame != "C" or equinox is None or equinox != equinox:  # NaN of astropy: none is stated
-        return frame
-    match = _EQUINOX.fullmatch(str(equinox).strip().upper())
+    year = equinox_of(equinox, f"EQUINOX beside {name}")
+    return f"C{year:g}" if frame == "C" and year not in (None, _J2000) else frame
+
+
+def equinox_of(value, name="EQUINOX"):
+    """The year of an equinox as it is written, such as 2000 or J2000; None where there is none.
+
+    Raises
+    ------
+    InputError
+        Something else; `name` is what the error calls it.
+    """
+    if value is None or value != value:  # NaN of astropy
+        return None
+    match = _EQUINOX.fullmatch(str(value).strip().upper())
     if match is None:
-        raise InputError(f"EQUINOX beside {name} must be a year, such as 2000, got {equinox!r}; correct it.")
-    year = float(match[1])
-    return frame if year == _J2000 else f"C{year:g}"
+        raise InputError(f"{name} must be a year, such as 2000, got {value!r}; correct it.")
+    return float(match[1])
 
 
 def spectral_frame_of(text):
