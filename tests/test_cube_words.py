@@ -56,7 +56,7 @@ class TestCards:
 
     @pytest.mark.parametrize("equinox", ["soon", True])
     def test_of_an_equinox(self, equinox):
-        with pytest.raises(InputError, match=rf"EQUINOX beside COORDSYS in a.fits .* {equinox}"):
+        with pytest.raises(InputError, match=rf"EQUINOX beside COORDSYS in a.fits .*{equinox}"):
             read_cube(write_fits(COORDSYS="C", EQUINOX=equinox))
 
     @pytest.mark.parametrize(("equinox", "frame"), [("B1950", "C1950"), ("1950.0", "C1950"), ("J2000", "C")])
@@ -153,9 +153,7 @@ class TestAttributes:
 class TestOptions:
     def test_in_any_case(self):
         assert create("fastica", contrast="EXP").contrast == "exp"
-        assert create("SDecGMCA", reading="Letter", noise=1.0) == create(
-            "sdecgmca", reading="letter", noise=1.0
-        )
+        assert create("SDecGMCA", reading="Letter").reading == "letter"
         assert beams.named("MeerKAT:Band=uhf") == beams.named("meerkat:band=UHF")
         write_hdf5("a.h5", said={})
         words = ["--method", "PCA", "-p", "N_SOURCES=2", "--unit", "MK", "--order", "Ring", "--frame", "g"]
@@ -166,9 +164,8 @@ class TestOptions:
         assert "preset" not in done.output and "ipynb" in done.output
 
     def test_given_twice(self):
-        done = himap(
-            "clean", "a.h5", "--method", "pca", "-p", "n_sources=2", "-p", "N_SOURCES=3", "-o", "o.h5"
-        )
+        twice = ["-p", "n_sources=2", "-p", "N_SOURCES=3"]
+        done = himap("clean", "a.h5", "--method", "pca", *twice, "-o", "o.h5")
         assert done.exit_code == 2 and "n_sources is given twice" in done.output
         with pytest.raises(InputError, match="given twice"):
             beams.named("meerkat:band=L,Band=UHF")
@@ -194,9 +191,7 @@ class TestDecimalCommas:
     def test_are_named(self, text):
         with open("f.txt", "w") as file:
             file.write(text)
-        with pytest.raises(
-            InputError, match=r"f.txt has numbers with decimal commas, such as \d+,\d+: write"
-        ):
+        with pytest.raises(InputError, match=r"f.txt has numbers with decimal commas, such as \d+,\d+"):
             read_numbers("f.txt")
 
     def test_columns_are_none(self):
@@ -215,7 +210,7 @@ class TestDecimalCommas:
 @pytest.mark.parametrize("place", [0, 1, 2])
 @pytest.mark.parametrize("swapped", [False, True])
 def test_every_order_of_axes_is_advised(place, swapped, images):
-    """Which axis is frequency is known by its smoothness; which of the others is RA is not, and both are said."""
+    """Which axis is frequency is known by its smoothness; which of the others is RA is not: both are said."""
     sky = ["ra", "dec"] if swapped else ["dec", "ra"]
     names = ",".join([*sky[:place], "freq", *sky[place:]])
     turned = np.moveaxis(images.transpose(0, 2, 1) if swapped else images, 0, place)

@@ -161,7 +161,7 @@ class TestCleaning:
         assert np.array_equal(found[:, kept], expected.residual)
         write_image(tmp_path / "n.fits", kept.astype("f4"), axes=SKY["CAR"], BUNIT="")
         with pytest.raises(InputError, match="with the axes of the cube"):
-            read_cube(path).layout.pixels.read_mask(tmp_path / "n.fits")
+            read_cube(path).masked(tmp_path / "n.fits")
 
     def test_a_unit_that_is_told_is_written(self, maps, tmp_path):
         path = write_image(tmp_path / "a.fits", maps / 1e3, BUNIT="")

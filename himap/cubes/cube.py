@@ -7,6 +7,7 @@ import numpy as np
 from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
 from himap.cubes.layout import Layout, is_seen, same_freqs
+from himap.cubes.weights import read_mask
 from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN
 from himap.maps.low_rank import precision
@@ -103,17 +104,20 @@ class Cube:
         Raises
         ------
         InputError
-            As of `within` and of `himap.cubes.layout.SpherePixels.read_mask`.
+            As of `within` and of `himap.cubes.weights.read_mask`.
         """
-        mask, pixels, said = self.layout.pixels.read_mask(path, rotate=rotate)
-        cube = self.within(mask)
-        return replace(cube, layout=replace(cube.layout, pixels=pixels), remarks=(*cube.remarks, *said))
+        mask, layout = read_mask(path, self.layout, rotate=rotate)
+        return self.within(mask)._with(layout)
 
     def joined(self, label, frame, spectral_frame=None, **options):
         """The same `Cube` with the frames of others; as of `himap.cubes.layout.Layout.joined`."""
-        layout = self.layout.joined(label, frame, spectral_frame, **options)
-        said = layout.remarks[len(self.layout.remarks) :]
-        return replace(self, layout=layout, remarks=(*self.remarks, *said))
+        return self._with(self.layout.joined(label, frame, spectral_frame, **options))
+
+    def _with(self, layout):
+        """The same with a layout that says more of its file."""
+        return replace(
+            self, layout=layout, remarks=(*self.remarks, *layout.remarks[len(self.layout.remarks) :])
+        )
 
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.

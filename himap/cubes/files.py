@@ -1,19 +1,18 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from himap.core.checks import real_array
-from himap.core.errors import InputError, plain_text
+from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixels_by_axes, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, same_freqs
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.frames import frame_of, is_nested
@@ -31,17 +30,6 @@ _UNIT_IN = {
     **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
 }
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
-
-
-@contextmanager
-def naming(path):
-    """While a cube is read from `path`: every error of the input names it."""
-    try:
-        yield
-    except InputError as error:
-        if plain_text(str(path)) in str(error):
-            raise
-        raise InputError(f"{path}: {error}") from None
 
 
 def read_cube(
@@ -144,12 +132,9 @@ def read_truth(
             names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
             maps, layout = read_file(path, **names, held=_HELD_TRUTH)
         pixels = layout.pixels
-        unsaid = {
-            "freqs": freqs if layout.freqs is None else None,
-            "unit": unit if layout.unit is None else None,
-            "order": order if pixels.nested is None else None,
-            "frame": frame if pixels.frame is None else None,
-        }
+        given = {"freqs": freqs, "unit": unit, "order": order, "frame": frame}
+        stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
+        unsaid = {name: value for name, value in given.items() if stated[name] is None}
         truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 

@@ -10,8 +10,8 @@ from astropy.io import fits
 from astropy.wcs import WCS, WcsError
 
 from himap.core.errors import InputError
-from himap.core.reading import format_of, regular_file
-from himap.cubes.layout import OURS, array_of_mask
+from himap.core.reading import regular_file
+from himap.cubes.layout import OURS
 from himap.maps.frames import equinox_of, frame_of
 from himap.maps.healpix_io import card_text
 
@@ -204,14 +204,6 @@ class ImagePixels:
             for one in both
         )
         return np.allclose(mine, theirs, rtol=0, atol=_SAME)
-
-    def read_mask(self, path, *, rotate=False):
-        self.in_frame_of(f"the mask {path}", None, rotate=rotate)
-        of_npy = format_of(regular_file(path, "mask")) == "npy"
-        values = np.nan_to_num(array_of_mask(path, self) if of_npy else self.one_image(path, "mask"))
-        if not np.isin(values, (0, 1)).all():
-            raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
-        return values > 0, self, ()
 
     def one_image(self, path, kind):
         """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.

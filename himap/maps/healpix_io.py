@@ -111,8 +111,7 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
 
 def card_text(header, key):
     """The text of a card, None where there is none, or no value in it."""
-    value = header.get(key)
-    return None if value is None else str(value).strip() or None
+    return None if header.get(key) is None else str(header[key]).strip() or None
 
 
 def _is_partial(header):
