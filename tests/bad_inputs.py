@@ -442,7 +442,7 @@ for word in ("weights", "flags"):
         ("w.fits", "must have the channels of the cube", partial(write_fits, "w.fits", ones, **descending)),
     ):
         add(f"{word} in {file}", f"good.h5 --{word} {file}", message, write)
-    alike = "must be one image with the axes of the cube"
+    alike = "must have the axes of the sky of the cube"
     for n, (file, message, write) in enumerate(
         (
             ("w.fits", alike, partial(write_image, "w.fits", images[0].T, axes=SKY["SIN"])),
@@ -454,7 +454,7 @@ for word in ("weights", "flags"):
             ),
             (
                 "w.fits",
-                "cannot be read as an image in FITS",
+                "cannot be read as an image cube in FITS",
                 partial(Path("w.fits").write_bytes, b"SIMPLE  ="),
             ),
             ("nu.txt", "of a cube of images must be a .fits or .npy file", None),

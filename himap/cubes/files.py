@@ -12,6 +12,7 @@ from himap.core.reading import format_of, mapped_array, read_array, read_numbers
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixels_by_axes, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
+from himap.cubes.image_files import check_no_flux
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
@@ -250,6 +251,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         sentence = f"The first of its files is {', the last '.join(ends)}. {unlike_names(layout.names)}"
         remarks = (sentence.strip(), *remarks)
     where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
+    if not pixels.whole_sky:
+        check_no_flux(path, layout.unit or "")
     stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]
     if not stated:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")

@@ -27,16 +27,10 @@ _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
-def holds_image(path, *, frequencies=False):
-    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read.
-
-    With `frequencies` whether the first image has an axis of these.
-    """
+def holds_image(path):
+    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
     try:
         with _quiet(), fits.open(path, memmap=False) as file:
-            if frequencies:
-                first = next(hdu for hdu in file if has_image(hdu))
-                return world_of(first.header, file).wcs.spec >= 0
             return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
     except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
         return False
@@ -184,16 +178,6 @@ def _part(path, index, header, shape, wcs, axes=None):
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
-    unit = card_text(header, "BUNIT") or ""
-    if "jy" in unit.lower():
-        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
-        if "sr" in unit.lower():
-            values, how = f"values * u.Unit({unit!r})", "freq"
-        raise InputError(
-            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
-            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
-            "write BUNIT = 'K'."
-        )
     sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
     first = n_axes - 1 - spectral
     rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
@@ -201,6 +185,19 @@ def _part(path, index, header, shape, wcs, axes=None):
     order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
     where = {"path": path, "index": index, "header": header.copy()}
     return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+
+
+def check_no_flux(path, unit):
+    """Refuse images in Jy, or in units of it, with what converts them."""
+    if "jy" in unit.lower():
+        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
+        if "sr" in unit.lower():
+            values, how = f"values * u.Unit({unit!r})", "freq"
+        raise InputError(
+            f"{path} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
+            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
+            "write BUNIT = 'K'."
+        )
 
 
 def _freqs_along(wcs, spectral, n_channels, name):

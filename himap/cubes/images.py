@@ -10,7 +10,6 @@ from astropy.io import fits
 from astropy.wcs import WCS, WcsError
 
 from himap.core.errors import InputError
-from himap.core.reading import regular_file
 from himap.cubes.layout import OURS
 from himap.maps.frames import equinox_of, frame_of
 from himap.maps.healpix_io import card_text
@@ -204,35 +203,6 @@ class ImagePixels:
             for one in both
         )
         return np.allclose(mine, theirs, rtol=0, atol=_SAME)
-
-    def one_image(self, path, kind):
-        """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, or is of other axes of the sky, or of more than one channel.
-        """
-        path = regular_file(path, kind)
-        try:
-            with fits.open(path, memmap=False) as file:
-                hdu = next((hdu for hdu in file if has_image(hdu)), None)
-                if hdu is None:
-                    raise ValueError(f"it holds no image, and one of {self} is needed")
-                celestial, shape = world_of(hdu.header, file).celestial, hdu.shape
-                fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
-                values = hdu.data.reshape(-1) if fits_here else None
-        except Exception as error:  # astropy raises nearly anything for a file that is something else
-            raise InputError(
-                f"the {kind} {path} cannot be read as an image in FITS ({type(error).__name__}: {error})."
-            ) from None
-        if not (fits_here and self._same_sky(celestial)):
-            raise InputError(
-                f"the {kind} {path} must be one image with the axes of the cube, {self}, got "
-                f"{', '.join(celestial.wcs.ctype) or 'no axes of the sky'}, {shape[::-1]} pixels; reproject "
-                "it to the header of the cube."
-            )
-        return values
 
     def attributes(self):
         axes = "frequency, then those of the sky as in numpy"

@@ -139,8 +139,6 @@ def _read(path, word, pixels):
         freqs, nested, frame = layout.freqs, layout.pixels.nested, layout.pixels.frame
         spectral_frame = layout.spectral_frame
         check_order(label, nested)
-    elif word == "mask" or not fits.holds_image(file, frequencies=True):  # one image for all channels
-        maps = pixels.one_image(file, f"file of {word}")[None]
     else:
         maps, layout = fits.read_image_fits([file], held=_HELD)
         freqs, spectral_frame = layout.freqs, layout.spectral_frame
