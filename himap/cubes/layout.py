@@ -268,14 +268,6 @@ def same_freqs(first, second):
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
-def check_order(label, nested):
-    """Refuse HEALPix maps of which it is not known whether they are NESTED, with an InputError."""
-    if nested is None:
-        raise InputError(
-            f"{label} must say ORDERING = RING or NESTED in its header; write it again with healpy.write_map."
-        )
-
-
 def by_channel(label, values, pixels):
     """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
     values = np.asarray(values)

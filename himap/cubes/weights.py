@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import by_channel, check_cube_room, check_order, is_seen, same_freqs
+from himap.cubes.layout import by_channel, check_cube_room, is_seen, same_freqs
 from himap.maps.healpix_io import to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
@@ -138,7 +138,8 @@ def _read(path, word, pixels):
         maps, layout = fits.read_fits(file, held=_HELD, logical=True)
         freqs, nested, frame = layout.freqs, layout.pixels.nested, layout.pixels.frame
         spectral_frame = layout.spectral_frame
-        check_order(label, nested)
+        if nested is None:
+            raise InputError(f"{label} must say ORDERING = RING or NESTED; write it with healpy.write_map.")
     else:
         maps, layout = fits.read_image_fits([file], held=_HELD)
         freqs, spectral_frame = layout.freqs, layout.spectral_frame
