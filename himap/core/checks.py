@@ -168,13 +168,9 @@ def checked_field(item, value):
 
 
 def _chosen(item, value):
-    choices, word = item.metadata["choices"], _in_small_letters(value)
+    choices = item.metadata["choices"]
     for choice in choices:
-        if type(value) is type(choice) and word == _in_small_letters(choice):
-            return choice
+        if type(value) is type(choice) and value == choice:
+            return value
     *others, last = map(str, choices)
     raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")
-
-
-def _in_small_letters(value):
-    return value.lower() if isinstance(value, str) else value

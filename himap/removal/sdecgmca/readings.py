@@ -189,12 +189,11 @@ def resolved(reading, given):
     InputError
         No such reading, or options that exclude each other.
     """
-    name = str(reading).lower()
-    if name not in READINGS:
+    if reading not in READINGS:
         raise InputError(
             f"reading must be one of {', '.join(READINGS)}, got {reading!r}; see the chapter on readings."
         )
-    options = {key: READINGS[name][key] if value is None else value for key, value in given.items()}
+    options = {name: READINGS[reading][name] if value is None else value for name, value in given.items()}
     if options["beyond"] == "regularised" and options["last"] in ("unregularised", "thresholded"):
         raise InputError(
             f"beyond='regularised' carries the regularised last S on, and last={options['last']!r} has none; "
