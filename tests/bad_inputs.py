@@ -390,12 +390,12 @@ add("petabytes in beams", "good.h5 --beam b.npy", "b.npy", npy_with_header, "b.n
 # Masks, weights and flags.
 for content in (b"no mask", b""):
     add(f"a mask {content!r}", "good.h5 --mask m.fits", "m.fits", Path("m.fits").write_bytes, content)
-add("a mask in HDF5", "good.h5 --mask good.h5", "must be a FITS file")
+add("a mask in HDF5", "good.h5 --mask good.h5", "must be a .fits or .npy file")
 add("a mask that is not there", "good.h5 --mask away.fits", "away.fits")
 spot = (np.arange(N_PIX) < 5).astype(np.float32)
 for name, mask, message in (
-    ("of another nside", np.ones(768), "has nside 8, and the cube 4"),
-    ("of weights", 0.5 * spot, "values from 0 to 0.5"),
+    ("of another nside", np.ones(768), "one map of the pixels of the cube, (192,); got (1, 768)"),
+    ("of weights", 0.5 * spot, "1 where kept and 0 elsewhere, such as mask > 0.5; 5 are not"),
     ("that keeps nothing", 0 * spot, "keeps no pixel"),
     ("that keeps too little", spot, "fewer than the 24 channels"),
 ):
@@ -417,7 +417,7 @@ def bad(value):
 
 
 for word, values, message in (
-    ("weights", bad(-1), "the weights must be finite and 0 or more; 0 means not seen; 1 are not"),
+    ("weights", bad(-1), "the weights w.npy must be finite and 0 or more; 0 means not seen; 1 are not"),
     ("weights", bad(np.inf), "finite and 0 or more"),
     ("flags", bad(2), "True (or 1) where a voxel is bad and False (or 0) where it is good; 1 are not"),
     ("flags", bad(np.nan), "1 are not"),
@@ -442,7 +442,7 @@ for word in ("weights", "flags"):
         ("w.fits", "must have the channels of the cube", partial(write_fits, "w.fits", ones, **descending)),
     ):
         add(f"{word} in {file}", f"good.h5 --{word} {file}", message, write)
-    alike = "must be one image with the axes of the cube"
+    alike = "must have the axes of the sky of the cube"
     for n, (file, message, write) in enumerate(
         (
             ("w.fits", alike, partial(write_image, "w.fits", images[0].T, axes=SKY["SIN"])),
@@ -454,7 +454,7 @@ for word in ("weights", "flags"):
             ),
             (
                 "w.fits",
-                "cannot be read as an image in FITS",
+                "cannot be read as an image cube in FITS",
                 partial(Path("w.fits").write_bytes, b"SIMPLE  ="),
             ),
             ("nu.txt", "of a cube of images must be a .fits or .npy file", None),

@@ -18,6 +18,7 @@ from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_truth
 from himap.cubes.names import check_names
+from himap.cubes.weights import read_mask
 
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
 
@@ -297,22 +298,22 @@ class TestLogical:
     @pytest.mark.parametrize("nest", [False, True])
     def test_masks(self, nest):
         write_hdf5("a.h5")
-        pixels = read_cube("a.h5").layout.pixels
+        layout = read_cube("a.h5").layout
         given = hp.reorder(self.kept.astype("f4"), r2n=True) > 0 if nest else self.kept
         hp.write_map("m.fits", given, nest=nest, dtype=bool, column_units=None)
         assert fits.getheader("m.fits", 1)["TFORM1"].endswith("L")
-        assert np.array_equal(pixels.read_mask("m.fits")[0], self.kept)
+        assert np.array_equal(read_mask("m.fits", layout)[0], self.kept)
         for dtype in (bool, np.uint8, float):
             np.save("m.npy", self.kept.astype(dtype))
-            assert np.array_equal(pixels.read_mask("m.npy")[0], self.kept)
+            assert np.array_equal(read_mask("m.npy", layout)[0], self.kept)
         np.save("m.npy", np.ones((24, N_PIX), bool))
         with pytest.raises(InputError, match="m.npy must be one map"):
-            pixels.read_mask("m.npy")[0]
+            read_mask("m.npy", layout)[0]
 
     def test_a_mask_in_the_order_of_a_nested_cube(self):
         write_hdf5("a.h5", said={"unit": "mK", "order": "NESTED"})
         np.save("m.npy", hp.reorder(self.kept.astype("f4"), r2n=True) > 0)
-        assert np.array_equal(read_cube("a.h5").layout.pixels.read_mask("m.npy")[0], self.kept)
+        assert np.array_equal(read_mask("m.npy", read_cube("a.h5").layout)[0], self.kept)
 
     def test_flags_and_no_maps(self):
         write_hdf5("a.h5")
@@ -327,11 +328,11 @@ class TestLogical:
         write_image("a.fits", images)
         kept = np.arange(N_Y * N_X).reshape(N_Y, N_X) % 3 > 0
         np.save("m.npy", kept)
-        pixels = read_cube("a.fits").layout.pixels
-        assert np.array_equal(pixels.read_mask("m.npy")[0], kept.ravel())
+        layout = read_cube("a.fits").layout
+        assert np.array_equal(read_mask("m.npy", layout)[0], kept.ravel())
         np.save("m.npy", kept.T)
         with pytest.raises(InputError, match="m.npy must have the shape"):
-            pixels.read_mask("m.npy")[0]
+            read_mask("m.npy", layout)[0]
 
 
 def test_every_error_names_the_file():

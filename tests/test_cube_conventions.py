@@ -17,7 +17,8 @@ from himap.core.memory import LIMIT_VARIABLE
 from himap.core.reading import read_numbers, regular_file
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_truth
-from himap.cubes.layout import SpherePixels
+from himap.cubes.layout import Layout, SpherePixels
+from himap.cubes.weights import read_mask
 from himap.maps.healpix_io import read_maps
 
 pytestmark = pytest.mark.usefixtures("no_pages")
@@ -266,7 +267,8 @@ class TestUnreadable:
             read_cube(name)
 
     def test_a_mask_and_a_beam(self, locked):
-        for read in (lambda: SpherePixels(nside=NSIDE).read_mask("a.h5"), lambda: read_numbers("a.h5")):
+        layout = Layout(pixels=SpherePixels(nside=NSIDE))
+        for read in (lambda: read_mask("a.h5", layout), lambda: read_numbers("a.h5")):
             with pytest.raises(InputError, match="Permission denied"):
                 read()
 
@@ -311,5 +313,5 @@ def test_messages_are_short_and_plain():
 
 def test_a_mask_in_healpix_order(maps):
     write_fits("m.fits", hp.reorder(np.arange(N_PIX) < 9, r2n=True).astype(np.float32), nest=True)
-    mask, _, _ = SpherePixels(nside=NSIDE).read_mask("m.fits")
+    mask, _ = read_mask("m.fits", Layout(pixels=SpherePixels(nside=NSIDE)))
     assert np.array_equal(mask, np.arange(N_PIX) < 9)

@@ -114,7 +114,7 @@ class TestReadAndWritten:
         np.save("a.npy", maps)
         given = {"freqs": FREQS, "unit": "mK", "order": "RING"}
         assert read_cube("a.npy", frame="galactic", **given).layout.pixels.frame == "G"
-        with pytest.raises(InputError, match="the frame of coordinates must be one of G, C, E, got 'X'"):
+        with pytest.raises(InputError, match=r"the frame of coordinates .*one of G, C, E, .* got 'X'"):
             read_cube("a.npy", frame="X", **given)
         with pytest.raises(InputError, match="the file says C, but the frame given is G"):
             read_cube(write("a.fits", maps, "C"), frame="G")

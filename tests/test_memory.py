@@ -131,6 +131,7 @@ def test_steps_grow_with_what_they_hold():
         ([-11], 3, "signal 11 (SIGSEGV)"),
         ([-11, 3], 3, "signal 11 (SIGSEGV) or exit code 3"),
         ([-9], None, "signal 9 (SIGKILL)"),
+        ([-40], 3, "signal 40"),
         ([], 0, "an unknown cause"),
     ],
 )

@@ -189,11 +189,14 @@ def test_notebooks_run_this_himap_where_it_lies_in_the_current_folder(folder, tm
 
 
 def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path, monkeypatch):
-    """Not one called python3 elsewhere on Jupyter's path; and the stamp is what the kernel says."""
+    """Not one called python3 elsewhere on Jupyter's path, nor started by what is configured elsewhere; and
+    the stamp is what the kernel says.
+    """
     spec = tmp_path / "elsewhere" / "kernels" / "python3" / "kernel.json"
     spec.parent.mkdir(parents=True)
     spec.write_text(json.dumps({"argv": ["false"], "display_name": "Python 3", "language": "python"}))
     monkeypatch.setenv("JUPYTER_PATH", str(tmp_path / "elsewhere"))
+    monkeypatch.setenv("JUPYTER_DEFAULT_PROVISIONER_NAME", "on-another-machine")
     code = "import sys\nfrom himap.store import provenance\n\nprovenance.__version__ = sys.executable\n"
     (folder / "02_who.py").write_text(f"# %%\n{code}")
     path, _ = reproduce.run("02", folder=folder, output=tmp_path / "who.ipynb")

@@ -27,8 +27,10 @@ class _ThroughFiles:
 
     @property
     def kernel_spec(self):
-        """That of `sys.executable`, whatever the name of the kernel."""
-        return KernelSpec(**get_kernel_dict())
+        """That of `sys.executable`, started here, whatever the name of the kernel and what is configured."""
+        spec = KernelSpec(**get_kernel_dict())
+        spec.metadata["kernel_provisioner"] = {"provisioner_name": "local-provisioner"}
+        return spec
 
 
 class LocalKernelManager(_ThroughFiles, KernelManager):

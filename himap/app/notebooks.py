@@ -132,14 +132,14 @@ def notebooks(folder=None):
 
 
 def find(name, folder=None):
-    """The notebook called `name`: its name, its number, or the path of either of its files.
+    """The notebook called `name`: its name, its number, or the path of either of its files, in any case.
 
     Raises
     ------
     InputError
         No such notebook; the message lists what there is.
     """
-    stem = Path(name).name.removesuffix(".py").removesuffix(".ipynb")
+    stem = Path(name).name.lower().removesuffix(".py").removesuffix(".ipynb")
     known = {notebook.name: notebook for notebook in notebooks(folder)}
     matches = [known[key] for key in known if stem in (key, key.partition("_")[0])]
     if len(matches) == 1:

@@ -101,9 +101,9 @@ def cause_of_death(codes, kills):
     """
     names = []
     for code in sorted(set(codes)):
-        names.append(f"exit code {code}")
-        with suppress(ValueError):
-            names[-1] = f"signal {-code} ({signal.Signals(-code).name})"
+        names.append(f"exit code {code}" if code >= 0 else f"signal {-code}")
+        with suppress(ValueError):  # a signal without a name
+            names[-1] += f" ({signal.Signals(-code).name})"
     out_of_memory = -signal.SIGKILL in codes and memory_kills() > kills
     return (" or ".join(names) or "an unknown cause") + ", because memory ran out" * out_of_memory
 

@@ -17,6 +17,7 @@ _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
 _ROOM = 10  # bytes in memory for each of such a text
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = (0, *(512 * 2**n for n in range(12)))  # bytes that may lie before what is HDF5
+_NUMBER = re.compile(r"[-+]?[0-9]+(,[0-9]+)?")  # whole, or with what may be a decimal comma
 _FORMATS = {  # (first bytes, endings of names)
     "HDF5": (_HDF5, (".h5", ".hdf5", ".hdf", ".hd5")),
     "FITS": (b"SIMPLE  =", (".fits", ".fit", ".fits.gz", ".fits.fz")),
@@ -133,20 +134,38 @@ def read_numbers(path):
     return values.astype(float)
 
 
+def _check_commas(path, lines):
+    """Refuse numbers with decimal commas; pairs of whole ones may be one line, or edges that adjoin."""
+    words = [re.split(r"[\s;]+", line.partition("#")[0].strip()) for line in lines]
+    words = [row for row in words if row != [""] and _NUMBER.fullmatch(row[0])]
+    with_comma = [word for row in words for word in row if "," in word]
+    if not with_comma or not all(_NUMBER.fullmatch(word) for row in words for word in row):
+        return
+    first, last = np.array([(row[0].split(",") * 2)[:2] for row in words], dtype=int).T
+    are_pairs = len(with_comma) == len(words) == sum(map(len, words))
+    if are_pairs and ((last[:-1] == first[1:]).all() or (first[:-1] == last[1:]).all()):
+        return
+    raise InputError(
+        f"{path} has numbers with decimal commas, such as {with_comma[0]}: write points, "
+        f"{with_comma[0].replace(',', '.')}, and blanks between columns."
+    )
+
+
 def _table(path):
     size = path.stat().st_size
     if size > _LARGEST_TEXT:
         raise InputError(f"{path} has {size / 1e6:.4g} MB of text; write that many numbers as .npy.")
     check_room(str(path), _ROOM * size)
-    lines = []
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (UnicodeDecodeError, OSError):
+        raise InputError(f"{path} is no text in UTF-8; save it as such, or as .npy.") from None
+    _check_commas(path, lines)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without numbers
-            lines = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
-            return np.loadtxt(lines, ndmin=1)
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; save it as such, or as .npy.") from None
-    except (ValueError, OSError) as error:
+            return np.loadtxt([line.replace(",", " ") for line in lines], ndmin=1)
+    except ValueError as error:
         word = next(
             (line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")), ""
         )

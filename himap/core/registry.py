@@ -74,7 +74,7 @@ class Registry:
         return "\n".join(lines)
 
     def create(self, name, **parameters):
-        """An object of the class called `name`.
+        """An object of the class called `name`; words that are chosen from several may be in any case.
 
         Raises
         ------
@@ -89,6 +89,11 @@ class Registry:
             hint = f" (did you mean {near[0]}?)" if near else ""
             listing = "; ".join(f"{item}: {help}" for item, help in known.items()) or "none"
             raise InputError(f"{name} has no parameter {key!r}{hint}; its parameters are {listing}.")
+        for item in fields(kind):
+            words = {each.lower(): each for each in item.metadata["choices"] if isinstance(each, str)}
+            value = parameters.get(item.name)
+            if isinstance(value, str):
+                parameters[item.name] = words.get(value.lower(), value)
         return kind(**parameters)
 
     def attribute(self, name):

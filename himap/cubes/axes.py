@@ -54,13 +54,15 @@ def pixels_by_axes(maps, axes=None):
     )
 
 
-def remark_on_axes(maps, shape):
-    """A sentence on channels, (n_channels, n_pix) of images of this shape, that look like a line of the sky.
+def remark_on_axes(maps, pixels):
+    """A sentence on channels, (n_channels, n_pix) of images, that look like a line of the sky.
 
     Foregrounds change smoothly with frequency, but for a gain that all lines of sight have: what a parabola
-    times their mean leaves is larger along the axes of the sky. Of 48 places along each axis.
+    times their mean leaves is larger along the axes of the sky. Of 48 places along each axis. Which of the
+    axes of the sky is which then is not known.
     """
-    cube = maps.reshape(-1, *shape)[tuple(slice(None, None, -(-n // 48)) for n in (len(maps), *shape))]
+    cube = maps.reshape(-1, *pixels.shape)
+    cube = cube[tuple(slice(None, None, -(-n // 48)) for n in cube.shape)]
     seen = is_seen(cube)
     cube = np.where(seen, cube, 0).astype(float)
     turned = ([np.moveaxis(one, axis, 0) for one in (cube, seen)] for axis in range(3))
@@ -68,9 +70,13 @@ def remark_on_axes(maps, shape):
     least = min(along_sky)
     if not (least < _SMOOTH and least < _LESS * along_freq):
         return ()
+    places = pixels.parts[0].order[:3]  # in the array, of what was read as frequency and as the sky
+    place = sorted(places).index(places[1 + along_sky.index(least)])
+    orders = [[*sky[:place], "freq", *sky[place:]] for sky in (["ra", "dec"], ["dec", "ra"])]
     return (
-        "The channels are less alike than the lines along an axis of the sky, as of an array that is not "
-        "turned round for its header: if it is (RA, Dec, channel) in numpy, give --axes ra,dec,freq.",
+        f"The channels are less alike than the lines along the {('first', 'second', 'last')[place]} axis of "
+        "the array in numpy, as of an array that is not turned round for its header: if frequencies are "
+        f"there, give --axes {' or '.join(map(','.join, orders))}.",
     )
 
 
@@ -99,9 +105,10 @@ def check_world_axes(header, shape, name):
     if isinstance(n_world, int) and n_world < n_long:
         raise InputError(
             f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(lengths)}, "
-            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. If it is "
-            "(RA, Dec, channel) in numpy, transpose it, array.transpose(2, 1, 0), and write it with a header "
-            "of three axes, or give --axes ra,dec,freq; (channel, Dec, RA) is --axes freq,dec,ra."
+            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. Write it "
+            "with a header of three axes, transposed to (channel, Dec, RA) in numpy, or give its axes in the "
+            "order of numpy: --axes ra,dec,freq or dec,ra,freq where channels are last, freq,dec,ra or "
+            "freq,ra,dec where they are first."
         )
 
 

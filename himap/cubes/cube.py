@@ -7,12 +7,14 @@ import numpy as np
 from himap.core.checks import checked_freqs, evenly_spaced
 from himap.core.errors import InputError
 from himap.cubes.layout import Layout, is_seen, same_freqs
+from himap.cubes.weights import read_mask
 from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN
 from himap.maps.low_rank import precision
 from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights
 
+_TWICE = 1e-8  # relative: closer channels have one frequency
 _FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
 
 
@@ -102,17 +104,20 @@ class Cube:
         Raises
         ------
         InputError
-            As of `within` and of `himap.cubes.layout.SpherePixels.read_mask`.
+            As of `within` and of `himap.cubes.weights.read_mask`.
         """
-        mask, pixels, said = self.layout.pixels.read_mask(path, rotate=rotate)
-        cube = self.within(mask)
-        return replace(cube, layout=replace(cube.layout, pixels=pixels), remarks=(*cube.remarks, *said))
+        mask, layout = read_mask(path, self.layout, rotate=rotate)
+        return self.within(mask)._with(layout)
 
     def joined(self, label, frame, spectral_frame=None, **options):
         """The same `Cube` with the frames of others; as of `himap.cubes.layout.Layout.joined`."""
-        layout = self.layout.joined(label, frame, spectral_frame, **options)
-        said = layout.remarks[len(self.layout.remarks) :]
-        return replace(self, layout=layout, remarks=(*self.remarks, *said))
+        return self._with(self.layout.joined(label, frame, spectral_frame, **options))
+
+    def _with(self, layout):
+        """The same with a layout that says more of its file."""
+        return replace(
+            self, layout=layout, remarks=(*self.remarks, *layout.remarks[len(self.layout.remarks) :])
+        )
 
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
@@ -281,9 +286,12 @@ def _seen_channels(seen, freqs):
     channels = channels[seen[channels].any(axis=1)]
     if len(channels) < 2:
         raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(seen)}.")
-    twice = freqs[channels][1:][np.diff(freqs[channels]) == 0]
+    twice = freqs[channels][1:][np.diff(freqs[channels]) < _TWICE * freqs[channels][1:]]
     if len(twice):
-        raise InputError(f"two channels have the frequency {twice[0]:g} MHz; leave one of them out.")
+        raise InputError(
+            f"two channels have the frequency {twice[0]:g} MHz, or differ by a rounding: leave one of them "
+            "out, or correct what states the step of frequencies (CDELT)."
+        )
     checked_freqs(freqs[channels], len(channels))
     return channels
 

@@ -1,22 +1,22 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from himap.core.checks import real_array
-from himap.core.errors import InputError, plain_text
+from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixels_by_axes, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, same_freqs
+from himap.cubes.image_files import check_no_flux
+from himap.cubes.layout import Layout, as_input_error, check_cube_room, naming, same_freqs
 from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
-from himap.maps.frames import FRAMES, frame_of, is_nested
+from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
 from himap.removal.gnilc import LINE
@@ -31,17 +31,6 @@ _UNIT_IN = {
     **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
 }
 _REDSHIFT = 1e-5  # the same of redshifts, which have six digits
-
-
-@contextmanager
-def naming(path):
-    """While a cube is read from `path`: every error of the input names it."""
-    try:
-        yield
-    except InputError as error:
-        if plain_text(str(path)) in str(error):
-            raise
-        raise InputError(f"{path}: {error}") from None
 
 
 def read_cube(
@@ -108,7 +97,7 @@ def read_cube(
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if not layout.pixels.whole_sky and axes is None:
-            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels.shape)))
+            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels)))
         if weighed:
             weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):
@@ -117,7 +106,19 @@ def read_cube(
         return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(path, *, cube=None, rotate=False, maps_name=None, freqs_name=None, axes=None, **given):
+def read_truth(
+    path,
+    *,
+    cube=None,
+    freqs=None,
+    unit=None,
+    order=None,
+    frame=None,
+    maps_name=None,
+    freqs_name=None,
+    axes=None,
+    rotate=False,
+):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
@@ -132,6 +133,7 @@ def read_truth(path, *, cube=None, rotate=False, maps_name=None, freqs_name=None
             names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
             maps, layout = read_file(path, **names, held=_HELD_TRUTH)
         pixels = layout.pixels
+        given = {"freqs": freqs, "unit": unit, "order": order, "frame": frame}
         stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
         unsaid = {name: value for name, value in given.items() if stated[name] is None}
         truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
@@ -239,8 +241,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         raise InputError(
             unlike_names(layout.names)
             + f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
-            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, or "
-            "pixel,freq)."
+            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, dec,ra,freq "
+            "and so on, or pixel,freq)."
         )
     if layout.names:
         if layout.freqs is None:
@@ -249,6 +251,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         sentence = f"The first of its files is {', the last '.join(ends)}. {unlike_names(layout.names)}"
         remarks = (sentence.strip(), *remarks)
     where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
+    if not pixels.whole_sky:
+        check_no_flux(path, layout.unit or "")
     stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]
     if not stated:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
@@ -272,9 +276,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
 
 def _framed(path, pixels, frame):
     """HEALPix pixels in the frame that the caller gives, if any."""
-    given = frame_of(frame)
-    if given not in (None, *FRAMES):
-        raise InputError(f"the frame of coordinates must be one of {', '.join(FRAMES)}, got {frame!r}.")
+    given = frame_of(frame, name="the frame of coordinates (--frame)")
     _check_same(None in (given, pixels.frame) or given == pixels.frame, path, "frame", pixels.frame, frame)
     return replace(pixels, frame=pixels.frame or given)
 
@@ -317,7 +319,8 @@ def read_freqs(path):
         raise InputError(
             f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
             "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
-            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line."
+            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line, with decimal "
+            "points."
         )
     return edges.mean(axis=1), f"the edges of channels in {path}"
 

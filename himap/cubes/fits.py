@@ -12,7 +12,7 @@ from himap.core.errors import InputError
 from himap.cubes.image_files import holds_image, read_image_fits
 from himap.cubes.layout import Layout, check_cube_room, only_value, plain_pairs
 from himap.cubes.names import fits_in, stated_freqs
-from himap.maps.frames import frame_of
+from himap.maps.frames import frame_of, spectral_frame_of
 from himap.maps.healpix_io import freq_in_header, read_maps
 
 _STRUCTURE = re.compile(  # cards of a table of maps that are written anew, by what was read, or not at all
@@ -53,7 +53,8 @@ def frames_in_fits(path):
     with catch_warnings(action="ignore", category=AstropyWarning), fits.open(path) as file:
         first = next((hdu.header for hdu in file[1:] if hdu.header["NAXIS"]), {})
         header = {**file[0].header, **first}
-    return frame_of(header.get("COORDSYS"), header.get("EQUINOX")), header.get("SPECSYS")
+    frame = frame_of(header.get("COORDSYS"), header.get("EQUINOX"), f"COORDSYS in {path}")
+    return frame, spectral_frame_of(header.get("SPECSYS"))
 
 
 def _about(headers):
@@ -87,7 +88,7 @@ def read_folder(folder, *, axes=None, held=1):
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
     stated = stated_freqs(names, "the names of its files", in_headers, paths)
     stated["unit"] = same("unit", [file.units[0] for file in files])
-    same("spectral frame", [file.header.get("SPECSYS") for file in files])
+    same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
     stated["about"] = _about([file.header for file in files])
     polarised = [f"Stokes Q and U in {n_polarised} of its files are left out."] if n_polarised else []
     stated |= {"names": tuple(names), "remarks": (*left_out, *polarised)}

@@ -19,23 +19,18 @@ from himap.cubes.axes import check_world_axes, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
 from himap.cubes.layout import Layout, as_input_error, check_cube_room, only_value
 from himap.cubes.names import stated_freqs
-from himap.maps.healpix_io import freq_in_header
+from himap.maps.frames import spectral_frame_of
+from himap.maps.healpix_io import card_text, freq_in_header
 
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
 _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
-def holds_image(path, *, frequencies=False):
-    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read.
-
-    With `frequencies` whether the first image has an axis of these.
-    """
+def holds_image(path):
+    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
     try:
         with _quiet(), fits.open(path, memmap=False) as file:
-            if frequencies:
-                first = next(hdu for hdu in file if has_image(hdu))
-                return world_of(first.header, file).wcs.spec >= 0
             return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
     except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
         return False
@@ -77,10 +72,10 @@ def read_image_fits(paths, *, axes=None, held=1):
     if len(paths) > 1:  # whose tables may have one name
         parts = [_without_tables(part, remarks) for part in parts]
     where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
-    units = [str(part.header.get("BUNIT") or "").strip() or None for part in parts]
+    units = [card_text(part.header, "BUNIT") for part in parts]
     pixels = ImagePixels(parts=tuple(parts))
     ends = np.cumsum([part.n_channels for part in parts])
-    frames = [str(part.header.get("SPECSYS") or "").strip() or None for part in parts]
+    frames = [spectral_frame_of(part.header.get("SPECSYS")) for part in parts]
     frame = only_value(where, "spectral frame", frames, names)
     dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
     n_pix = int(np.prod(pixels.shape))
@@ -183,16 +178,6 @@ def _part(path, index, header, shape, wcs, axes=None):
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
-    unit = str(header.get("BUNIT") or "")
-    if "jy" in unit.lower():
-        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
-        if "sr" in unit.lower():
-            values, how = f"values * u.Unit({unit!r})", "freq"
-        raise InputError(
-            f"{name} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
-            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
-            "write BUNIT = 'K'."
-        )
     sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
     first = n_axes - 1 - spectral
     rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
@@ -200,6 +185,19 @@ def _part(path, index, header, shape, wcs, axes=None):
     order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
     where = {"path": path, "index": index, "header": header.copy()}
     return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+
+
+def check_no_flux(path, unit):
+    """Refuse images in Jy, or in units of it, with what converts them."""
+    if "jy" in unit.lower():
+        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
+        if "sr" in unit.lower():
+            values, how = f"values * u.Unit({unit!r})", "freq"
+        raise InputError(
+            f"{path} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
+            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
+            "write BUNIT = 'K'."
+        )
 
 
 def _freqs_along(wcs, spectral, n_channels, name):

@@ -10,9 +10,9 @@ from astropy.io import fits
 from astropy.wcs import WCS, WcsError
 
 from himap.core.errors import InputError
-from himap.core.reading import format_of, regular_file
-from himap.cubes.layout import OURS, array_of_mask
-from himap.maps.frames import frame_of
+from himap.cubes.layout import OURS
+from himap.maps.frames import equinox_of, frame_of
+from himap.maps.healpix_io import card_text
 
 IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
 """What an image is in, as astropy opens it."""
@@ -93,7 +93,7 @@ class ImagePart:
             header.update(_freq_cards(freqs, n_axes - self.order[0]))
         for key in (*_STALE, *OURS):
             header.remove(key, ignore_missing=True)
-        if not str(header.get("BUNIT") or "").strip():
+        if card_text(header, "BUNIT") is None:
             header["BUNIT"] = unit
         header.update(cards)
         if history:
@@ -204,43 +204,6 @@ class ImagePixels:
         )
         return np.allclose(mine, theirs, rtol=0, atol=_SAME)
 
-    def read_mask(self, path, *, rotate=False):
-        self.in_frame_of(f"the mask {path}", None, rotate=rotate)
-        of_npy = format_of(regular_file(path, "mask")) == "npy"
-        values = np.nan_to_num(array_of_mask(path, self) if of_npy else self.one_image(path, "mask"))
-        if not np.isin(values, (0, 1)).all():
-            raise InputError(f"the mask {path} must be 1 where kept and 0 elsewhere; write mask > 0.5.")
-        return values > 0, self, ()
-
-    def one_image(self, path, kind):
-        """The numbers (n_pix,) in a FITS file with one image of these pixels; errors call it `kind`.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, or is of other axes of the sky, or of more than one channel.
-        """
-        path = regular_file(path, kind)
-        try:
-            with fits.open(path, memmap=False) as file:
-                hdu = next((hdu for hdu in file if has_image(hdu)), None)
-                if hdu is None:
-                    raise ValueError(f"it holds no image, and one of {self} is needed")
-                celestial, shape = world_of(hdu.header, file).celestial, hdu.shape
-                fits_here = [n for n in shape if n > 1] == [n for n in self.shape if n > 1]
-                values = hdu.data.reshape(-1) if fits_here else None
-        except Exception as error:  # astropy raises nearly anything for a file that is something else
-            raise InputError(
-                f"the {kind} {path} cannot be read as an image in FITS ({type(error).__name__}: {error})."
-            ) from None
-        if not (fits_here and self._same_sky(celestial)):
-            raise InputError(
-                f"the {kind} {path} must be one image with the axes of the cube, {self}, got "
-                f"{', '.join(celestial.wcs.ctype) or 'no axes of the sky'}, {shape[::-1]} pixels; reproject "
-                "it to the header of the cube."
-            )
-        return values
-
     def attributes(self):
         axes = "frequency, then those of the sky as in numpy"
         return {"axes": axes, "wcs": self.celestial.to_header_string()}
@@ -293,7 +256,9 @@ def image_name(path, index, header):
 def _frame_of(celestial):
     """The frame of two axes of the sky, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
     types, wcs = "".join(celestial.wcs.ctype), celestial.wcs
-    return frame_of(wcs.radesys, wcs.equinox) if "RA" in types else frame_of(types[:1])
+    if "RA" in types:
+        return frame_of(wcs.radesys, wcs.equinox, "RADESYS")
+    return frame_of(types[:1], name="CTYPE")
 
 
 def world_of(header, file=None):
@@ -302,6 +267,9 @@ def world_of(header, file=None):
     FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
     """
     header = header.copy()
+    frame_of(header.get("RADESYS"), name="RADESYS")  # astropy leaves out what is no text, and keeps any text
+    if "EQUINOX" in header:
+        header["EQUINOX"] = equinox_of(header["EQUINOX"])
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
         header[key] = _FREQ.sub("FREQ", name)

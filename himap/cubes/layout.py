@@ -8,12 +8,11 @@ from typing import ClassVar
 import numpy as np
 
 from himap.core.checks import real_array
-from himap.core.errors import InputError
+from himap.core.errors import InputError, plain_text
 from himap.core.memory import PROCESS, check_room
-from himap.core.reading import format_of, read_array, regular_file
 from himap.maps import sphere
-from himap.maps.frames import FRAMES, frame_name
-from himap.maps.healpix_io import MILLIKELVIN, read_maps, to_ring, write_maps
+from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
+from himap.maps.healpix_io import MILLIKELVIN, to_ring, write_maps
 from himap.maps.sphere import pixels_last, sphere_sizes
 
 LARGEST = 1e15
@@ -134,49 +133,6 @@ class SpherePixels:
             return pixels
         return pixels[sphere.pixels_in_frame(self.nside, self.frame, frame)]
 
-    def read_mask(self, path, *, rotate=False):
-        """The mask in a file, these pixels with its frame, and sentences, as of `in_frame_of`.
-
-        The mask is (n_pix,) bool, RING, True where kept.
-
-        A FITS file has a HEALPix map of 1 (kept) and 0, or of logical values; UNSEEN, NaN and pixels that a
-        partial file leaves out are not kept. A .npy file has them in the order of the cube's own file.
-
-        Raises
-        ------
-        InputError
-            No such file, no order of pixels, another nside, values between 0 and 1, nothing kept, or another
-            frame without `rotate`.
-        """
-        kind = format_of(regular_file(path, "mask"))
-        if kind not in ("FITS", "npy"):
-            raise InputError(
-                f"the mask {path} must be a FITS file, as healpy.write_map writes it, or a .npy file."
-            )
-        nested = self.nested
-        if kind == "FITS":
-            file = read_maps(path, n_maps=1, logical=True)
-            nested = file.nested
-            check_order(f"the mask {path}", nested)
-        values = file.maps[0] if kind == "FITS" else array_of_mask(path, self)
-        values = np.nan_to_num(values, nan=0.0)
-        if sphere.nside_of(values) != self.nside:
-            raise InputError(
-                f"the mask {path} has nside {sphere.nside_of(values)}, and the cube {self}; write it again "
-                "at that nside, as healpy.ud_grade(mask, nside) > 0.5 does."
-            )
-        if not np.isin(values, (0, 1)).all():
-            raise InputError(
-                f"the mask {path} must be 1 where kept and 0 elsewhere, got values from {values.min():g} to "
-                f"{values.max():g}; write mask > 0.5, or the like."
-            )
-        if not values.any():
-            raise InputError(f"the mask {path} keeps no pixel; 1 means kept.")
-        frame = file.frame if kind == "FITS" else self.frame
-        pixels, said = self.in_frame_of(f"the mask {path}", frame, rotate=rotate)
-        kept = to_ring(values > 0) if nested else values > 0
-        return self.rotated(kept, frame), pixels, said
-
     def attributes(self):
         """What HDF5 keeps of them, {name: text}."""
         return {"ordering": self.order} | ({"coordsys": self.frame} if self.frame else {})
@@ -230,6 +186,9 @@ class Layout:
     about: dict = field(default_factory=dict)
     channels: np.ndarray | None = None
 
+    def __post_init__(self):
+        _ = self.spectral_frame  # refuses a word that is none
+
     @classmethod
     def of_sphere(cls, maps, nested=None, *, partial=False, frame=None, **stated):
         """That of HEALPix maps (n_channels, n_pix); InputError for a number of pixels that no sphere has."""
@@ -238,8 +197,8 @@ class Layout:
 
     @property
     def spectral_frame(self):
-        """SPECSYS, in capitals; None where nothing says it."""
-        return str(self.about.get("SPECSYS") or "").strip().upper() or None
+        """SPECSYS, as of `himap.maps.frames.spectral_frame_of`; None where nothing says it."""
+        return spectral_frame_of(self.about.get("SPECSYS"))
 
     @property
     def cards(self):
@@ -253,7 +212,7 @@ class Layout:
         Parameters and errors as of `SpherePixels.in_frame_of`; `spectral_frame` is SPECSYS, and may not
         differ from that of these.
         """
-        mine, theirs = self.spectral_frame, str(spectral_frame or "").strip().upper() or None
+        mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
         pixels, said, about = *self.pixels.in_frame_of(label, frame, **options), self.about
         if mine != theirs and None not in (mine, theirs):
             raise InputError(
@@ -273,6 +232,17 @@ class Layout:
             full_map[mask] = pixels / MILLIKELVIN[self.unit]
             out[place] = self.pixels.as_given(full_map)
         return out.reshape(-1, *self.pixels.shape)
+
+
+@contextmanager
+def naming(path):
+    """While a cube is read from `path`: every error of the input names it."""
+    try:
+        yield
+    except InputError as error:
+        if plain_text(str(path)) in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from None
 
 
 @contextmanager
@@ -298,27 +268,11 @@ def same_freqs(first, second):
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
-def check_order(label, nested):
-    """Refuse HEALPix maps of which it is not known whether they are NESTED, with an InputError."""
-    if nested is None:
-        raise InputError(
-            f"{label} must say ORDERING = RING or NESTED in its header; write it again with healpy.write_map."
-        )
-
-
 def by_channel(label, values, pixels):
     """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
     values = np.asarray(values)
     values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
     return pixels.by_channel(label, values)
-
-
-def array_of_mask(path, pixels):
-    """The mask (n_pix,) of these pixels in a .npy file, in the order of the cube's own file."""
-    values = by_channel(f"the mask {path}", read_array(path), pixels)
-    if len(values) > 1:
-        raise InputError(f"the mask {path} must be one map for all channels, got {len(values)}; see --flags.")
-    return values[0]
 
 
 def plain_pairs(pairs, left_out=()):

@@ -86,8 +86,7 @@ def check_names(names, freqs):
                 f"{freqs[n]:.10g} MHz: sort --freqs as the numbers in the names are, or rename the files."
             )
     of_each = [column for column in columns if len({*column}) == len(names)]
-    varying = next((column for column in columns if len({*column}) > 1), ())
-    if not near and 1 < len({*varying}) < len(names) and not all((np.diff(one) > 0).all() for one in of_each):
+    if not near and not all((np.diff(one) > 0).all() for one in of_each):
         raise InputError(
             f"the files would be in the order {', '.join(names[:3])}, ..., by the first number that differs, "
             "and another, which each has its own of, says another order: rename the files, or move what is "

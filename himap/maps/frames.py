@@ -14,19 +14,68 @@ _SPELLINGS = {
     **dict.fromkeys(("E", "ECL", "ECLIPTIC"), "E"),
     **dict.fromkeys(("", "NONE", "UNKNOWN"), None),
 }
+_NOT_ROTATED = ("FK4", "FK4-NO-E", "GAPPT", "S", "H")  # also of FITS; supergalactic and helioecliptic last
 _J2000 = 2000.0
 _OF_EQUINOX = re.compile(r"(C)([0-9.]+)")
+_EQUINOX = re.compile(r"[BJ]?([0-9]+\.?[0-9]*)")
+
+_SPECTRAL = ("TOPOCENT", "GEOCENTR", "BARYCENT", "HELIOCEN", "LSRK", "LSRD")
+_SPECTRAL += ("GALACTOC", "LOCALGRP", "CMBDIPOL", "SOURCE")
+_SHORT = {  # as CASA and AIPS spell them
+    **{"TOPO": "TOPOCENT", "GEO": "GEOCENTR", "BARY": "BARYCENT", "LSR": "LSRK", "GALACTO": "GALACTOC"},
+    **{"LGROUP": "LOCALGRP", "CMB": "CMBDIPOL", "REST": "SOURCE"},
+}
 
 
-def frame_of(text, equinox=None):
-    """The letter in `FRAMES` of a frame of coordinates as it is spelled; None where none is named.
+def frame_of(text, equinox=None, name="COORDSYS"):
+    """The letter in `FRAMES` of a frame of coordinates as it is spelled; None where none is stated.
 
-    With an `equinox` that is not 2000, behind that letter; any other text as it is, in capitals.
+    With an `equinox` that is not 2000, behind that letter; of the frames of FITS that are not rotated the
+    word, in capitals. `name` is what an error calls it.
+
+    Raises
+    ------
+    InputError
+        Another text or a number, or an equinox that is none.
     """
-    word = str(text or "").strip().upper()
+    word = "" if text is None else str(text).strip().upper()
     frame = _SPELLINGS.get(word, word)
-    is_other = isinstance(equinox, int | float) and frame == "C" and abs(equinox - _J2000) > 0  # not NaN
-    return f"C{equinox:g}" if is_other else frame
+    if frame not in (None, *FRAMES, *_NOT_ROTATED):
+        known = ", ".join((*FRAMES, "ICRS", "FK5", *_NOT_ROTATED))
+        raise InputError(f"{name} must be one of {known}, got {text!r}; correct it.")
+    year = equinox_of(equinox, f"EQUINOX beside {name}")
+    return f"C{year:g}" if frame == "C" and year not in (None, _J2000) else frame
+
+
+def equinox_of(value, name="EQUINOX"):
+    """The year of an equinox as it is written, such as 2000 or J2000; None where there is none.
+
+    Raises
+    ------
+    InputError
+        Something else; `name` is what the error calls it.
+    """
+    if value is None or value != value:  # NaN of astropy
+        return None
+    match = _EQUINOX.fullmatch(str(value).strip().upper())
+    if match is None:
+        raise InputError(f"{name} must be a year, such as 2000, got {value!r}; correct it.")
+    return float(match[1])
+
+
+def spectral_frame_of(text):
+    """The word of FITS for the rest frame of frequencies as it is spelled, such as TOPOCENT; None for none.
+
+    Raises
+    ------
+    InputError
+        Another text, or a number.
+    """
+    word = "" if text is None else str(text).strip().upper()
+    frame = _SHORT.get(word, word[:8])
+    if frame not in ("", *_SPECTRAL):
+        raise InputError(f"SPECSYS must be one of {', '.join(_SPECTRAL)}, got {text!r}; correct it.")
+    return frame or None
 
 
 def frame_name(frame):

@@ -101,23 +101,23 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     return HealpixFile(
         maps=maps,
         names=tuple(str(header.get(f"TTYPE{column}")) for column in columns),
-        units=tuple(_text(header, f"TUNIT{column}") or _text(header, "BUNIT") for column in columns),
-        nested=is_nested(_text(header, "ORDERING"), f"ORDERING in {path}"),
-        frame=frame_of(_text(header, "COORDSYS"), header.get("EQUINOX")),
+        units=tuple(card_text(header, f"TUNIT{column}") or card_text(header, "BUNIT") for column in columns),
+        nested=is_nested(card_text(header, "ORDERING"), f"ORDERING in {path}"),
+        frame=frame_of(header.get("COORDSYS"), header.get("EQUINOX"), f"COORDSYS in {path}"),
         partial=partial,
         header=header,
     )
 
 
-def _text(header, key):
-    """The text of a card, None where there is none."""
-    return str(header.get(key) or "").strip() or None
+def card_text(header, key):
+    """The text of a card, None where there is none, or no value in it."""
+    return None if header.get(key) is None else str(header[key]).strip() or None
 
 
 def _is_partial(header):
     """Whether the first column of a table has the numbers of its pixels, by what its header says."""
     keys = "PIXTYPE", "INDXSCHM", "OBJECT"
-    pixels, scheme, sky = (str(_text(header, key) or "").upper() for key in keys)
+    pixels, scheme, sky = (str(card_text(header, key) or "").upper() for key in keys)
     if pixels not in ("", "HEALPIX") or scheme not in ("", "IMPLICIT", "EXPLICIT"):
         raise InputError(f"PIXTYPE = {pixels}, INDXSCHM = {scheme}: pixels must be those of HEALPix.")
     return scheme == "EXPLICIT" or sky == "PARTIAL"
@@ -192,8 +192,8 @@ def _n_pix(hdu, nside, columns, partial):
             f"it has {n_rows} rows of {in_rows} numbers, which may be the spectra of pixels; write a column "
             "for each channel, as healpy.write_map(path, maps) does of (channels, pixels)."
         )
-    sphere.nside_of(np.broadcast_to(0, n_pix))
-    if isinstance(nside, int) and nside > 0 and n_pix != 12 * nside**2:
+    right = sphere.nside_of(np.broadcast_to(0, n_pix))
+    if nside is not None and str(nside).strip() not in (f"{right}", f"{right}.0"):
         raise InputError(f"it says NSIDE = {nside}, but its columns have {n_pix} pixels.")
     return n_pix
 

@@ -228,7 +228,11 @@ def info(every):
 
 @cache_commands.command()
 @click.argument("products", nargs=-1)
-@click.option("--preset", type=click.Choice([*PRESETS, _OTHER]), help="Only what was made at this preset.")
+@click.option(
+    "--preset",
+    type=click.Choice([*PRESETS, _OTHER], case_sensitive=False),
+    help="Only what was made at this preset.",
+)
 @click.option("--older-than", "days", type=click.FloatRange(min=0), help="Only what is older, in days.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def clear(products, preset, days, yes):

@@ -61,7 +61,7 @@ def completed_by(names):
     return {"shell_complete": complete}
 
 
-PRESET = completed_by(lambda: PRESETS)
+PRESET = completed_by(lambda: PRESETS) | {"metavar": "NAME", "type": str.lower}
 NOTEBOOK = completed_by(lambda: [notebook.name for notebook in notebooks()])
 METHOD = completed_by(lambda: import_module("himap.removal").available())
 EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPERIMENTS)
@@ -139,10 +139,11 @@ def workers(command):
 
 
 def named_values(pairs):
-    """{name: text} of texts NAME=VALUE."""
+    """{name: text} of texts NAME=VALUE, in small letters the names."""
     texts = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
+        name = name.lower()
         if not (equals and name.isidentifier()):
             raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
         if name in texts:

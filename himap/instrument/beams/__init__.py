@@ -49,7 +49,10 @@ def named(text):
         name = _BEAMS.find(name)
     if _BEAMS.holds(name):
         pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
-        return create(name, **{key: _value(name, key, value) for key, _, value in pairs})
+        values = {key.lower(): _value(name, key.lower(), value) for key, _, value in pairs}
+        if len(values) < len(pairs):
+            raise InputError(f"a parameter of the beam {text} is given twice; give it once.")
+        return create(name, **values)
     return create("file", path=str(text))
 
 
