@@ -6,6 +6,7 @@ Arrays are float32 (complex64 for modes) and one box large.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 from numba import njit, prange
@@ -32,7 +33,7 @@ class GaussianBox:
 
     White noise is drawn in real space, plane by plane from child streams of `rng`, so the result does not
     depend on the number of threads. A box of more than `NESTED_CELLS` cells a side has the modes of the one
-    of `NESTED_CELLS` cells of the same `rng`, and more beyond.
+    of `NESTED_CELLS` cells of the same `rng`; those beyond are drawn row by row, and again for each field.
 
     Parameters
     ----------
@@ -49,14 +50,18 @@ class GaussianBox:
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
         self.n_cells, self.box_size, self.folder = n_cells, box_size, folder
         self._coarse = _noise_modes(NESTED_CELLS, rng.spawn(NESTED_CELLS)) if n_cells > NESTED_CELLS else None
-        self._rng, self._seeds = rng, rng.bit_generator.seed_seq.spawn(n_cells)
+        self._rng, self._seeds = rng, rng.bit_generator.seed_seq.spawn(n_cells + 1)
         k_max = np.sqrt(3) * np.pi * n_cells / box_size
         table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
         self._table, self._k_unit, self._k_max = table.astype(np.float32), 2 * np.pi / box_size, k_max
         self.x = cell_centres(n_cells, box_size).astype(np.float32)
-        self._field = self._array("density", np.complex64, n_cells // 2 + 1)
-        self._noise = None if folder else self._draw(np.empty_like(self._field))
-        self._variance = None
+        self._variance, self._noise = None, None
+        self._field = self._new_field() if folder is None else None
+        if self._coarse is None and folder is None:
+            self._noise = self._draw(np.empty_like(self._field))
+
+    def _new_field(self):
+        return self._array("density", np.complex64, self.n_cells // 2 + 1)
 
     def _array(self, name, dtype, length):
         shape = (self.n_cells, self.n_cells, length)
@@ -64,9 +69,11 @@ class GaussianBox:
             return np.empty(shape, dtype=dtype)
         return np.asarray(np.memmap(self.folder / name, dtype=dtype, mode="w+", shape=shape))
 
+    def _streams(self):
+        return [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
+
     def _draw(self, out):
-        kind = type(self._rng.bit_generator)
-        return _draw_planes(out, [np.random.Generator(kind(seed)) for seed in self._seeds])
+        return _draw_planes(out, self._streams()[: self.n_cells])
 
     def density(self, change=lambda i, plane, variance: plane):
         """The field, (n, n, n) float32; nothing else can be asked of the box after it.
@@ -138,24 +145,53 @@ class GaussianBox:
 
     def _planes(self, part, *, last=False):
         """Pairs of the number of a plane, x fixed, and its modes of a part of the field, (n, n // 2 + 1)."""
-        if self.folder is not None:
-            self._draw(self._field)
-        elif last:
+        where = "" if self.folder is None else " (box in files)"
+        if self.folder is not None:  # a file anew, of which nothing is read before it is written
+            self._field = self._new_field()
+        elif last and self._noise is not None:
             self._field, self._noise = self._noise, None
+        field = self._field
+        if self._coarse is not None:
+            modes_of = self._drawn_rows()
         else:
-            np.copyto(self._field, self._noise)
-        powers, where = [], "" if self.folder is None else " (box in files)"
-
-        def change(modes, first):
+            if self.folder is not None:
+                self._draw(field)
+            elif self._noise is not None:
+                np.copyto(field, self._noise)
+            modes_of = partial(_transformed, field)
+        powers = []
+        for rows in _blocks(field):
+            modes = modes_of(rows)
             if self._coarse is not None:
-                _insert(modes, self._coarse, first)
-            _shape(modes, first, self._table, self._k_unit, self._k_max, part)
+                _insert(modes, self._coarse, rows.start)
+            _shape(modes, rows.start, self._table, self._k_unit, self._k_max, part)
             if part == _DENSITY:
                 powers.append(_power(modes))
-
-        _along_x(self._field, change)
+            field[:, rows] = fft.ifft(modes, axis=0, overwrite_x=True, workers=-1)
         self._variance = math.fsum(powers) / float(self.n_cells) ** 6
-        return progress(enumerate(self._field), f"{_LABELS[part]}{where}", total=self.n_cells)
+        return progress(enumerate(field), f"{_LABELS[part]}{where}", total=self.n_cells)
+
+    def _drawn_rows(self):
+        """A function of rows that gives white noise there, transformed along all axes."""
+        n, streams = self.n_cells, self._streams()
+        # Where k_z is 0 or Nyquist, the modes are those of a real plane.
+        planes = streams[n].standard_normal((2, n, n), dtype=np.float32)
+        planes = fft.fft2(planes, workers=-1) * np.float32(np.sqrt(n))
+
+        def draw(rows):
+            out = np.empty((n, len(streams[:n][rows]), n // 2 + 1), dtype=np.complex64)
+
+            def fill(task):
+                row, stream = task
+                out[:, row] = stream.standard_normal((n, n + 2), dtype=np.float32).view(np.complex64)
+
+            with ThreadPoolExecutor() as pool:
+                list(pool.map(fill, enumerate(streams[:n][rows])))
+            out *= np.float32(np.sqrt(n**3 / 2))
+            out[:, :, 0], out[:, :, -1] = planes[0, :, rows], planes[1, :, rows]
+            return out
+
+        return draw
 
 
 def cell_centres(n_cells, box_size):
@@ -167,7 +203,7 @@ def _noise_modes(n_cells, streams):
     """All modes of white noise of unit variance, (n, n, n // 2 + 1) complex64."""
     modes = _draw_planes(np.empty((n_cells, n_cells, n_cells // 2 + 1), dtype=np.complex64), streams)
     for rows in _blocks(modes):
-        modes[:, rows] = fft.fft(modes[:, rows], axis=0, workers=-1)
+        modes[:, rows] = _transformed(modes, rows)
     return modes
 
 
@@ -189,12 +225,9 @@ def _blocks(field):
     return [slice(first, first + n_rows) for first in range(0, field.shape[1], n_rows)]
 
 
-def _along_x(field, change):
-    """Transform along the first axis, ``change(modes, first row)`` them in place, and transform back."""
-    for rows in _blocks(field):
-        modes = fft.fft(field[:, rows], axis=0, workers=-1)
-        change(modes, rows.start)
-        field[:, rows] = fft.ifft(modes, axis=0, overwrite_x=True, workers=-1)
+def _transformed(field, rows):
+    """Some rows of a field, transformed along the first axis."""
+    return fft.fft(field[:, rows], axis=0, workers=-1)
 
 
 @njit(parallel=True, cache=True)
