@@ -101,13 +101,14 @@ def html(tmp_path_factory):
     folder = shared / "book"
     with FileLock(shared / "book.lock"):
         if not folder.exists():
-            rendered = _rendered(shared / "rendering")
-            rendered.rename(folder)
-    return folder / "_build" / "html"
+            sources = shared / "sources"
+            _rendered(sources).rename(folder)
+            shutil.rmtree(sources)
+    return folder
 
 
 def _rendered(folder):
-    """A copy of the book's sources in `folder`, rendered there."""
+    """The folder of the pages of a copy of the book's sources in `folder`, rendered there."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name in ("_config.yml", "_toc.yml", "CHANGELOG.md", "CITATION.cff"):
@@ -118,7 +119,7 @@ def _rendered(folder):
     options = ["build", str(folder), "-W", "--keep-going"]
     outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return folder
+    return folder / "_build" / "html"
 
 
 class Quiet(SimpleHTTPRequestHandler):
