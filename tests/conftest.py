@@ -123,8 +123,15 @@ def _rendered(folder):
 
 
 class Quiet(SimpleHTTPRequestHandler):
+    """Of the book, and the fonts that tests set it in."""
+
     def log_message(self, *args):
         pass
+
+    def translate_path(self, path):
+        return (
+            str(FONTS / Path(path).name) if path.startswith("/test-fonts/") else super().translate_path(path)
+        )
 
 
 @pytest.fixture(scope="session")
@@ -153,11 +160,12 @@ def browser():
 @pytest.fixture
 def visit(browser, address):
     """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
-    pages = []
+    contexts = {}  # pages of one share what they load
 
     def opened(path, **options):
-        page = browser.new_page(**options)
-        pages.append(page)
+        key = repr(options)
+        contexts[key] = contexts.get(key) or browser.new_context(**options)
+        page = contexts[key].new_page()
         page.complaints, page.elsewhere = [], []
         page.on("pageerror", lambda error: page.complaints.append(str(error)))
         page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
@@ -169,12 +177,11 @@ def visit(browser, address):
                 else page.elsewhere.append(asked.url)
             ),
         )
-        page.route("**/test-fonts/*", lambda route, asked: route.fulfill(path=FONTS / Path(asked.url).name))
         page.goto(f"{address}/{path}", wait_until="load")
         page.evaluate(SET_FONTS, [[*face, file] for face, file in FACES.items()])
         page.evaluate("window.MathJax?.startup?.promise")
         return page
 
     yield opened
-    for page in pages:
-        page.close()
+    for context in contexts.values():
+        context.close()
