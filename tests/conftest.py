@@ -36,6 +36,7 @@ SET_FONTS = """faces => {
     }));
 }"""
 """Sets a page in fonts that come with matplotlib, so that no width depends on what is installed."""
+SCREEN = {"width": 1280, "height": 720}
 SHARED_SKY = ROOT.parent / "shared" / "sky"
 
 
@@ -157,31 +158,44 @@ def browser():
         chromium.close()
 
 
-@pytest.fixture
-def visit(browser, address):
-    """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
-    contexts = {}  # pages of one share what they load
+@pytest.fixture(scope="module")
+def tabs():
+    """{options: page}, for `visit`: a page that is opened anew costs as much as what it shows."""
+    return {}
 
-    def opened(path, **options):
+
+@pytest.fixture
+def visit(browser, tabs, address):
+    """Shows a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts.
+
+    The page that was shown before with the same options is gone, and with it what that had stored.
+    """
+
+    def shown(path, viewport=SCREEN, **options):
         key = repr(options)
-        contexts[key] = contexts.get(key) or browser.new_context(**options)
-        page = contexts[key].new_page()
+        if key in tabs:
+            tabs[key].evaluate("localStorage.clear()")
+        else:
+            tabs[key] = watched(browser.new_page(**options), address)
+        page = tabs[key]
+        page.set_viewport_size(viewport)
         page.complaints, page.elsewhere = [], []
-        page.on("pageerror", lambda error: page.complaints.append(str(error)))
-        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
-        page.on(
-            "request",
-            lambda asked: (
-                None
-                if asked.url.startswith((address, "data:", "blob:"))
-                else page.elsewhere.append(asked.url)
-            ),
-        )
         page.goto(f"{address}/{path}", wait_until="load")
         page.evaluate(SET_FONTS, [[*face, file] for face, file in FACES.items()])
         page.evaluate("window.MathJax?.startup?.promise")
         return page
 
-    yield opened
-    for context in contexts.values():
-        context.close()
+    return shown
+
+
+def watched(page, address):
+    """A page that keeps its `complaints`, and what it asks `elsewhere`."""
+
+    def ask(request):
+        if not request.url.startswith((address, "data:", "blob:")):
+            page.elsewhere.append(request.url)
+
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
+    page.on("request", ask)
+    return page

@@ -242,7 +242,6 @@ def test_every_page_loads_reads_well_and_fits(html, visit, part):
         check_looks(page, name)
         if part == "notebooks":
             check_figures(page, ROOT / "notebooks" / f"{path.stem}.ipynb")
-        page.close()
 
 
 def check_loaded(page, name):
