@@ -39,6 +39,17 @@ SET_FONTS = """faces => {
 SCREEN = {"width": 1280, "height": 720}
 SHARED_SKY = ROOT.parent / "shared" / "sky"
 
+LONGEST = ["test_book_browser", "11_ns_scan", "09_sdecgmca", "26_a_survey", "test_sdecgmca_ensemble"]
+
+
+def pytest_collection_modifyitems(items):
+    """What takes longest comes first, so that no worker is left with it at the end.
+
+    The first also renders the book, before other files wait for that.
+    """
+    place = {name: n for n, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+
 
 @pytest.fixture(autouse=True)
 def private_cache(tmp_path_factory, monkeypatch):
