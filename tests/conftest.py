@@ -39,7 +39,14 @@ SET_FONTS = """faces => {
 SCREEN = {"width": 1280, "height": 720}
 SHARED_SKY = ROOT.parent / "shared" / "sky"
 
-LONGEST = ["test_book_browser", "11_ns_scan", "09_sdecgmca", "26_a_survey", "test_sdecgmca_ensemble"]
+LONGEST = [
+    "test_book_browser",
+    "11_ns_scan",
+    "15_claims",
+    "09_sdecgmca",
+    "26_a_survey",
+    "test_sdecgmca_ensemble",
+]
 
 
 def pytest_collection_modifyitems(items):
