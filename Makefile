@@ -56,7 +56,7 @@ $(HTML)/.complete: .venv/.installed $(INPUTS)
 test: export DUCC0_NUM_THREADS = 1
 test: export OMP_NUM_THREADS = 1
 test: .venv/.installed
-	@$(BIN)/python -m pytest -n 2 --dist loadfile --nbval tests notebooks
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder --nbval notebooks tests
 
 clean:
 	rm -rf $(BUILD) .pytest_cache .ruff_cache

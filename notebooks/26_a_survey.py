@@ -251,9 +251,12 @@ power = PatchPower(
     channel_width=study.survey.channel_width,
     bin_width=bin_width,
 )
-true = power(truth)
-spectra = {key: power(one) for key, one in left.items()}
-wrong = {key: power(one - truth) for key, one in left.items()}
+alms_of_truth = power.alms(truth)
+true = power(truth, alms_of_truth)
+spectra, wrong = {}, {}
+for key, one in left.items():
+    alms = power.alms(one)
+    spectra[key], wrong[key] = power(one, alms), power(one - truth, alms - alms_of_truth)
 
 
 COLOURS = dict(zip(WAYS, (styles.BLUE, styles.ORANGE, styles.VERMILION), strict=True))
@@ -319,7 +322,7 @@ mocks = [
     for mock in draw_mocks(cube, windows, n_mocks)
 ]
 put_in = [on_grid(mock) for mock in mocks]
-of_mocks = [power(mock) for mock in put_in]
+of_mocks = [power.alms(mock) for mock in put_in]
 shares = {}
 for key in left:
     returned = [left_of(*key, cube.maps + mock) - left[key] for mock in mocks]

@@ -36,7 +36,26 @@ SET_FONTS = """faces => {
     }));
 }"""
 """Sets a page in fonts that come with matplotlib, so that no width depends on what is installed."""
+SCREEN = {"width": 1280, "height": 720}
 SHARED_SKY = ROOT.parent / "shared" / "sky"
+
+LONGEST = [
+    "test_book_browser",
+    "11_ns_scan",
+    "15_claims",
+    "09_sdecgmca",
+    "26_a_survey",
+    "test_sdecgmca_ensemble",
+]
+
+
+def pytest_collection_modifyitems(items):
+    """What takes longest comes first, so that no worker is left with it at the end.
+
+    The first also renders the book, before other files wait for that.
+    """
+    place = {name: n for n, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
 
 @pytest.fixture(autouse=True)
@@ -101,13 +120,14 @@ def html(tmp_path_factory):
     folder = shared / "book"
     with FileLock(shared / "book.lock"):
         if not folder.exists():
-            rendered = _rendered(shared / "rendering")
-            rendered.rename(folder)
-    return folder / "_build" / "html"
+            sources = shared / "sources"
+            _rendered(sources).rename(folder)
+            shutil.rmtree(sources)
+    return folder
 
 
 def _rendered(folder):
-    """A copy of the book's sources in `folder`, rendered there."""
+    """The folder of the pages of a copy of the book's sources in `folder`, rendered there."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name in ("_config.yml", "_toc.yml", "CHANGELOG.md", "CITATION.cff"):
@@ -118,12 +138,19 @@ def _rendered(folder):
     options = ["build", str(folder), "-W", "--keep-going"]
     outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
-    return folder
+    return folder / "_build" / "html"
 
 
 class Quiet(SimpleHTTPRequestHandler):
+    """Of the book, and the fonts that tests set it in."""
+
     def log_message(self, *args):
         pass
+
+    def translate_path(self, path):
+        return (
+            str(FONTS / Path(path).name) if path.startswith("/test-fonts/") else super().translate_path(path)
+        )
 
 
 @pytest.fixture(scope="session")
@@ -149,31 +176,44 @@ def browser():
         chromium.close()
 
 
-@pytest.fixture
-def visit(browser, address):
-    """Opens a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts."""
-    pages = []
+@pytest.fixture(scope="module")
+def tabs():
+    """{options: page}, for `visit`: a page that is opened anew costs as much as what it shows."""
+    return {}
 
-    def opened(path, **options):
-        page = browser.new_page(**options)
-        pages.append(page)
+
+@pytest.fixture
+def visit(browser, tabs, address):
+    """Shows a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts.
+
+    The page that was shown before with the same options is gone, and with it what that had stored.
+    """
+
+    def shown(path, viewport=SCREEN, **options):
+        key = repr(options)
+        if key in tabs:
+            tabs[key].evaluate("localStorage.clear()")
+        else:
+            tabs[key] = watched(browser.new_page(**options), address)
+        page = tabs[key]
+        page.set_viewport_size(viewport)
         page.complaints, page.elsewhere = [], []
-        page.on("pageerror", lambda error: page.complaints.append(str(error)))
-        page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
-        page.on(
-            "request",
-            lambda asked: (
-                None
-                if asked.url.startswith((address, "data:", "blob:"))
-                else page.elsewhere.append(asked.url)
-            ),
-        )
-        page.route("**/test-fonts/*", lambda route, asked: route.fulfill(path=FONTS / Path(asked.url).name))
         page.goto(f"{address}/{path}", wait_until="load")
         page.evaluate(SET_FONTS, [[*face, file] for face, file in FACES.items()])
         page.evaluate("window.MathJax?.startup?.promise")
         return page
 
-    yield opened
-    for page in pages:
-        page.close()
+    return shown
+
+
+def watched(page, address):
+    """A page that keeps its `complaints`, and what it asks `elsewhere`."""
+
+    def ask(request):
+        if not request.url.startswith((address, "data:", "blob:")):
+            page.elsewhere.append(request.url)
+
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.on("console", lambda said: page.complaints.append(said.text) if said.type == "error" else None)
+    page.on("request", ask)
+    return page

@@ -87,7 +87,7 @@ LOAD_ALL = """for (const one of document.images) one.loading = 'eager';
 NOT_LOADED = "[...document.images].filter(one => !(one.complete && one.naturalWidth)).map(one => one.src)"
 SILENT = "[...document.images].filter(one => !one.alt.trim()).map(one => one.src)"
 BYTES = """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
-    .filter(one => !one.name.includes('/test-fonts/')).reduce((sum, one) => sum + one.transferSize, 0)"""
+    .filter(one => !one.name.includes('/test-fonts/')).reduce((sum, one) => sum + one.encodedBodySize, 0)"""
 
 
 @pytest.fixture
@@ -242,7 +242,6 @@ def test_every_page_loads_reads_well_and_fits(html, visit, part):
         check_looks(page, name)
         if part == "notebooks":
             check_figures(page, ROOT / "notebooks" / f"{path.stem}.ipynb")
-        page.close()
 
 
 def check_loaded(page, name):

@@ -24,6 +24,7 @@ CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3, 4)]
 
 TWO = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
+ONE = TWO | {"n_workers": 1}
 
 
 @pytest.fixture(scope="module")
@@ -90,13 +91,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
     expected = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
-    with distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=":0",
-        preload=[str(tmp_path / "fatal.py")],
-    ) as two:
+    with distributed.LocalCluster(**TWO, preload=[str(tmp_path / "fatal.py")]) as two:
         monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
         assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
     assert victim.exists()
@@ -165,18 +160,18 @@ def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
 
 
 def test_workers_that_die_again_and_again(lab, monkeypatch):
-    with distributed.LocalCluster(**TWO) as two:
-        monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+    with distributed.LocalCluster(**ONE) as one:
+        monkeypatch.setenv(DASK_VARIABLE, one.scheduler_address)
         with pytest.raises(InputError, match=r"4 workers of tcp.* died one after the other making dying"):
             make_all(lab.dying, [(1,)], "test")
 
 
 def test_a_scheduler_that_goes_away(lab, monkeypatch, tmp_path, capfd):
     """One error, without what the package tells of its connection."""
-    two = distributed.LocalCluster(**TWO)
-    monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+    one = distributed.LocalCluster(**ONE)
+    monkeypatch.setenv(DASK_VARIABLE, one.scheduler_address)
     gate = str(tmp_path / "gate")  # that nobody opens
-    threading.Timer(3, two.close).start()
+    threading.Timer(3, one.close).start()
     with pytest.raises(InputError, match="the Dask scheduler at tcp.* is gone. What was done is kept"):
         make_all(lab.slow, [(n, gate) for n in (1, 2)], "test")
     assert "distributed.client" not in capfd.readouterr().err

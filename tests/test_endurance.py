@@ -2,6 +2,8 @@
 
 import random
 import sys
+from collections import Counter
+from copy import copy
 from pathlib import Path
 
 import pytest
@@ -15,11 +17,21 @@ CLEAN = ["clean", "cube.h5", "--method", "pca", "-p", "n_sources=2", "-o", "clea
 LOST = ("reruns_that_failed", "other_results", "processes_left")
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """A trial whose command has run once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(endurance, "_N_CHANNELS", 10)
+        patch.setattr(endurance, "_NSIDE", 8)
+        yield endurance.Trial("clean", CLEAN, tmp_path_factory.mktemp("trial"))
+
+
 @pytest.fixture
-def trial(tmp_path, monkeypatch):
-    monkeypatch.setattr(endurance, "_N_CHANNELS", 10)
-    monkeypatch.setattr(endurance, "_NSIDE", 8)
-    return endurance.Trial("clean", CLEAN, tmp_path)
+def trial(undisturbed, tmp_path):
+    """The same, with a folder, counts and expectations of its own."""
+    trial = copy(undisturbed)
+    trial.home, trial.counts, trial.expected = tmp_path, Counter(), dict(undisturbed.expected)
+    return trial
 
 
 def test_a_killed_command_loses_nothing(trial):

@@ -2,12 +2,12 @@
 
 import re
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from astropy import units as u
 from click.testing import CliRunner
 from skies import lognormal
 
@@ -33,18 +33,18 @@ FILES = [
 
 @pytest.fixture
 def pysm3(monkeypatch):
-    """A stand-in for the module, with its Sky and the units that are asked of it."""
+    """A stand-in for the module, with its units and another Sky, which notes what is `asked` of it."""
     module = ModuleType("pysm3")
-    module.units = SimpleNamespace(mK_RJ=u.mK, MHz=u.MHz)
-    module.free_free_index = -2.14
+    module.units = u = import_module("pysm3").units
+    module.free_free_index, module.asked = -2.14, []
 
     def sky(*, nside, preset_strings):
-        assert (nside, preset_strings) == (NSIDE, ["s1", "f1"])
+        module.asked.append((nside, preset_strings))
         synchrotron = SimpleNamespace(
-            I_ref=1e6 * SYNCHROTRON * u.uK, freq_ref_I=0.408 * u.GHz, pl_index=INDEX * u.one
+            I_ref=1e6 * SYNCHROTRON * u.uK_RJ, freq_ref_I=0.408 * u.GHz, pl_index=INDEX * u.one
         )
         free_free = SimpleNamespace(
-            I_ref=1e6 * FREE_FREE * u.uK, freq_ref_I=30 * u.GHz, pl_index=module.free_free_index * u.one
+            I_ref=1e6 * FREE_FREE * u.uK_RJ, freq_ref_I=30 * u.GHz, pl_index=module.free_free_index * u.one
         )
         return SimpleNamespace(components=[synchrotron, free_free])
 
@@ -86,6 +86,14 @@ def test_the_sky_of_the_files_is_the_closed_form(pysm3, tmp_path):
     assert seen == pytest.approx(expected, rel=1e-5)
     direct = emission_maps(Galaxy(source="pysm3").components(NSIDE, np.random.default_rng(0)), freqs)
     assert seen == pytest.approx(direct, rel=1e-5)
+    assert pysm3.asked == 2 * [(NSIDE, ["s1", "f1"])]
+    assert Galaxy(source="pysm3").digest() == "3.4.6"
+
+
+def test_no_finer_maps_are_asked_for_than_pysm_has(pysm3, monkeypatch):
+    monkeypatch.setattr(templates.Template, "power_law", lambda self, *_, **__: self.name)
+    found = Galaxy(source="pysm3").components(1024, np.random.default_rng(0))
+    assert found == ["synchrotron", "free-free"] and pysm3.asked == [(512, ["s1", "f1"])]
 
 
 def test_one_index_for_the_whole_sky(pysm3, tmp_path, monkeypatch):
@@ -174,4 +182,5 @@ class TestCommand:
         pysm3.Sky = sky
         code, out, err = self.call(tmp_path / "maps")
         assert (code, out) == (2, "") and "could not download its templates (no route to host)" in err
-        assert "go online once" in err and names(tmp_path) == []
+        assert all(word in err for word in ("go online once", "'synthetic'", "'templates'"))
+        assert names(tmp_path) == []

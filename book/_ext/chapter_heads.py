@@ -91,12 +91,17 @@ class Stale(SphinxRole):
 
 def _commits(results, patterns):
     """{name: the commits that made it if stale, else ""} of stored results whose files fit a pattern."""
-    known = {one.name: one for one in stored_results(results)} if patterns else {}
+    known = {one.name: one for one in _stored(results)} if patterns else {}
     files = {name: one.path.relative_to(results).as_posix() for name, one in known.items()}
     fitting = [name for name in known if any(fnmatch(files[name], pattern) for pattern in patterns)]
     old = _all_stale(results) if fitting else {}
     commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in fitting}
     return {name: commits[name] if name in old else "" for name in fitting}
+
+
+@cache
+def _stored(results):
+    return stored_results(results)
 
 
 @cache

@@ -33,7 +33,7 @@ from himap.core.errors import InputError
 from himap.core.files import run_folder
 from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import TERMINAL_VARIABLE
-from himap.store.fingerprint import moved
+from himap.store.fingerprint import CodeTree, moved
 
 _KERNEL_OPTIONS = ["--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True"]
 _ABOUT_ITSELF = """import json
@@ -110,7 +110,8 @@ def stale(folder=None, *, looks=False):
 
     With `looks`, those too of which only the looks are others.
     """
-    states = {notebook.name: _state(notebook) for notebook in notebooks(folder)}
+    tree = CodeTree()
+    states = {notebook.name: _state(notebook, tree) for notebook in notebooks(folder)}
     return {name: state for name, state in states.items() if state and (looks or state != _LOOKS_CHANGED)}
 
 
@@ -139,7 +140,8 @@ def refresh(names=None, folder=None, *, report=None):
         A notebook stopped at an error; it is as it was before.
     """
     chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
-    todo = {notebook: state for notebook in chosen if (state := _state(notebook))}
+    tree = CodeTree()
+    todo = {notebook: state for notebook in chosen if (state := _state(notebook, tree))}
     edited = [notebook.executed.name for notebook, state in todo.items() if state == _EDITED]
     if edited:
         raise InputError(
@@ -161,7 +163,7 @@ def refresh(names=None, folder=None, *, report=None):
     return {notebook.name: state for notebook, state in todo.items()}
 
 
-def _state(notebook):
+def _state(notebook, tree):
     """Why the executed notebook is stale; empty if it is fresh."""
     try:
         node = read_notebook(notebook.executed)
@@ -175,7 +177,7 @@ def _state(notebook):
         return "it was never executed"
     if stamp.get("parameters"):
         return "it was executed with other parameters"
-    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True)
+    changed = moved(stamp.get("fingerprint"), notebook.fingerprint(tree), looks=True)
     if changed == ["look"]:
         return _LOOKS_CHANGED
     if changed:

@@ -13,7 +13,8 @@ from astropy.coordinates import SkyCoord
 from himap.core.checks import checked_fields, parameter
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.low_rank_spectra import masked_alms
+from himap.measures.spectra import decouple, frequency_power
 from himap.paper import pipeline
 from himap.removal.spectral_filter import on_sky
 
@@ -153,27 +154,36 @@ class PatchPower:
     channel_width: float
     bin_width: int
 
-    def __call__(self, maps):
-        """{"angular": (l, C_l), "frequency": (k, P(k))} of maps (n_channels, n_pix), l and k above 0."""
+    def alms(self, maps):
+        """`masked_alms` of maps (n_channels, n_pix): those of a sum are the sum of those of its parts."""
+        return masked_alms(np.where(self.seen, maps, np.zeros((), maps.dtype)), mask=self.weights)
+
+    def __call__(self, maps, alms=None):
+        """{"angular": (l, C_l), "frequency": (k, P(k))} of maps (n_channels, n_pix), l and k above 0.
+
+        `alms` are those of the maps, where they are known: most of the work.
+        """
+        alms = self.alms(maps) if alms is None else alms
+        angular = decouple(sphere.power_spectrum(alms), self.weights, self.bin_width)
         maps = np.where(self.seen, maps, np.zeros((), maps.dtype))
-        angular = angular_power(maps, mask=self.weights, bin_width=self.bin_width)
         frequency = frequency_power(maps, self.channel_width, mask=self.weights)
         return {
             "angular": (angular.degrees[1:], angular.mean[1:]),
             "frequency": (frequency.k[1:], frequency.power[1:]),
         }
 
-    def share(self, mocks, returned, own=None):
+    def share(self, mocks, returned, alms=None):
         """The transfer function: {kind: power that what came back has in common with mocks, over theirs}.
 
-        Both are lists of maps; `own` are the spectra of the mocks, where they are known from before. What the
-        two have in common is half of the power of their sum less that of each.
+        Both are lists of maps; `alms` are those of the mocks, where they are known. What the two have in
+        common is half of the power of their sum less that of each.
         """
-        own = own or [self(mock) for mock in mocks]
-        common = []
-        for mock, back, power in zip(mocks, returned, own, strict=True):
-            both, alone = self(mock + back), self(back)
+        common, own = [], []
+        for mock, back, known in zip(mocks, returned, alms or map(self.alms, mocks), strict=True):
+            found = self.alms(back)
+            power, alone, both = self(mock, known), self(back, found), self(mock + back, known + found)
             common.append({kind: (both[kind][1] - power[kind][1] - alone[kind][1]) / 2 for kind in power})
+            own.append(power)
         return {
             kind: sum(one[kind] for one in common) / sum(one[kind][1] for one in own) for kind in common[0]
         }
