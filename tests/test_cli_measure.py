@@ -142,6 +142,37 @@ class TestCheckAndGrow:
         assert checked == made
         assert grown.survey == replace(made.survey, seed=9)
 
+    def test_what_a_chaotic_method_gave_once_is_not_compared(self, himap_command, monkeypatch):
+        ratios = iter([1.0, 2.0])
+        curve = {
+            "beam": "evolving",
+            "n_sources": 3,
+            "corrected": False,
+            "kind": "angular",
+            "low": 2,
+            "high": 9,
+        }
+
+        def table(self, skies):
+            rows = [
+                {"seed": skies[0].survey.seed, "high": 9, "step": 1.0}
+                | curve
+                | {"method": method, "ratio": ratio}
+                for method, ratio in (("pca", 1.0), ("sdecgmca", next(ratios)))
+            ]
+            return self.frame(rows)
+
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        monkeypatch.setattr(Experiment, "table", table)
+        command = ("measure", "methods", "-p", "n_realisations=1")
+        assert himap_command(*command, "-o", "a.json")[0] == 0
+        code, out, err = himap_command(*command, "--check", "a.json")
+        assert (code, err) == (0, "")
+        assert out == (
+            "a.json: 1 rows of one sky are the same with today's code; 1 of single runs of a chaotic method "
+            "are not compared.\n"
+        )
+
     def test_only_the_skies_that_are_missing(self, written, seen):
         before = stored("a.json")
         code, out, err = written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=4")

@@ -155,6 +155,14 @@ class TestCheck:
         with pytest.raises(InputError, match=message):
             record.check(changed(record, **cells), ABOUT)
 
+    def test_numbers_of_single_draws_are_not_compared(self, record):
+        drawn = np.array([False, True, False, False])
+        assert "checked" in record.check(changed(record, ratio=9.0), ABOUT, drawn=drawn).about
+        with pytest.raises(InputError, match="1 of 4 rows of the seed 7 have changed"):
+            record.check(changed(record, ratio=9.0), ABOUT, drawn=~drawn)
+        with pytest.raises(InputError, match="have changed"):
+            record.check(changed(record, method="ica"), ABOUT, drawn=drawn)
+
     def test_other_rows(self, record):
         with pytest.raises(InputError, match="the record has 4 rows of the seed 7, 3 were measured"):
             record.check(changed(record)[:3], ABOUT)
