@@ -129,7 +129,7 @@ def test_a_larger_box_has_the_modes_of_the_nested_one(monkeypatch):
 
 
 def test_a_box_in_files_is_that_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr(box, "_BLOCK", 10_000)  # several blocks of columns
+    monkeypatch.setattr(box, "_BLOCK_IN_FILES", 10_000)  # several blocks of columns
     survey = replace(NARROW, box_cells=32, nside=8)
     maps, others = (hi.hi_maps(survey, survey.rng("hi"), folder=folder) for folder in (None, tmp_path))
     assert others == pytest.approx(maps, rel=1e-3)

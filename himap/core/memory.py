@@ -29,7 +29,7 @@ _KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended 
 IN_FILES = "HI light cone, its box in files"
 """The step of `estimate` in place of "HI light cone" where the box does not fit into memory."""
 
-_COLUMNS = 1e9  # bytes of what is transformed at once
+_COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
 
