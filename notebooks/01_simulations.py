@@ -141,9 +141,9 @@ stamped(
 #
 # Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`,
 # and with the paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no
-# structure below the cell. The table compares CRIME with himap before any beam, with the paper's cosmology,
-# bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. These
-# ratios are stored, as CRIME is not part of himap.
+# structure below the cell. The table has the ratio of CRIME to himap before any beam, with the paper's
+# cosmology, bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4
+# MHz. The ratios are stored, as CRIME is not part of himap.
 
 # %% tags=["hide-input"]
 CRIME = [
@@ -158,9 +158,10 @@ Table(head, CRIME, align="l" + 5 * "r")
 # %% [markdown]
 # The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
 # counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
-# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond $\ell$
-# of about 50 and the brightest voxels are not. Through a beam of 1.66° $P(k_\nu)$ above 1300 MHz agrees to 6
-# %. CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
+# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond
+# $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
+# the power along the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz.
+# CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
 # velocities, as differences of neighbouring cells; himap has neither.
 #
 # CRIME's option `r_smooth` multiplies the modes of the matter by $e^{-k^2 r^2/2}$, which affects density and

@@ -265,8 +265,8 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 # %% [markdown]
 # ## The truth, and the numbers
 #
-# The *truth* to which all methods are compared is HI plus noise, both through the beam (noise only through
-# smoothing after the receiver).
+# The *truth* to which all methods are compared is HI through the beam plus noise. The noise does not pass
+# through the beam; only in the degraded case is it smoothed together with the signal.
 
 # %% tags=["hide-input"]
 wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}

@@ -330,8 +330,9 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # %% [markdown]
 # ## Conclusions
 #
-# - For beams that change with frequency GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$
-#   than PCA, as the paper reports for the evolving beam.
+# - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
+#   With the evolving beam the two are close, and the excess of GMCA that the paper reports at intermediate
+#   $\ell$ is not there (claim E3, {doc}`15_claims`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #

@@ -118,9 +118,10 @@ medoid = study.medoid(selected, remover)
 #   \mathbf{A}^{\top} \mathrm{diag}(\hat H^\ell)\, \hat{\mathbf{X}}^{\ell m} ,
 # ```
 #
-# where $\epsilon$ keeps the inverse finite where the beam is small. It depends on $\mathbf{A}$ and the beam
-# in the *warm-up*, and on the spectra of the last sources in the *refinement* (strategies 3 and 4, Eqs. 26
-# and 27 of C21), with the strength $c$:
+# where $\epsilon$ keeps the inverse finite where the beam is small. In the default reading $\hat H$ is the
+# beam divided by that of the best channel at each $\ell$, as in the example of C21; in the paper it is the
+# beam. It depends on $\mathbf{A}$ and the beam in the *warm-up*, and on the spectra of the last sources in
+# the *refinement* (strategies 3 and 4, Eqs. 26 and 27 of C21), with the strength $c$:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -134,8 +135,9 @@ medoid = study.medoid(selected, remover)
 # $K_\mathrm{max}$ during the warm-up, and reduced by their threshold, which in the refinement is lower for
 # large coefficients ($\ell_1$ reweighting).
 #
-# **Update of A**: least squares in every channel over all harmonics, then columns of unit length, in some
-# readings without negative entries (Eqs. 14 to 16 of C21):
+# **Update of A**: least squares in every channel over all harmonics (in the default reading and the code of
+# C21 over the detail scales), then columns of unit length, in some readings without negative entries (Eqs.
+# 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing

@@ -195,14 +195,15 @@ quote(
 #   mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low`
 #   for SDecGMCA.
 # - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
-#   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the mean
-#   $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
+#   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the
+#   mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
 #   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its
 #   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
-#   {glue:text}`results_oscillating_more_peak`: **which method is the most accurate depends on the numbers of
-#   components compared.** In the mean over the bands it is {glue:text}`results_oscillating_nearest`.
+#   {glue:text}`results_oscillating_more_peak`: **with one component more PCA is close to SDecGMCA at this
+#   resolution.** In the mean over the bands the nearest to the truth is
+#   {glue:text}`results_oscillating_nearest`.
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
 # All this is a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and

@@ -22,10 +22,11 @@
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
 # A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps.
-# Too few leave foreground residual, too many remove HI. {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for
-# SDecGMCA with the oscillating beam, compare both spectra with the truth, and adopt 5. This chapter repeats
-# the scan, adds a method without knowledge of the beam, and tests how sensitive the optimum is to the
-# definition of the error and to the start of SDecGMCA ({doc}`27_restarts`). {glue:text}`scan_reading`
+# Too few leave foreground residual; too many remove HI or, with SDecGMCA, bring foreground residual back.
+# {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra
+# with the truth, and adopt 5. This chapter repeats the scan, adds a method without knowledge of the beam
+# (the second method below; the first is SDecGMCA), and tests how sensitive the optimum is to the definition
+# of the error and to the start of SDecGMCA ({doc}`27_restarts`). {glue:text}`scan_reading`
 # ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
@@ -230,9 +231,11 @@ detail["ylim"] = (
 whole = whole | {"ylim": None, "title": "full range"}
 
 # %% [markdown]
-# Each curve falls while foreground residual dominates and rises as further sources remove HI. Where the bands
-# of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show foreground
-# residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the last table.
+# Each curve first falls, as foreground residual does. That of PCA rises again because further sources
+# remove HI, that of SDecGMCA because foreground residual returns ({numref}`fig-ns-scan-parts`). Where the
+# bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show
+# foreground residual that compensates lost HI ({doc}`23_thresholds`); compare the mean $r$ in the last
+# table.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
@@ -371,8 +374,9 @@ quote(
 # a signal without correlation between channels, and more of HI, which is correlated between channels at low
 # $\ell$.
 #
-# In the left panel the excess falls steeply and the loss grows slowly with $n_s$. In the right panel $P/P_0$
-# follows the dotted line, and $C/C_0$ falls faster.
+# For PCA the excess falls steeply and the loss grows slowly with $n_s$; in the right panel its $P/P_0$
+# follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the loss hardly grows, and with many
+# sources the excess returns; the right panel has only its numbers of sources with little excess.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 

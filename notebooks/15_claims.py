@@ -30,9 +30,9 @@
 # same residual and count as a single part, that of the less accurate of the two.
 #
 # SDecGMCA is chaotic ({doc}`27_restarts`). Claims are therefore judged on *members*: several random skies
-# (HI, noise, point sources, small scales of the Galaxy) with several restarts of SDecGMCA each. A part holds
-# in a share of the members, skies weighing the same, with its range over skies; numbers are medians with the
-# 16 to 84 % of the members.
+# (HI, noise, point sources, small scales of the Galaxy) with several restarts of SDecGMCA each. A part
+# holds in a share of the members, skies weighing the same, with its range over skies or, of a single sky,
+# the $1\,\sigma$ Wilson interval of its restarts; numbers are medians with the 16 to 84 % of the members.
 #
 # | verdict | condition |
 # |---|---|

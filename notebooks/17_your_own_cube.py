@@ -118,8 +118,9 @@ except InputError as error:
 # ## How many sources?
 #
 # Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise, the
-# minimum of an information criterion, and the number after which one more source changes the spectra little.
-# {doc}`22_how_many` measures how often each is right. Here they should agree on one number.
+# minimum of an information criterion, and the number after which one more source changes the spectra
+# little. `himap suggest` recommends the number on which the first two agree; if they do not, the third
+# decides whether it recommends any. {doc}`22_how_many` measures how often each is right.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
@@ -238,9 +239,10 @@ show_table(rows)
 # himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned_by_hits.fits
 # ```
 #
-# A pixel that is missing in one channel is excluded in all, unless `--weights` (hits or inverse variances) or
-# `--flags` (1 where a voxel is bad) say otherwise: {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes
-# of other codes.
+# A pixel that is missing in one channel is excluded in all. With `--weights` (hits or inverse variances) or
+# `--flags` (1 where a voxel is bad) it is not; on the command line, PCA and the fits also use pixels that
+# lack some channels if these are more than 1 % of all (in Python `read_cube(..., scattered=True)`):
+# {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other codes.
 #
 # ## What follows
 #

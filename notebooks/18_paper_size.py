@@ -73,8 +73,9 @@ others = other_records(ledgers[0][1], folder)
 # (ledgers)=
 # ## The claims
 #
-# Columns are sizes and Galaxies. Compare first `laptop` with the paper's size on the real Galaxy: four times
-# the pixels, twice the channels, and one realisation. Then compare the two Galaxies at the paper's size: HI,
+# Columns are sizes and Galaxies. Ledgers at the paper's size were judged by earlier rules, and are compared
+# with each other first. Then compare `laptop` with the paper's size on the real Galaxy: four times the
+# pixels, twice the channels, and one realisation. Then compare the two Galaxies at the paper's size: HI,
 # noise and beams are the same, so that differences are due to the foreground, and for SDecGMCA to its chaos
 # ({doc}`27_restarts`). {doc}`15_claims` explains verdicts and signs; main parts that hold in less than 84 %
 # of the members are listed with that share.

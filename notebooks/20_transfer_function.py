@@ -444,8 +444,10 @@ show_table(rows)
 # - **The correction is only as good as the estimated foreground.** A residual that is spread over several
 #   components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the synthetic
 #   Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of the
-#   estimated foreground contain HI, and are therefore brighter and more stable in members than in the data.
+# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of
+#   the estimated foreground contain HI, and are therefore brighter and more stable in members than in the
+#   data. Quote error bar and systematic in quadrature, as a lower limit. In the `.csv` of the commands
+#   `sigma` and `sample` are relative, `systematic` and `foreground` in the unit of the spectrum.
 # - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
 #   by up to the share of one source. Use as many as the foreground needs, not more.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
@@ -454,7 +456,7 @@ show_table(rows)
 # For your cube:
 #
 # ```sh
-# himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 -o transfer.html
+# himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 --mock-noise 0.04 -o transfer.html
 # himap transfer cube.h5 --method pca -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
 # ```
 #

@@ -269,8 +269,8 @@ quote(
 # For your cube, without the truth:
 #
 # ```sh
-# himap sensitivity cube.h5 --method beam_subspace --beam meerkat -p n_sources=4 --width 0.01 --ripple 0.001 -o beam.html
-# himap clean cube.h5 --method beam_subspace --beam misjudged:beam=meerkat,width=0.01 -p n_sources=4 -o cleaned.h5
+# himap sensitivity cube.h5 --method beam_subspace --beam meerkat_lobes -p n_sources=4 --width 0.01 --ripple 0.001 -o beam.html
+# himap clean cube.h5 --method beam_subspace --beam misjudged:beam=meerkat_lobes,width=0.01 -p n_sources=4 -o cleaned.h5
 # ```
 #
 # ## Exercise

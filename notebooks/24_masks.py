@@ -246,9 +246,7 @@ quote(
 # - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least;
 #   the table shows which is nearer to the truth.
 #
-# ```sh
-# himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mask mask.fits -o cleaned.h5
-# ```
+# ```sh himap clean cube.h5 --method pca -p n_sources=5 --mask mask.fits -o cleaned.h5 ```
 #
 # ## Exercises
 #

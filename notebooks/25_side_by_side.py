@@ -303,17 +303,21 @@ quote(
 # ## What should I use?
 #
 # From the table at `quick`; through the oscillating beam unless stated. The number of sources is that of
-# `himap suggest`.
+# `himap suggest`. *Deviation* is that of the power from the truth in the worst band, as above; *corrected
+# by mocks* is after division by the transfer function of mocks that are added to the data. `himap clean
+# --mocks` and `himap transfer` put mocks in the place of HI and noise instead, and subtract the foreground
+# residual that they detect ({doc}`20_transfer_function`).
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
 # | maps of one resolution in all channels | PCA, the simplest; beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
-# | known beam, to about {glue:text}`side_width` of its width | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
+# | known beam, side lobes included, to about {glue:text}`side_width` of its width and without unknown ripples ({doc}`21_beam_errors`) | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
 # | known beam, number of sources uncertain | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
 # | number of sources unknown | GNILC, which determines it | {glue:text}`side_gnilc` | – |
-# | a part of the sky, or a mask | the same; near the edge see {doc}`24_masks` | – | – |
+# | a mask, or a part of the sky | the same; where the edge is long, PCA ({doc}`24_masks`) | – | – |
+# | uneven hits, flags or gaps | PCA or a fit, which take `--weights` and `--flags` ({doc}`26_a_survey`) | – | – |
 #
 # - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five
 #   components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near
@@ -329,7 +333,7 @@ quote(
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating
-# himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 -o cleaned.h5
+# himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 --mock-noise 0.04 -o cleaned.h5
 # himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
 # ```
 #

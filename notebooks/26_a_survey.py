@@ -26,7 +26,7 @@
 # and flags, with flags alone, and with neither. On the command line:
 #
 # ```sh
-# himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 -o cleaned.h5
+# himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks -o cleaned.h5
 # ```
 #
 # With weights $w$, 0 in missing voxels, the components minimise
@@ -311,8 +311,10 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # ## Corrected by mocks
 #
 # Mocks of HI with other seeds, and noise by hits, are added to the cube, through the same gaps, and cleaned
-# with it ({doc}`20_transfer_function`). Their recovered share divides the power of the residual: signal loss
-# is corrected, so that a curve above 1 is foreground residual.
+# with it. (`himap transfer` puts mocks in the place of its HI and noise instead,
+# {doc}`20_transfer_function`; mocks that it draws have the same noise in every pixel.) Their recovered
+# share divides the power of the residual: signal loss is corrected, so that a curve above 1 is foreground
+# residual.
 
 # %%
 windows = beams_of(cube, selected)
@@ -416,7 +418,7 @@ quote(
 #   small $k_\nu$ through this beam.
 #
 # ```sh
-# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 -o transfer.html
+# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat_lobes --mocks 10 --mock-noise 0.15 -o transfer.html
 # ```
 #
 # ## Exercise

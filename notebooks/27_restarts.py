@@ -349,8 +349,9 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# Median and range over {glue:text}`restarts_n_live` restarts run here. In the default reading the regularised
-# inversion beyond the last multipole raises $P/P_0$ above 1 at low $k_\nu$ at this resolution.
+# Median and range over {glue:text}`restarts_n_live` restarts run here. With the default `beyond`, in both
+# columns of SDecGMCA, the regularised inversion beyond the last multipole raises $P/P_0$ above 1 at low
+# $k_\nu$ at this resolution.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}

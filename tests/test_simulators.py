@@ -210,7 +210,7 @@ def test_the_commands_on_the_page_run_in_order(maps, rng):
     for name in ("prefix_nuTable.dat", "joint_nuTable.dat"):
         write_crime_table(name)
     write_pysm(maps, None)
-    os.rename("pysm", "maps")
+    os.rename("pysm", "pysm_maps")
     write_cora(maps)
     wcs, array, freqs = meer21cm(rng)
     fits.writeto("cube.fits", array, wcs.to_fits()[0].header)
