@@ -311,13 +311,13 @@ quote(
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
 # | maps of one resolution in all channels | PCA, the simplest; beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
-# | known beam, side lobes included, to about {glue:text}`side_width` of its width and without unknown ripples ({doc}`21_beam_errors`) | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
+# | known beam with its side lobes, to about {glue:text}`side_width` of its width, no unknown ripple | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
 # | known beam, number of sources uncertain | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |
 # | number of sources unknown | GNILC, which determines it | {glue:text}`side_gnilc` | – |
 # | a mask, or a part of the sky | the same; where the edge is long, PCA ({doc}`24_masks`) | – | – |
-# | uneven hits, flags or gaps | PCA or a fit, which take `--weights` and `--flags` ({doc}`26_a_survey`) | – | – |
+# | uneven hits, flags or gaps | PCA or a fit ({doc}`26_a_survey`) | – | – |
 #
 # - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five
 #   components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near

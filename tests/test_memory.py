@@ -11,7 +11,7 @@ import pytest
 from himap.core import memory
 from himap.core.errors import InputError
 from himap.core.files import cache_folder
-from himap.core.memory import IN_FILES, LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
+from himap.core.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
 from himap.core.survey import PRESETS
 from himap.instrument.beams import Degraded
 from himap.paper import pipeline
@@ -57,7 +57,7 @@ def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
     in_memory = pipeline.hi_of_sky.compute(survey)
     needs = estimate(survey)
     monkeypatch.setattr(pipeline, "memory_limit", lambda: needs["HI light cone"] - 1)
-    monkeypatch.setattr(pipeline, "check_memory", lambda survey, steps: None)
+    monkeypatch.setattr(pipeline, "check_memory", lambda survey, **options: None)
     assert pipeline.hi_of_sky.compute(survey) == pytest.approx(in_memory, rel=1e-3)
     assert not list((cache_folder() / "hi_of_sky").glob("unfinished*"))
     nearly_full = SimpleNamespace(free=1_000_000)
@@ -68,9 +68,9 @@ def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
 
 def test_a_box_of_2048_cells_in_files_fits_12_gb(monkeypatch):
     monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
-    check_memory(replace(PAPER, box_cells=2048), steps=[IN_FILES])
-    with pytest.raises(InputError, match="box in files needs about"):
-        check_memory(replace(PAPER, nside=2048, box_cells=2048), steps=[IN_FILES])
+    check_memory(replace(PAPER, box_cells=2048), steps=["HI light cone"], in_files=True)
+    with pytest.raises(InputError, match="HI light cone needs about .*: a smaller nside"):
+        check_memory(replace(PAPER, nside=2048, box_cells=2048), steps=["HI light cone"], in_files=True)
 
 
 def test_ways_out(monkeypatch):

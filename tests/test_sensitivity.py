@@ -72,13 +72,26 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
     assert [text.get_text() for text in second.get_xticklabels()] == ["+1"]
 
 
-@pytest.mark.parametrize(
-    ("method", "options"), [("beam_subspace", {}), ("sdecgmca", {"noise": 0.05})], ids=str
-)
-def test_a_part_of_the_sky(path, method, options):
+def test_a_part_of_the_sky(path):
     """As the cubes that are cleaned with either beam, on the seen pixels."""
     cube = read_cube(path).within(np.abs(sphere.pixel_latitude(NSIDE)) > 20)
-    found, before, after = powers(cube, method=method, **options)
+    found, before, after = powers(cube)
+    ratio = np.mean(after.angular[10:20] / before.angular[10:20])
+    assert found.ratios["C/C0, 10-19"] == pytest.approx(ratio, rel=0.02) and abs(ratio - 1) > 0.1
+
+
+def test_a_chaotic_method_on_a_part_of_the_sky(path):
+    """As the cube that the same run leaves: another one, of the same cube, has other rounding."""
+    cube = read_cube(path).within(np.abs(sphere.pixel_latitude(NSIDE)) > 20)
+    cleaned = cleaned_with(cube, Evolving(), method="sdecgmca", noise=0.05)
+    beam = PerturbedBeam(beam="evolving", width=0.3)
+    (found,) = beam_sensitivity(cleaned, "evolving", widths=[0.3], ripples=[])
+    other = cleaned.with_beams(beams_of(cube, beam)).separation
+    residual = cleaned.residual + cleaned.separation.foreground.cube() - other.foreground.cube()
+    before, after = (
+        harmonic_power(masked_alms(cube.on_sphere(one), mask=cube.sky_mask), cube.channel_width)
+        for one in (cleaned.residual, residual)
+    )
     ratio = np.mean(after.angular[10:20] / before.angular[10:20])
     assert found.ratios["C/C0, 10-19"] == pytest.approx(ratio, rel=0.02) and abs(ratio - 1) > 0.1
 

@@ -26,9 +26,6 @@ _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
 _BOXES = 3  # of cells, at most, while HI is made
 _KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
-IN_FILES = "HI light cone, its box in files"
-"""The step of `estimate` in place of "HI light cone" where the box does not fit into memory."""
-
 _COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
@@ -108,19 +105,25 @@ def cause_of_death(codes, kills):
     return (" or ".join(names) or "an unknown cause") + ", because memory ran out" * out_of_memory
 
 
-def estimate(survey, *, jobs=1):
-    """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean at once."""
+def estimate(survey, *, jobs=1, in_files=False):
+    """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean at once.
+
+    The HI box is in memory, or `in_files`: then memory holds the columns that are transformed at once, and
+    the modes of a smaller box.
+    """
     box = 4 * survey.box_cells**3
     cube = 4 * survey.n_channels * survey.n_pix
+    light_cone = max(_BOXES * box, (_BOXES - 1) * box + cube)
+    if in_files:
+        light_cone = max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube)
     return {
-        "HI light cone": PROCESS + max(_BOXES * box, (_BOXES - 1) * box + cube),
-        IN_FILES: PROCESS + max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube),
+        "HI light cone": PROCESS + light_cone,
         "observing": PROCESS + _CUBES["observing"] * cube,
         "cleaning": jobs * (PROCESS + _CUBES["cleaning"] * cube),
     }
 
 
-def check_memory(survey, *, jobs=1, steps=None):
+def check_memory(survey, *, jobs=1, steps=None, in_files=False):
     """Refuse a run that will not fit, before it starts.
 
     Parameters
@@ -130,7 +133,9 @@ def check_memory(survey, *, jobs=1, steps=None):
     jobs
         Processes that clean at once.
     steps
-        Which steps of `estimate`; default all but `IN_FILES`.
+        Which steps of `estimate`; default all.
+    in_files
+        As of `estimate`.
 
     Raises
     ------
@@ -138,12 +143,11 @@ def check_memory(survey, *, jobs=1, steps=None):
         A step needs more than `memory_limit`; the message says what would fit.
     """
     limit = memory_limit()
-    needs = estimate(survey, jobs=jobs)
-    steps = steps or [step for step in needs if step != IN_FILES]
-    step, need = max(((step, needs[step]) for step in steps), key=lambda item: item[1])
+    needs = estimate(survey, jobs=jobs, in_files=in_files)
+    step, need = max(((step, needs[step]) for step in steps or needs), key=lambda item: item[1])
     if need <= limit:
         return
-    if step == "HI light cone":
+    if step == "HI light cone" and not in_files:
         cells = survey.box_cells
         while cells > 1 and PROCESS + _BOXES * 4 * cells**3 > limit:
             cells //= 2

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.core.memory import IN_FILES, check_memory, estimate, memory_limit
+from himap.core.memory import check_memory, estimate, memory_limit
 from himap.core.survey import Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.paper import Degraded
@@ -75,7 +75,7 @@ def hi_of_sky(survey):
     rng = survey.rng("hi")
     if estimate(survey)["HI light cone"] <= memory_limit():
         return hi_maps(survey, rng)
-    check_memory(survey, steps=[IN_FILES])
+    check_memory(survey, steps=["HI light cone"], in_files=True)
     with workplace(hi_of_sky.name, BYTES * survey.box_cells**3) as folder:
         return hi_maps(survey, rng, folder=folder)
 
