@@ -230,12 +230,8 @@ study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), contrast=contr
 quote(
     fastica_same_degraded=(smallest["degraded"], 0.01),
     # Where the extremum is not unique, the last digits of sums decide which is reached.
-    **one_run(
-        {
-            "fastica_same_evolving": (smallest["evolving"], 0.05),
-            "fastica_same_oscillating": (smallest["oscillating"], 0.05),
-        }
-    ),
+    fastica_same_evolving=one_run((smallest["evolving"], 0.05)),
+    fastica_same_oscillating=one_run((smallest["oscillating"], 0.05)),
 )
 
 # %% [markdown]
