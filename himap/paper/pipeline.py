@@ -22,7 +22,7 @@ from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import on_sky, seen_through
-from himap.sky.box import BYTES
+from himap.sky.box import file_bytes
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.galaxy import Dimming, Galaxy, foreground_components
 from himap.sky.hi import hi_maps
@@ -76,7 +76,7 @@ def hi_of_sky(survey):
     if estimate(survey)["HI light cone"] <= memory_limit():
         return hi_maps(survey, rng)
     check_memory(survey, steps=["HI light cone"], in_files=True)
-    with workplace(hi_of_sky.name, BYTES * survey.box_cells**3) as folder:
+    with workplace(hi_of_sky.name, file_bytes(survey.box_cells)) as folder:
         return hi_maps(survey, rng, folder=folder)
 
 

@@ -18,10 +18,8 @@ from himap.core.progress import progress
 from himap.core.survey import NESTED_CELLS
 
 STEP = 2.0**-9
-"""Mpc/h: displacements in a file are whole numbers of it, up to 64 Mpc/h."""
-
-BYTES = 6
-"""Of a cell of a box in files."""
+"""Mpc/h: displacements in a box of more than `NESTED_CELLS` cells a side are whole numbers of it, up to 64
+Mpc/h, whether the box is in memory or in files."""
 
 _DENSITY, _POTENTIAL, _ALONG_X = range(3)
 _LABELS = "HI density", "HI velocities, y and z", "HI velocities, x"
@@ -46,7 +44,7 @@ class GaussianBox:
     rng
         numpy Generator.
     folder
-        A `Path` for files with what is large, `BYTES` a cell; default: memory, twice as much.
+        A `Path` for files with what is large (`file_bytes`); default: memory, up to 12 bytes a cell.
     """
 
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
@@ -110,7 +108,7 @@ class GaussianBox:
         Returns
         -------
         displacement
-            (n, n, n), in Mpc/h as float32, or with a folder in units of `STEP` as int16.
+            (n, n, n), in Mpc/h as float32, or, beyond `NESTED_CELLS`, in units of `STEP` as int16.
 
         Raises
         ------
@@ -118,9 +116,8 @@ class GaussianBox:
             One too large for int16.
         """
         n, x = self.n_cells, self.x
-        in_file = self.folder is not None
-        out = self._array("displacement", np.int16 if in_file else np.float32, n)
-        unit = np.float32(STEP if in_file else 1)
+        out = self._array("displacement", np.float32 if self._coarse is None else np.int16, n)
+        unit = np.float32(unit_of(out))
         k = fft.fftfreq(n, 1 / n).astype(np.float32)
         k[n // 2] = 0  # a derivative has no Nyquist frequency
         gradients = np.complex64(1j) * k[:, None], np.complex64(1j) * k[: n // 2 + 1]
@@ -138,14 +135,14 @@ class GaussianBox:
 
     def _stored(self, values, unit):
         """Displacements in Mpc/h as they are kept."""
-        if self.folder is None:
+        if self._coarse is None:
             return values
         values = np.rint(values / unit)
         largest = np.abs(values).max()
         if largest > np.iinfo(np.int16).max:
             raise InputError(
-                f"matter is displaced by {largest * unit:.0f} Mpc/h, and a box in files keeps up to 64: take "
-                "fewer cells, which fit into memory, or a larger r_smooth."
+                f"matter is displaced by {largest * unit:.0f} Mpc/h, and so large a box keeps up to 64: take "
+                "fewer cells, or a larger r_smooth."
             )
         return values
 
@@ -198,6 +195,16 @@ class GaussianBox:
             return out
 
         return draw
+
+
+def unit_of(displacement):
+    """Mpc/h of the numbers of a displacement."""
+    return STEP if displacement.dtype == np.int16 else 1.0
+
+
+def file_bytes(n_cells):
+    """Of a box in files."""
+    return (6 if n_cells > NESTED_CELLS else 8) * n_cells**3
 
 
 def cell_centres(n_cells, box_size):

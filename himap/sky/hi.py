@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 
 from himap.core.errors import InputError
-from himap.sky.box import STEP, GaussianBox
+from himap.sky.box import GaussianBox, unit_of
 from himap.sky.cosmology import Z_MAX, HIModel, redshift
 from himap.sky.light_cone import plan_rays, trace
 
@@ -58,7 +58,7 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
     density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, **options)
     cell = survey.box_size / survey.box_cells
     rays = plan_rays(survey.nside, cell, edges[0], edges[-1], oversample=oversample)
-    unit = STEP if folder else 1.0
+    unit = unit_of(displacement) if rsd else 1.0
     maps = trace(density, displacement, edges, survey.nside, survey.box_size, rays, unit=unit)[::-1]
     nodes, weights = np.polynomial.legendre.leggauss(4)  # over the width of a channel
     freqs = survey.freqs[:, None] + 0.5 * np.diff(survey.freq_edges)[:, None] * nodes
@@ -83,15 +83,14 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.
         Mpc/h: the modes of the matter, from which delta_G and the velocities follow, are multiplied by
         exp(-k^2 r_smooth^2 / 2), as with the option of that name of CRIME.
     folder
-        A `Path`: the box is in files there, 6 bytes a cell, while it is used; default: in memory.
+        A `Path`: the box is in files there while it is used; default: in memory. The result is the same.
 
     Returns
     -------
     density
         (n, n, n) float32.
     displacement
-        f D psi_r, (n, n, n), in units of `STEP` Mpc/h as int16 with a `folder`, else in Mpc/h as float32;
-        None without `rsd`.
+        f D psi_r, (n, n, n), as of `GaussianBox.radial_displacement`; None without `rsd`.
     """
 
     def power(k):
