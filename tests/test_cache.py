@@ -117,6 +117,45 @@ def test_a_writer_that_is_killed_leaves_no_result(lab):
     assert not _unfinished()
 
 
+_AT_WORK = """
+import time
+from himap.store.cache import workplace
+with workplace("base", "{key}", 10) as folder:
+    (folder / "part").write_text("half")
+    {then}
+"""
+
+
+@pytest.mark.parametrize("how", ["killed", "interrupted", "failed"])
+def test_work_in_files_that_is_interrupted_goes_on(lab, how):
+    then = {"killed": "time.sleep(60)", "interrupted": "raise KeyboardInterrupt", "failed": "raise OSError"}
+    command = [sys.executable, "-c", _AT_WORK.format(key="a", then=then[how])]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    if how == "killed":
+        _wait_for(lambda: [path for path in _unfinished() if (path / "part").exists()])
+        process.kill()
+    process.wait()
+    with cache.workplace("base", "b", 10) as folder:
+        assert not (folder / "part").exists()
+    for _ in range(2):  # in another process, then in this one
+        with pytest.raises(KeyboardInterrupt), cache.workplace("base", "a", 10) as folder:
+            assert (folder / "part").exists() == (how != "failed")
+            (folder / "part").touch()
+            how = "interrupted"
+            raise KeyboardInterrupt
+    with cache.workplace("base", "a", 10) as folder:
+        assert (folder / "part").exists()
+    assert not _unfinished()
+
+
+def test_work_in_files_of_another_process_is_left_alone(lab):
+    with cache.workplace("base", "a", 10) as folder:
+        (folder / "part").touch()
+        ask = _AT_WORK.format(key="a", then="print(*folder.parent.glob('*/part'))")
+        done = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
+        assert len(done.stdout.split()) == 2 and (folder / "part").exists()
+
+
 def test_writers_at_work_are_left_alone(lab, kept):
     hosts = (socket.gethostname(), "elsewhere")
     names = {f"unfinished-{host}-{os.getpid()}-0123abcd" for host in hosts}

@@ -1,7 +1,7 @@
 """The HI light cone against theory: closed forms in the box, projected spectra on the sky."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -137,6 +137,23 @@ def test_a_box_in_files_is_that_in_memory(tmp_path, monkeypatch, nested):
     assert others == pytest.approx(maps, rel=1e-5)
     n_bytes = sum(file.stat().st_size for file in tmp_path.iterdir())
     assert n_bytes == pytest.approx(box.file_bytes(32), rel=0.1)
+
+
+@pytest.mark.parametrize("array", ["displacement", "density"])
+def test_a_box_in_files_goes_on_where_it_was_interrupted(tmp_path, monkeypatch, array):
+    """Nothing that is complete is made again, and what is not is made anew."""
+    survey = replace(NARROW, box_cells=32, nside=8)
+    make = partial(hi.lognormal_box, 32, survey.box_size, folder=tmp_path)
+    expected = [np.array(part) for part in make(survey.rng("hi"))]
+    (tmp_path / "density.complete").unlink()
+    (tmp_path / f"{array}.complete").unlink(missing_ok=True)
+    (tmp_path / array).write_bytes(b"cut")
+    passes = []
+    monkeypatch.setattr(box, "progress", lambda planes, label, total: passes.append(label) or planes)
+    assert all(map(np.array_equal, make(survey.rng("hi")), expected))
+    assert len(passes) == (3 if array == "displacement" else 1)
+    assert all(map(np.array_equal, make(survey.rng("hi")), expected))
+    assert len(passes) == (3 if array == "displacement" else 1)
 
 
 def test_displacements_of_a_large_box_are_whole_numbers_of_a_unit(monkeypatch):

@@ -26,7 +26,6 @@ from himap.sky.box import file_bytes
 from himap.sky.emission import emission_maps, emission_modes
 from himap.sky.galaxy import Dimming, Galaxy, foreground_components
 from himap.sky.hi import hi_maps
-from himap.store.cache import workplace
 from himap.store.store import product
 
 
@@ -76,7 +75,7 @@ def hi_of_sky(survey):
     if estimate(survey)["HI light cone"] <= memory_limit():
         return hi_maps(survey, rng)
     check_memory(survey, steps=["HI light cone"], in_files=True)
-    with workplace(hi_of_sky.name, file_bytes(survey.box_cells)) as folder:
+    with hi_of_sky.workplace(survey, n_bytes=file_bytes(survey.box_cells)) as folder:
         return hi_maps(survey, rng, folder=folder)
 
 

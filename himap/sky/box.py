@@ -44,7 +44,8 @@ class GaussianBox:
     rng
         numpy Generator.
     folder
-        A `Path` for files with what is large (`file_bytes`); default: memory, up to 12 bytes a cell.
+        A `Path` for files with what is large (`file_bytes`); default: memory, up to 12 bytes a cell. An array
+        that is complete in such a folder, from a run with the same arguments, is not made again.
     """
 
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
@@ -68,10 +69,21 @@ class GaussianBox:
         if self.folder is None:
             return np.empty(shape, dtype=dtype)
         file = self.folder / name
-        with open(file, "wb") as content:
-            if hasattr(os, "posix_fallocate"):  # so that the file is in one piece of the disk
-                os.posix_fallocate(content.fileno(), 0, math.prod(shape) * np.dtype(dtype).itemsize)
+        if not self._is_complete(name):
+            with open(file, "wb") as content:
+                if hasattr(os, "posix_fallocate"):  # so that the file is in one piece of the disk
+                    os.posix_fallocate(content.fileno(), 0, math.prod(shape) * np.dtype(dtype).itemsize)
         return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
+
+    def _is_complete(self, name):
+        return self.folder is not None and (self.folder / f"{name}.complete").exists()
+
+    def _complete(self, name):
+        """Mark an array in a file as complete, once the disk has it."""
+        if self.folder is not None:
+            with open(self.folder / name, "rb+") as content:
+                os.fsync(content.fileno())
+            (self.folder / f"{name}.complete").touch()
 
     def _streams(self):
         return [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
@@ -88,11 +100,12 @@ class GaussianBox:
             Function of the number of a plane, its field (n, n) and the variance of the box (mean 0);
             gives what is kept of the plane.
         """
-        n = self.n_cells
-        planes = self._planes(_DENSITY, last=True)
-        flat = self._field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
+        planes = () if self._is_complete("density") else self._planes(_DENSITY, last=True)
+        n, field = self.n_cells, self._new_field() if self._field is None else self._field
+        flat = field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
         for i, modes in planes:  # a plane is written where it, or one before, was
             flat[i] = change(i, fft.irfft2(modes, s=(n, n), workers=-1), self._variance)
+        self._complete("density")
         return flat
 
     def radial_displacement(self, factor):
@@ -117,6 +130,8 @@ class GaussianBox:
         """
         n, x = self.n_cells, self.x
         out = self._array("displacement", np.float32 if self._coarse is None else np.int16, n)
+        if self._is_complete("displacement"):
+            return out
         unit = np.float32(unit_of(out))
         k = fft.fftfreq(n, 1 / n).astype(np.float32)
         k[n // 2] = 0  # a derivative has no Nyquist frequency
@@ -128,6 +143,7 @@ class GaussianBox:
             distances = self._distances(i)
             along = out[i] * unit + fft.irfft2(modes, s=(n, n), workers=-1) * x[i] / distances
             out[i] = self._stored(along * factor(i), unit)
+        self._complete("displacement")
         return out
 
     def _distances(self, i):

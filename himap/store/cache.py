@@ -12,6 +12,7 @@ import json
 import os
 import re
 import shutil
+import sys
 import time
 import warnings
 import zlib
@@ -26,7 +27,7 @@ from himap.core.errors import InputError
 from himap.core.files import cache_folder, check_private, is_abandoned, make_private, own_name
 from himap.store.arrays import TREE, read_value, write_value
 
-_NOTE, _UNFINISHED = "note.json", "unfinished"
+_NOTE, _KEY, _UNFINISHED = "note.json", "key", "unfinished"
 _DAMAGES = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 _checked = set()  # files that this process wrote, or whose checksum it has compared: (path, time, size)
 
@@ -169,8 +170,11 @@ def save(product, key, value, *, arguments, seconds):
 
 
 @contextlib.contextmanager
-def workplace(product, n_bytes):
-    """A folder for files of so many bytes that the making of `product` needs; it goes at the end.
+def workplace(product, key, n_bytes):
+    """A folder for files of so many bytes that the making of the result of `product` under `key` needs.
+
+    It goes at the end, also after an error. Where the work is interrupted or killed it stays, and the next
+    call with this key has what it holds; saving another result of `product` deletes it.
 
     Raises
     ------
@@ -178,19 +182,28 @@ def workplace(product, n_bytes):
         There is no room, or nothing can be written to the cache.
     """
     with _writing(product) as home:
+        folder = home / own_name(_UNFINISHED)
+        ours = folder.name.rpartition("-")[0]  # a name of this process but for its end
+        for other in home.glob(f"{_UNFINISHED}-*"):
+            is_free = is_abandoned(other) or other.name.startswith(f"{ours}-")
+            if is_free and (other / _KEY).is_file() and (other / _KEY).read_text() == key:
+                other.rename(folder)
+                break
+        make_private(folder)
+        (folder / _KEY).write_text(key)
+        missing = n_bytes - sum(file.stat().st_size for file in folder.iterdir())
         free = shutil.disk_usage(home).free
-        if free < n_bytes:
+    try:
+        if free < missing:
             raise InputError(
-                f"{product} needs {n_bytes / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} GB "
+                f"{product} needs {missing / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} GB "
                 f"are free in {home}. Free space with `himap cache clear`, or set HIMAP_CACHE to a folder "
                 "that has room; a smaller box, or more memory, needs no disk."
             )
-        folder = home / own_name(_UNFINISHED)
-        make_private(folder)
-    try:
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        if not isinstance(sys.exception(), KeyboardInterrupt):
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def remove(product, key):

@@ -147,6 +147,10 @@ class Product:
         """Delete the result from the cache, if it is there."""
         cache.remove(self.name, self._key(args, kwargs)[1])
 
+    def workplace(self, *args, n_bytes):
+        """A folder for files while a result is made: `himap.store.cache.workplace`."""
+        return cache.workplace(self.name, self._key(args, {})[1], n_bytes)
+
     def _key(self, args, kwargs):
         """The arguments, the name of the result on disk, and whether its code on disk is what was loaded."""
         try:
