@@ -2,6 +2,8 @@
 # jupyter:
 #   himap:
 #     figures: []
+#     reads:
+#     - book/results/boxes_paper.json
 #     section: '2.1'
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -33,12 +35,14 @@ survey: dict = {}  # Survey fields that differ from the preset
 galaxy: str = "synthetic"  # synthetic, templates or pysm3
 template_dir: str | None = None  # folder of FITS templates, for galaxy = templates
 small_scales: bool = True  # add structure beyond the resolution of the templates
+boxes: str | None = None  # record of `himap measure boxes`; None: that of the book
 
 # %%
 from dataclasses import replace
 
 import numpy as np
 
+from himap.app.stored import RESULTS
 from himap.core.survey import Survey
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
@@ -47,6 +51,8 @@ from himap.instrument.beams.paper import Degraded
 from himap.maps import sphere
 from himap.measures.spectra import frequency_power
 from himap.paper import pipeline
+from himap.paper.experiments.boxes import EXPERIMENT, seen_through, table_of
+from himap.paper.record import Record
 from himap.removal.peaks import smooth_baselines
 from himap.sky import point_sources
 from himap.sky.cosmology import HIModel, redshift
@@ -192,9 +198,7 @@ for r_smooth, colour in ((0.0, "black"), (2.0, styles.BLUE)):
     alms = pipeline.hi_alms_of_sky(close.sky)
     along = frequency_power(pipeline.hi(close), close.channel_width)
     spectra[r_smooth] = sphere.power_spectrum(alms).mean(axis=0)[: 2 * sky.nside], along
-    beams = Degraded().of_survey(close).total
-    seen = np.array([sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, beams, strict=True)])
-    seen = sphere.synthesise_cube(seen, sky.nside, n_channels=close.n_channels, label="HI through the beam")
+    seen = seen_through(Degraded(), close)
     flagged[r_smooth] = smooth_baselines(seen, close.freqs).flagged.mean()
     brightest[r_smooth] = seen.max()
     style = {"color": colour, "label": f"r = {r_smooth:.0f} Mpc/h"}
@@ -250,6 +254,17 @@ CHOICES = [
 ]  # of the comparison with CRIME
 head = ["choice", "", "flagged, 10⁻³", "brightest, mK", "P at low k, mK² MHz", "P at high k, mK² MHz"]
 Table(head, CHOICES, align="ll" + 4 * "r")
+
+# %% [markdown]
+# The paper's box has 2048³ cells. That field, made with the modes of the box of 1024³ cells of the same seed
+# and those beyond, has been compared with it, and with another draw of 512³ cells, over the band of the
+# paper at `nside` 256: spectra are relative to those of 2048³ cells, whose values are in the last column.
+# What the claims become with it is in {doc}`18_paper_size`.
+
+# %% tags=["hide-input"]
+record = Record.load(EXPERIMENT, boxes or RESULTS / "boxes_paper.json")
+several = table_of(record.rows)
+Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", note=record.made.footer())
 
 # %% [markdown]
 # ## The foregrounds

@@ -38,6 +38,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     \b
     authors      SDecGMCA as its authors' code was measured          (27_restarts)
     beam_errors  what it costs a method to assume a wrong beam      (21_beam_errors)
+    boxes        HI in boxes of fewer and of more cells              (01_simulations)
     claims       every claim of the paper, with a verdict           (15_claims)
     flags        how often a failure shows without the truth         (15_claims)
     methods      all methods side by side, through each beam        (25_side_by_side)

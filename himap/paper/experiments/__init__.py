@@ -9,6 +9,7 @@ __all__ = ["EXPERIMENTS", "find_experiment"]
 EXPERIMENTS = {
     "authors": "SDecGMCA from many starts, as the runs of its authors' code were measured.",
     "beam_errors": "What it costs a method to assume a wrong beam.",
+    "boxes": "HI in boxes of half as many and of twice as many cells: spectra and peaks.",
     "claims": "Every claim of the paper, with a verdict.",
     "flags": "How often what is known without the truth says that SDecGMCA failed.",
     "methods": "All methods side by side, through each beam.",

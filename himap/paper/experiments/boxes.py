@@ -1,0 +1,127 @@
+"""HI of one seed in boxes of half as many, as many and twice as many cells along a side.
+
+A box of more than 1024 cells a side has the modes of the one of 1024 of the same seed (`himap.sky.box`); what
+differs between smaller ones is resolution and the draw, as for another seed.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from himap.core.errors import InputError
+from himap.instrument.beams.paper import Degraded
+from himap.maps import sphere
+from himap.measures.spectra import frequency_power
+from himap.paper import pipeline
+from himap.paper.grid import cases_of
+from himap.paper.record import Experiment
+from himap.removal.peaks import smooth_baselines
+
+COLUMNS = {"box_cells": int, "quantity": str, "band": str, "channels": str, "value": float}
+"""Cells along a side; one of `QUANTITIES`; its range of l or of k (1/MHz); the channels (MHz) that it is a
+mean over; and the value."""
+
+QUANTITIES = {
+    "mean": "mean temperature, mK",
+    "C_l": "C_ℓ, mK²",
+    "P": "P(k), mK² MHz",
+    "P_beam": "P(k) through the beam, mK² MHz",
+    "flagged": "voxels beyond 5 σ, through the beam",
+    "brightest": "brightest voxel through the beam, mK",
+}
+"""What is measured of HI, before the beam and through the degraded one."""
+
+_K_BANDS = {"below 0.03": (0, 0.03), "0.03–0.3": (0.03, 0.3), "above 0.3": (0.3, np.inf)}
+_SMALLEST = 4  # box_cells of which half is a box
+
+
+def skies(*, n_realisations=1, **settings):
+    """A list of `pipeline.Case`, each with a seed of its own; settings as of `cases_of`.
+
+    Raises
+    ------
+    InputError
+        A box of an odd number of cells along a side, or of too few.
+    """
+    cases = cases_of(Degraded(), n_realisations=n_realisations, **settings)
+    n_cells = cases[0].survey.box_cells
+    if n_cells % 4 or n_cells < _SMALLEST:
+        raise InputError(
+            f"half of a box has an even number of cells along a side, and box_cells is {n_cells}: take a "
+            "multiple of 4."
+        )
+    return cases
+
+
+def seen_through(beam, survey):
+    """HI maps seen through a `Beam`, mK, (n_channels, n_pix)."""
+    windows = beam.of_survey(survey).total
+    alms = pipeline.hi_alms_of_sky(survey.sky)
+    alms = np.array([sphere.multiply_beam(alm, window) for alm, window in zip(alms, windows, strict=True)])
+    return sphere.synthesise_cube(
+        alms, survey.nside, n_channels=survey.n_channels, label="HI through the beam"
+    )
+
+
+def numbers_of(survey, beam):
+    """Rows with "quantity", "band", "channels" and "value" of the HI of a `Survey`."""
+
+    def row(quantity, value, *, band="", channels="all"):
+        return {"quantity": quantity, "band": band, "channels": channels, "value": float(value)}
+
+    def along(quantity, maps):
+        power = frequency_power(maps, survey.channel_width)
+        inside = {band: (power.k > low) & (power.k < high) for band, (low, high) in _K_BANDS.items()}
+        return [row(quantity, power.power[k].mean(), band=band) for band, k in inside.items() if k.any()]
+
+    maps, seen = pipeline.hi(survey), seen_through(beam, survey)
+    rows = [row("mean", maps.mean(dtype=float)), *along("P", maps), *along("P_beam", seen)]
+    cl = sphere.power_spectrum(pipeline.hi_alms_of_sky(survey.sky))
+    degrees = [2, 20, *(n for n in (100, 200) if n < 2 * survey.nside), 2 * survey.nside]
+    for channels in np.array_split(np.arange(survey.n_channels), 5)[::2]:
+        first, *_, last = survey.freqs[channels]
+        for low, high in zip(degrees[:-1], degrees[1:], strict=True):
+            value = cl[channels, low:high].mean()
+            rows.append(row("C_l", value, band=f"{low}–{high - 1}", channels=f"{first:.0f}–{last:.0f}"))
+    rows.append(row("flagged", smooth_baselines(seen, survey.freqs).flagged.mean()))
+    return [*rows, row("brightest", seen.max())]
+
+
+def measure(case):
+    """Rows with `COLUMNS` of a `pipeline.Case`."""
+    half = case.survey.box_cells // 2
+    surveys = [replace(case.survey, box_cells=n_cells) for n_cells in (half, 2 * half, 4 * half)]
+    return [
+        {"box_cells": survey.box_cells} | row for survey in surveys for row in numbers_of(survey, case.beam)
+    ]
+
+
+def table_of(rows):
+    """A DataFrame of texts: a column for each box, spectra relative to those of the largest.
+
+    Parameters
+    ----------
+    rows
+        DataFrame with "seed" and `COLUMNS`; over skies it is the median.
+    """
+    by_box = rows.pivot_table("value", ["quantity", "band", "channels"], "box_cells", "median", sort=False)
+    largest = by_box.iloc[:, -1]
+    is_spectrum = by_box.index.get_level_values("quantity").isin(["C_l", "P", "P_beam"])
+    texts = by_box.div(largest.where(is_spectrum, 1.0), axis=0).map("{:.3g}".format)
+    texts.columns = [f"{n_cells}³" for n_cells in texts]
+    texts.insert(len(texts.columns), "largest", [f"{value:.3g}" for value in largest])
+    texts = texts.reset_index()
+    return texts.assign(quantity=texts["quantity"].map(QUANTITIES))
+
+
+EXPERIMENT = Experiment(
+    name="boxes",
+    chapter="01_simulations",
+    columns=COLUMNS,
+    key=("box_cells", "quantity", "band", "channels"),
+    skies=skies,
+    measure=measure,
+    summary=table_of,
+    defaults={"n_realisations": 1},
+    without=("boxes",),
+)

@@ -1,0 +1,85 @@
+"""HI in boxes of more and fewer cells: numbers against healpy, and the experiment on tiny boxes."""
+
+from dataclasses import replace
+
+import healpy as hp
+import numpy as np
+import pytest
+
+from himap.core.errors import InputError
+from himap.instrument.beams.paper import Degraded
+from himap.paper import pipeline
+from himap.paper.experiments.boxes import (
+    COLUMNS,
+    EXPERIMENT,
+    QUANTITIES,
+    measure,
+    seen_through,
+    skies,
+    table_of,
+)
+
+TINY = {"preset": "ci", "survey": {"nside": 16, "n_channels": 20, "box_cells": 32}}
+
+
+@pytest.fixture(scope="module")
+def rows():
+    (case,) = skies(**TINY)
+    return EXPERIMENT.frame([{"seed": case.survey.seed} | row for row in measure(case)])
+
+
+def values(rows, n_cells, quantity):
+    chosen = rows[(rows["box_cells"] == n_cells) & (rows["quantity"] == quantity)]
+    return chosen.set_index(["band", "channels"])["value"]
+
+
+def test_every_box_has_every_quantity(rows):
+    assert list(rows.columns) == ["seed", *COLUMNS]
+    assert rows["box_cells"].unique().tolist() == [16, 32, 64] and rows["value"].gt(0).mean() > 0.9
+    assert set(rows["quantity"]) == set(QUANTITIES)
+    assert not rows.duplicated(["box_cells", "quantity", "band", "channels"]).any()
+
+
+def test_numbers_are_those_of_the_maps(rows):
+    """Spectra by healpy, and P(k) by its definition at the k of a band."""
+    (case,) = skies(**TINY)
+    survey = replace(case.survey, box_cells=64)
+    maps = pipeline.hi(survey).astype(float)
+    assert values(rows, 64, "mean").item() == pytest.approx(maps.mean(), rel=1e-5)
+    cl = np.array([hp.anafast(one, iter=3)[2:20].mean() for one in maps[-4:]]).mean()
+    last = values(rows, 64, "C_l")["2–19"].iloc[-1]
+    assert last == pytest.approx(cl, rel=2e-3)
+    width, n = survey.channel_width, survey.n_channels
+    modes = np.fft.rfft(maps - maps.mean(axis=1, keepdims=True), axis=0)
+    power = width * np.mean(np.abs(modes) ** 2, axis=1) / n
+    k = 2 * np.pi * np.fft.rfftfreq(n, width)
+    band = values(rows, 64, "P")["0.03–0.3"].item()
+    assert band == pytest.approx(power[(k > 0.03) & (k < 0.3)].mean(), rel=1e-4)
+
+
+def test_the_beam_is_that_of_healpy(rows):
+    (case,) = skies(**TINY)
+    seen, alms = seen_through(Degraded(), case.survey), pipeline.hi_alms_of_sky(case.survey.sky)
+    window = Degraded().of_survey(case.survey).total[0]
+    expected = hp.alm2map(hp.almxfl(alms[0].astype(complex), window), case.survey.nside)
+    assert seen[0] == pytest.approx(expected, abs=1e-5 * expected.std())
+    assert values(rows, 32, "brightest").item() == pytest.approx(seen.max())
+
+
+def test_smaller_cells_have_more_structure(rows):
+    for quantity in ("P", "P_beam", "brightest"):
+        coarse, _, fine = (values(rows, n_cells, quantity) for n_cells in (16, 32, 64))
+        assert (fine > coarse).all()
+
+
+def test_spectra_in_the_table_are_relative_to_the_largest_box(rows):
+    table = table_of(rows)
+    assert list(table.columns) == ["quantity", "band", "channels", "16³", "32³", "64³", "largest"]
+    spectra = table["quantity"].isin([QUANTITIES[one] for one in ("C_l", "P", "P_beam")])
+    assert set(table.loc[spectra, "64³"]) == {"1"}
+    assert (table.loc[~spectra, "64³"] == table.loc[~spectra, "largest"]).all()
+
+
+def test_a_box_without_half(rows):
+    with pytest.raises(InputError, match="box_cells is 18: take a multiple of 4"):
+        skies(preset="ci", survey={"box_cells": 18})
