@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from himap.maps import sphere
-from himap.measures.bootstrap import Bootstrap, bootstrap_of, sigma
+from himap.measures.bootstrap import Bootstrap, bootstrap_of, covariance, sigma
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction, harmonic_power, mock_power
 from himap.removal import PCA
 from himap.removal.cleaning import Cleaning
@@ -22,6 +23,19 @@ def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
     errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
     covered = np.mean(np.abs(data - mocks.mean(axis=0)) < sigma(errors))
     assert 0.67 < covered < 0.683 + 0.06 / (n_mocks - 1)
+
+
+def test_a_covariance_is_that_of_what_was_drawn(rng):
+    """Its diagonal is error bars squared, also of means; its expectation is the true one times Student's."""
+    true = np.array([[4.0, -1.0, 0.0], [-1.0, 1.0, 0.5], [0.0, 0.5, 2.0]])
+    found = [covariance(rng.multivariate_normal(np.zeros(3), true, size=6)) for _ in range(20_000)]
+    factor = stats.t.ppf(stats.norm.cdf(1), 5) ** 2
+    assert np.mean(found, axis=0) == pytest.approx(factor * true, abs=0.1)
+    errors = rng.multivariate_normal(np.zeros(3), true, size=6)
+    weights = np.array([[0.2, 0.3, 0.5], [1.0, 0.0, 0.0]])
+    expected = weights @ covariance(errors) @ weights.T
+    assert covariance(errors @ weights.T) == pytest.approx(expected)
+    assert sigma(errors @ weights.T) == pytest.approx(np.sqrt(np.diag(expected)))
 
 
 def white(rng):

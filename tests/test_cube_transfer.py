@@ -13,8 +13,16 @@ from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
 from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
 from himap.cubes.spectra import compared, spectra_of
-from himap.cubes.transfer import HEADER, HEADER_OF_TRUTH, corrected_table, remarks_on, write_spectra
+from himap.cubes.transfer import (
+    HEADER,
+    HEADER_OF_TRUTH,
+    corrected_table,
+    correlation_table,
+    remarks_on,
+    write_spectra,
+)
 from himap.maps import sphere
+from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power
 
 MEASURED = {"ordering": "RING", "units": "mK"}
@@ -197,6 +205,19 @@ class TestMeasured:
         assert float(angular[3]["corrected"]) == pytest.approx(both["angular"].corrected[3])
         assert float(angular[3]["truth"]) == pytest.approx(comparison.true_angular[3])
         assert angular[-1]["truth"] == "nan"  # beyond 2 nside
+        errors = [float(angular[3][f"error_{n}"]) for n in (1, 2)]
+        assert covariance(np.array([errors]).T).item() == pytest.approx(float(angular[3]["sigma"]) ** 2)
+
+    def test_correlations_of_bands(self, cleaned, rng):
+        both = correct(measure_transfer(cleaned, (blue(rng) for _ in range(3))), spectra_of(cleaned))
+        table = correlation_table(both)
+        matrix = np.array([[float(cell) for cell in row[1:]] for row in table.rows])
+        assert table.header[1:] == [row[0] for row in corrected_table(both).rows]
+        assert (matrix == matrix.T).all() and (np.diag(matrix) == 1).all() and np.abs(matrix).max() <= 1
+        of_band = both["angular"].errors[:, both["angular"].x < 5].mean(axis=1)
+        ends = both["frequency"].errors[:, both["frequency"].x > 0.1].mean(axis=1)
+        expected = of_band @ ends / np.sqrt((of_band @ of_band) * (ends @ ends))
+        assert matrix[0, -1] == pytest.approx(expected, abs=0.006)
 
 
 class TestCommands:

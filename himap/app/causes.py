@@ -69,5 +69,12 @@ def _difference(made, other):
         f"{styles.numbered(changed['method'], None)} in its place" if "method" in changed else "",
         SIZES.get(other.preset, other.preset) if other.preset != made.preset else "",
         GALAXIES.get(other.galaxy.partition(" ")[0], other.galaxy) if other.galaxy != made.galaxy else "",
+        box_words(other) if box_words(other) != box_words(made) else "",
     ]
     return ", ".join(filter(None, words))
+
+
+def box_words(made):
+    """The HI box of a `Provenance` in words, if it is not that of the preset."""
+    n_cells = dict(made.overrides).get("box_cells")
+    return f"HI box of {n_cells}³ cells" if n_cells else ""

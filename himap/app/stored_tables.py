@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from himap.app.causes import GALAXIES, SIZES
+from himap.app.causes import GALAXIES, SIZES, box_words
 from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, stored_figure, stored_figures
@@ -169,6 +169,7 @@ def _ledger_names(ledgers):
         name += [GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
         name += [styles.numbered(changed["method"], None)] if "method" in changed else []
         name += [str(changed["reading"])] if "reading" in changed else []
+        name += [box_words(made)] if "box_cells" in changed else []
         names.append(", ".join(name))
     return names
 

@@ -13,7 +13,7 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
-from himap.measures.bootstrap import bootstrap_of, sigma
+from himap.measures.bootstrap import bootstrap_of, covariance, sigma
 from himap.measures.diagnostics import bands
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import harmonic_power, mock_power, mock_power_of_cubes
@@ -291,6 +291,22 @@ def corrected_table(corrected):
     return Table(header, rows, align="l" + "r" * (len(header) - 1))
 
 
+def correlation_table(corrected):
+    """A `Table` of the correlations of the errors of the bands of `corrected_table`; see `covariance`."""
+    columns = {
+        plain_band(name): corrected[kind].errors @ (inside / inside.sum())
+        for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items()
+    }
+    matrix = covariance(np.transpose(list(columns.values())))
+    bars = np.sqrt(np.diag(matrix))
+    rows = [
+        [name, *map("{:+.2f}".format, row)]
+        for name, row in zip(columns, matrix / bars / bars[:, None], strict=True)
+    ]
+    note = "Correlations of the error bars of bands."
+    return Table(["", *columns], rows, align="l" + "r" * len(columns), note=note)
+
+
 def plain_band(name):
     """The name of a band of ratios as that of a band of the spectrum."""
     ratio, _, where = name.partition(", ")
@@ -326,7 +342,8 @@ def corrected_parts(corrected, n_mocks):
         share = [(one.x, one.share, {"color": styles.BLUE})]
         shares.append(panel(kind, share, ylabel="$T$", yscale="linear", ylim=(0, 1.1)))
     picture, alt = plotting.lines(panels + shares, size=(4.6, 3)), "Corrected spectra and transfer functions"
-    return [figure(picture, alt, text, title="Corrected spectra"), corrected_table(corrected)]
+    tables = [corrected_table(corrected), *([correlation_table(corrected)] if n_mocks > 1 else [])]
+    return [figure(picture, alt, text, title="Corrected spectra"), *tables]
 
 
 def write_spectra(corrected, path):
@@ -334,7 +351,8 @@ def write_spectra(corrected, path):
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``foreground``, ``systematic`` and ``truth`` (as ``residual``).
+    ``foreground``, ``systematic`` and ``truth`` (as ``residual``); for each mock also ``error_1`` and so on,
+    of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means over them.
     """
     tables = []
     for kind, one in corrected.items():
@@ -342,5 +360,6 @@ def write_spectra(corrected, path):
         columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
         columns |= {"foreground": one.foreground, "systematic": one.systematic, "truth": one.truth}
+        columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
     pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -92,5 +92,16 @@ def sigma(errors):
 
     Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
     """
-    factor = stats.t.ppf(stats.norm.cdf(1), len(errors) - 1)
-    return factor * np.sqrt(np.mean(np.square(errors), axis=0))
+    return _student(len(errors)) * np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def covariance(errors):
+    """Covariance (n, n) of the errors of mocks, (n_mocks, n), whose diagonal is `sigma` squared.
+
+    Its rank is n_mocks at most, so that it is invertible for fewer bins than mocks only.
+    """
+    return _student(len(errors)) ** 2 * np.transpose(errors) @ errors / len(errors)
+
+
+def _student(n_mocks):
+    return stats.t.ppf(stats.norm.cdf(1), n_mocks - 1)
