@@ -171,7 +171,7 @@ class TestTransfer:
         power = HarmonicPower(power=np.ones((3, 3)), n_channels=4, channel_width=1.0)
         monkeypatch.setattr(transfer, "own_recovery", lambda case, one: MockPower(power, power, power))
         monkeypatch.setattr(transfer, "corrected_bands", lambda _, n: rows(n, None))
-        few, whole = transfer.measure(sky)
+        few, whole = transfer.measure.compute(sky)
         assert (few["n_sources"], few["n_used"]) == (3, used)
         assert few["corrected"] == pytest.approx(corrected, abs=0.15)
         assert few["foreground"] == pytest.approx(6 / 4 - 6 / (used + 1)) and few["systematic"] == 0

@@ -59,9 +59,9 @@ OTHERS = {
     ("removal/__init__.py", "create"): ANY_METHOD,
     ("instrument/beams/__init__.py", "named"): ANY_BEAM,
     ("instrument/noise.py", "noise_sigma"): OBSERVED,
-    ("sky/templates.py", "pysm_templates"): SKIES | STORED,
+    ("sky/templates.py", "pysm_templates"): SKIES | STORED | {"boxes"},
     ("sky/templates.py", "write_templates"): set(),
-    ("core/survey.py", "Survey.rng"): CHAPTERS | STORED,  # its presets are in the line under every figure
+    ("core/survey.py", "Survey.rng"): CHAPTERS | STORED | {"boxes"},  # its presets are in the line under every figure
     ("measures/transfer.py", "mock_power"): {"20", "21", "22", "25"} | RECORDS,
     ("measures/transfer.py", "expected_mock_power"): {"23"},
     ("paper/mocks.py", "recovered"): {"20", "21", "22", "25"} | RECORDS,

@@ -26,7 +26,20 @@ from himap.instrument import beams
 from himap.instrument.beams.others import FromFile, PerturbedBeam
 from himap.instrument.beams.paper import Degraded, Oscillating, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
-from himap.paper.experiments import authors, beam_errors
+from himap.paper.experiments import (
+    authors,
+    beam_errors,
+    boxes,
+    claims,
+    flags,
+    methods,
+    n_sources,
+    readings,
+    restarts,
+    transfer,
+)
+from himap.paper.grid import Sky
+from himap.paper.realisation import Realisation
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.fastica import FastICA
 from himap.removal.gaussian_process import GaussianProcess
@@ -48,6 +61,12 @@ PLAIN = PCA(n_sources=3)
 AWARE = BeamSubspace(n_sources=3, lmax=32)
 ONE_ITERATION = {"n_sources": 3, "lmax": 32, "n_scales": 3, "n_warmup": 1, "n_refinement": 1}
 ONCE = ONE_ITERATION | {"warmup_tolerance": 1e30, "tolerance": 1e30}
+ONE_STEP = SDecGMCA(**ONCE, beyond="cut")
+MOCKS = (mocks.Mock(seed=7), mocks.Mock(seed=8))
+REALISATION = Realisation(
+    survey=RIPPLE_CASE.survey, galaxy=CASE.galaxy, n_sources=(2, 3), options=tuple(ONCE.items())
+)
+JUDGED = claims.JudgedSky({"default": [REALISATION, replace(REALISATION, restart=1)]})
 
 _PRODUCTS = {
     pipeline.hi_of_sky: [(SURVEY.sky,)],
@@ -91,6 +110,22 @@ _PRODUCTS = {
     authors.first_mixings: [(CASE, SDecGMCA(**ONCE), 1)],
     beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
 }
+_MEASURED = {
+    authors.measure: Sky(methods={RIPPLE_CASE: [ONE_STEP, replace(ONE_STEP, restart=1)]}),
+    beam_errors.measure: Sky(
+        methods={CASE: [PLAIN, AWARE]}, beams={("width", 0.0): CASE.beam, ("ripple", 0.1): Rippled()}
+    ),
+    boxes.measure: SMOOTHED,
+    claims.measure: JUDGED,
+    flags.measure: JUDGED,
+    methods.measure: Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS, corrected=("pca",)),
+    n_sources.measure: Sky(
+        methods={CASE: [PLAIN, replace(PLAIN, n_sources=4), replace(PLAIN, n_sources=5)]}, mocks=MOCKS
+    ),
+    readings.measure: JUDGED,
+    restarts.measure: JUDGED,
+    transfer.measure: Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS),
+}
 _CHOSEN_METHODS = (
     PLAIN,
     FastICA(n_sources=3),
@@ -121,15 +156,27 @@ def _spectra_of_member(numbers):
     return {name: list(values.values()) for name, values in numbers.items() if name not in iterated}
 
 
-_SHOWN = {
-    authors.first_mixings: np.abs,
-    authors.member: _spectra_of_member,
-    cleaned.assessment: _assessed,
-    cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
-    cleaned.separation: _separated,
-    masked.separation: _separated,
-    choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
-}
+def _columns_of(rows):
+    """{column: array} of the rows of an experiment, of numbers or of text; sentences are not kept."""
+    columns = {name: [row[name] for row in rows] for name in rows[0] if name != "sentence"}
+    return {
+        name: np.array(values, dtype=float if any(isinstance(one, float) for one in values) else str)
+        for name, values in columns.items()
+    }
+
+
+_SHOWN = (
+    dict.fromkeys(_MEASURED, _columns_of)
+    | {
+        authors.first_mixings: np.abs,
+        authors.member: _spectra_of_member,
+        cleaned.assessment: _assessed,
+        cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
+        cleaned.separation: _separated,
+        masked.separation: _separated,
+        choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
+    }
+)
 
 
 def _beam_of_file():
@@ -151,6 +198,7 @@ _BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: _beam(_PERTURBED)}
 
 CALLS = (
     {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}
+    | {measure.name: [_call_of(measure, (sky,))] for measure, sky in _MEASURED.items()}
     | {name: [_call_of(cleaned.assessment, (CASE, method))] for name, method in _METHODS.items()}
     | {name: [call] for name, call in _BEAMS.items()}
 )
@@ -166,6 +214,6 @@ _RESIDUALS = dict.fromkeys(
     3e-4,
 )
 RTOLS = _RESIDUALS | {"analysis": 1e-3, "masked_analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
-RTOLS["resampled"] = 3e-3
+RTOLS |= {"resampled": 3e-3} | {measure.name: 3e-3 for measure in _MEASURED} | {"measured_transfer": 1.5e-2}
 """Where two machines agree to less than others: some three times what two processors differ by in the rest of
 a bright foreground in single precision, and where a search ends."""

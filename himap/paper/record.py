@@ -45,7 +45,7 @@ class Experiment:
         Function from the parameters to a list of skies: objects with `survey`, whose seed identifies them,
         and `galaxy`.
     measure
-        Function from one of these to its rows, a list of dicts with a value for each column.
+        Product, of one of these: its rows, a list of dicts with a value for each column.
     summary
         Function from the table of all rows to what a terminal shows, a DataFrame of texts.
     defaults

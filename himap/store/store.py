@@ -178,7 +178,8 @@ def _describe(value):
     if isinstance(value, (tuple, list)):
         return "(" + ", ".join(_describe(item) for item in value) + ")"
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_describe(value[key])}" for key in sorted(value)) + "}"
+        texts = {key if isinstance(key, str) else _describe(key): one for key, one in value.items()}
+        return "{" + ", ".join(f"{key}: {_describe(texts[key])}" for key in sorted(texts)) + "}"
     if is_dataclass(value) and not isinstance(value, type):
         counted = [(f, getattr(value, f.name)) for f in fields(value) if f.compare]
         inner = ", ".join(f"{f.name}={_describe(one)}" for f, one in counted if not _is_off(f, one))
@@ -199,7 +200,7 @@ def _is_off(item, value):
 def _classes(value):
     """The classes of the dataclasses in an argument: their code counts."""
     if isinstance(value, dict):
-        value = tuple(value.values())
+        value = tuple(part for pair in value.items() for part in pair)
     if isinstance(value, (tuple, list)):
         return [kind for item in value for kind in _classes(item)]
     if is_dataclass(value):

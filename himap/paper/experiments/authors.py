@@ -66,6 +66,7 @@ def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
     return skies_of((cases, methods))
 
 
+@product(name="measured_authors")
 def measure(sky):
     """Numbers of every start on a `Sky`, rows with the columns "restart", "quantity", "x" and "value"."""
     rows = []

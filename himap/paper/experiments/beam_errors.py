@@ -112,6 +112,7 @@ def skies(*, errors=_ERRORS, **settings):
     return grid.skies_of((cases, removers), beams=beams)
 
 
+@product(name="measured_beam_errors")
 def measure(sky):
     """Ratios to the truth in each band, of each method and assumed beam of a `Sky`."""
     ((case, removers),) = sky.methods.items()

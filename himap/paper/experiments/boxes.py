@@ -16,6 +16,7 @@ from himap.paper import pipeline
 from himap.paper.grid import cases_of
 from himap.paper.record import Experiment
 from himap.removal.peaks import smooth_baselines
+from himap.store.store import product
 
 COLUMNS = {"box_cells": int, "quantity": str, "band": str, "channels": str, "value": float}
 """Cells along a side; one of `QUANTITIES`; its range of l or of k (1/MHz); the channels (MHz) that it is a
@@ -87,6 +88,7 @@ def numbers_of(survey, beam):
     return [*rows, row("brightest", seen.max())]
 
 
+@product(name="measured_boxes")
 def measure(case):
     """Rows with `COLUMNS` of a `pipeline.Case`."""
     half = case.survey.box_cells // 2

@@ -16,6 +16,7 @@ from himap.paper.realisation import Realisation
 from himap.paper.record import Experiment
 from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming
+from himap.store.store import product
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
 _UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V6", "V7")  # claims on multipoles near it
@@ -133,6 +134,7 @@ def judge(realisation):
     return findings
 
 
+@product(name="measured_claims")
 def measure(sky):
     """Findings on every claim on a `JudgedSky`, rows with `himap.paper.claims.entries.COLUMNS`."""
     return [row for one in sky.members for row in finding_rows(judge(one), one.restart)]

@@ -8,6 +8,7 @@ from himap.paper.claims.base import mean_error
 from himap.paper.experiments.claims import judged_skies, realisations
 from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
+from himap.store.store import product
 
 READINGS = ("letter", "code", "default")
 """Readings of SDecGMCA that are measured: they fail in different ways, and not equally often."""
@@ -24,6 +25,7 @@ def skies(*, n_restarts=8, **settings):
     return judged_skies(several, READINGS, n_restarts)
 
 
+@product(name="measured_flags")
 def measure(sky):
     """Rows with `COLUMNS` of every member on a `JudgedSky`."""
     rows = []

@@ -11,6 +11,7 @@ from himap.measures import diagnostics
 from himap.measures.diagnostics import JUDGED, bands
 from himap.paper import grid
 from himap.paper.record import Experiment
+from himap.store.store import product
 
 COLUMNS = {
     "beam": str,
@@ -81,6 +82,7 @@ def _of_beam(pair, place, n_beams):
     return pair
 
 
+@product(name="measured_methods")
 def measure(sky):
     """Ratios to the truth in bins of l and k, of each beam and method of a `Sky`."""
     rows = []

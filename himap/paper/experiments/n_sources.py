@@ -12,6 +12,7 @@ from himap.paper.grid import cases_and_methods, make_products, skies_of, summari
 from himap.paper.mocks import own_recovery, recovered
 from himap.paper.record import Experiment
 from himap.removal import create
+from himap.store.store import product
 
 CRITERIA = {
     "bic": "information criterion (BIC)",
@@ -80,6 +81,7 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
     return skies_of(*observed, n_mocks=n_mocks)
 
 
+@product(name="measured_n_sources")
 def measure(sky):
     """Recommendations of every criterion for every case and method of a `Sky`, and the best number."""
     rows = []

@@ -10,6 +10,7 @@ from himap.paper.experiments.restarts import claim_rows, member_rows
 from himap.paper.readings import COLUMNS, outcomes, readings
 from himap.paper.readings_table import summary_table
 from himap.paper.record import Experiment
+from himap.store.store import product
 
 
 def skies(*, n_restarts=4, **settings):
@@ -20,6 +21,7 @@ def skies(*, n_restarts=4, **settings):
     return judged_skies(realisations(**settings), options, n_restarts)
 
 
+@product(name="measured_readings")
 def measure(sky):
     """Claims and ratios under every reading on a `JudgedSky`, rows with `himap.paper.readings.COLUMNS`."""
     empty, rows = dict.fromkeys(COLUMNS) | {"x": math.nan}, []

@@ -18,6 +18,7 @@ from himap.paper.ensembles import failures
 from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
 from himap.paper.readings import BANDS, COLUMNS, candidates, flagged_shares
 from himap.paper.record import Experiment
+from himap.store.store import product
 
 _N_BINS = 40  # of a curve, at most
 _SPARSE = (10, 15, 20)  # numbers of sources beyond 8
@@ -54,6 +55,7 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
     return judged_skies([replace(sky, n_sources=scan) for sky in whole], several, n_restarts)
 
 
+@product(name="measured_restarts")
 def measure(sky):
     """Claims and numbers of every member on a `JudgedSky`, rows with the columns of a record.
 

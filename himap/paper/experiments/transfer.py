@@ -11,6 +11,7 @@ from himap.paper import grid
 from himap.paper.mocks import bootstrap, mocks_of_sky, own_recovery, resampled
 from himap.paper.record import Experiment
 from himap.removal.cleaning import one_more
+from himap.store.store import product
 
 MOST = 4
 """How many numbers of sources are tried, one after the other, until no foreground is seen to be left."""
@@ -42,6 +43,7 @@ def skies(*, n_mocks=8, **settings):
     return [replace(sky, mocks=mocks_of_sky(sky.survey.seed, n_mocks)) for sky in several]
 
 
+@product(name="measured_transfer")
 def measure(sky):
     """Ratios to the truth, corrections and error bars in each band, of each method of a `Sky`.
 
