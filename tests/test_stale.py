@@ -61,7 +61,7 @@ OTHERS = {
     ("instrument/noise.py", "noise_sigma"): OBSERVED,
     ("sky/templates.py", "pysm_templates"): SKIES | STORED | {"boxes"},
     ("sky/templates.py", "write_templates"): set(),
-    ("core/survey.py", "Survey.rng"): CHAPTERS | STORED | {"boxes"},  # its presets are in the line under every figure
+    ("core/survey.py", "Survey.rng"): CHAPTERS | STORED | {"boxes"},  # presets are in the line under figures
     ("measures/transfer.py", "mock_power"): {"20", "21", "22", "25"} | RECORDS,
     ("measures/transfer.py", "expected_mock_power"): {"23"},
     ("paper/mocks.py", "recovered"): {"20", "21", "22", "25"} | RECORDS,
