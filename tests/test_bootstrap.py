@@ -127,6 +127,23 @@ class TestExplains:
         found = members(cleaned, [white(rng) for _ in range(6)])
         assert found.explains(power_of(cleaned), power_of(cleaned.with_one_more)) == explained
 
+    @pytest.mark.parametrize("n_mocks", [4, 12, 48])
+    @pytest.mark.parametrize("bars, explained", [(0.5, True), (2.0, False)])
+    def test_foreground_counts_from_one_error_bar(self, rng, n_mocks, bars, explained):
+        """Whatever the number of mocks: what one source more removes is known far better than the bars."""
+
+        def flat(value):
+            return HarmonicPower(power=np.full((30, 5), value), n_channels=8, channel_width=1.0)
+
+        true, errors = flat(1.0), 0.05 * rng.standard_normal(n_mocks)
+        own = [MockPower(true, flat(0.9 + error), flat(0.9)) for error in errors]
+        more = [
+            MockPower(true, flat(0.8 + error + 1e-5 * rng.standard_normal()), flat(0.8)) for error in errors
+        ]
+        found = bootstrap_of(list(zip(own, more, strict=True)))
+        excess = bars * sigma(found.own.errors("angular"))[5]
+        assert found.explains(flat(0.9), flat(0.8 - excess)) == explained
+
     def test_without_a_number_of_sources_or_with_one_mock_all_is_explained(self):
         power = HarmonicPower(power=np.ones((30, 5)), n_channels=8, channel_width=1.0)
         one = TransferFunction(mocks=(MockPower(power, power, power),))

@@ -66,10 +66,11 @@ class Bootstrap:
 
     def _removed_by_one_more(self, pairs):
         """Band means of the differences of pairs of powers, over the mean input, {band: (n_pairs,)}."""
-        mean, differences = reduce(add, self.own.mocks).input, {}
+        total, differences = reduce(add, self.own.mocks).input, {}
         for kind in KINDS:
             rows = np.array([getattr(one, kind) - getattr(more, kind) for one, more in pairs])
-            differences[kind] = quotient(rows, np.broadcast_to(getattr(mean, kind), rows.shape))
+            mean = np.broadcast_to(getattr(total, kind) / len(self.own.mocks), rows.shape)
+            differences[kind] = quotient(rows, mean)
         return self.own.mocks[0].band_means(differences)
 
 
