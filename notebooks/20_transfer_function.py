@@ -440,10 +440,10 @@ show_table(rows)
 # %% [markdown]
 # - **The foreground residual of a number of sources is detected without the truth**: one source more removes
 #   more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three
-#   sources has a residual on most skies, and is corrected with four there (column *sources*).
+#   sources has a residual, and is corrected with more (column *sources*).
 # - **The correction is only as good as the estimated foreground.** A residual that is spread over several
-#   components, each fainter than HI, is not detected: PCA at `quick`, and BeamSubspace with the synthetic
-#   Galaxy. The systematic contains a part of it.
+#   components, each fainter than HI, is not always detected: PCA at `quick`, and BeamSubspace with the
+#   synthetic Galaxy. The systematic contains a part of it.
 # - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of
 #   the estimated foreground contain HI, and are therefore brighter and more stable in members than in the
 #   data. Quote error bar and systematic in quadrature, as a lower limit. In the `.csv` of the commands
