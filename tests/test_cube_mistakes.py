@@ -115,7 +115,7 @@ class TestBeams:
         method = ["--method", "sdecgmca", "-p", "noise=0.1", "-p", "beyond=cut", "--restarts", 1]
         done = himap("clean", "good.h5", *method, "--beam", "evolving", "--dish", 2, "-o", "c.h5")
         assert done.exit_code == 0 and "FWHM of 8.06 to 9.04 deg" in done.output, done.output
-        assert "sdecgmca finds nothing beyond l = 8: what is left ends there" in done.output
+        assert "sdecgmca finds nothing beyond l = 8: the residual ends there" in done.output
 
 
 class TestOutputs:

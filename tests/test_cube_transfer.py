@@ -170,7 +170,7 @@ class TestMeasured:
         both = correct(measure_transfer(cleaned, (blue(rng) for _ in range(3))), spectra_of(cleaned))
         assert not both["angular"].explained and both["angular"].n_sources == 2
         first, second = remarks_on(both, 1)
-        assert "corrected with 2" in first and "left with 2 sources too" in second and "suggest" in second
+        assert "corrected with 2" in first and "residual with 2 sources too" in second and "suggest" in second
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both = correct(measure_transfer(cleaned, [blue(rng)]), spectra_of(cleaned))

@@ -55,7 +55,7 @@ class CleanedCube(Cleaning):
             remarks.append(f"{self.method.name} stopped before it converged.")
         if lmax is not None:
             remarks.append(
-                f"{self.method.name} finds nothing beyond l = {lmax}: what is left ends there, "
+                f"{self.method.name} finds nothing beyond l = {lmax}: the residual ends there, "
                 "but for peaks that were masked; compare it with what ends there too."
             )
         return remarks

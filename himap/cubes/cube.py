@@ -306,7 +306,7 @@ def _left_out(n_blind, n_channels, mask, area, weights):
     if weights is not None and (weights == 0).any():
         remarks.append(
             f"{np.mean(weights == 0):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
-            "no weight): they count nothing, what is left of them is not told, and the spectra have 0 in "
+            "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
         )
     return remarks

@@ -36,11 +36,11 @@ _BANDS = {  # of ratios to the truth: (quantity, l or k above, up to)
 }
 _CLEANED = {"label": "cleaned", "color": styles.BLUE}
 _SPECTRA = (
-    "A smooth, steep rise towards the smallest k is foreground that is left; a dip there is signal that "
+    "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal that "
     "was taken. A bump at one k is a ripple of the instrument."
 )
 _WEDGE = (
-    "Foreground that is left fills the smallest k_par, and where the beam changes with frequency a wedge "
+    "Foreground residual fills the smallest k_par, and where the beam changes with frequency a wedge "
     "above them."
 )
 _MODES = (
@@ -110,7 +110,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
         *_spectra_parts(cleaned.cube, spectra),
         *more,
         figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
-        figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="What is left"),
+        figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="Residual"),
     ]
     write_page(path, f"Cleaned with {cleaned.method.name}", parts)
 
@@ -127,7 +127,7 @@ def _head(cleaned, said):
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
         "sky": f"{pixels.described(cube.layout.unit)}; {cube.mask.mean():.1%} seen",
         "rms of what came": f"{rms_before:.4g} mK",
-        "rms of what is left": f"{rms_after:.4g} mK",
+        "rms of the residual": f"{rms_after:.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
         "iterations": f"{cleaned.separation.n_iterations}",
     }
@@ -269,7 +269,7 @@ def maps_figure(cleaned):
     """The residual in the channel in the middle, and its rms over channels; grey where nothing is seen."""
     cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
     seen = {
-        f"left at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
+        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
     }
     maps = {title: np.full(len(cube.mask), np.nan) for title in seen}

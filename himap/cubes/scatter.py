@@ -19,7 +19,7 @@ PERCENTILES = (16, 50, 84)
 
 _TEXT = (
     "Each thin line is a restart, whose start differs by 1e-10; the thick line is their median, and dashed "
-    "are their 16 and 84 %. What differs between them is foreground that is left, or signal that is lost. "
+    "are their 16 and 84 %. They differ in foreground residual or signal loss. "
     "The one that was written is the medoid, whose residual is nearest to those of all others. What all "
     "restarts have in common is not seen here."
 )

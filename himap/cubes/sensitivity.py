@@ -143,10 +143,10 @@ def sensitivity_figure(sensitivity):
 def write_sensitivity(sensitivity, path, *, said=()):
     """Write a page with the table and the figure of a list of `Sensitivity`, and what was assumed."""
     text = (
-        "The power that is left if the beam is another than is believed, over that with the beam as it is "
-        "believed, in bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
+        "The power of the residual if the beam differs from the assumed one, over that if it does not, in "
+        "bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
         "excluded, know the beam better or remove one source more."
     )
-    picture = figure(sensitivity_figure(sensitivity), "Power that is left for other beams", text)
+    picture = figure(sensitivity_figure(sensitivity), "Power of the residual for other beams", text)
     parts = [sensitivity_table(sensitivity), picture]
     write_page(path, "How much depends on the beam?", parts, said=said)

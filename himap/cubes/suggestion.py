@@ -9,8 +9,8 @@ Information criterion
     for each number in the mixing matrix and the sources, over the number of channels. It falls while a source
     explains more than it costs.
 Stability
-    How much both recovered spectra move from one n_s to the next. They fall steeply while foreground is left,
-    then hardly, and fall slowly for good as signal is taken. It shows where no number is good.
+    How much both recovered spectra move from one n_s to the next. They fall steeply while there is foreground
+    residual, then hardly, and slowly from where signal is lost. It shows where no number is good.
 
 With weights and flags each is of the weighted problem: the eigenvalues of the covariance of what is there
 (`himap.removal.weighted_pca.seen_covariance`), weighted variances and as many samples as there are, and

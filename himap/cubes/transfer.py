@@ -233,12 +233,12 @@ def remarks_on(corrected, n_sources):
     one, remarks = corrected["angular"], []
     if one.n_sources != n_sources:
         remarks.append(
-            f"{n_sources} sources leave foreground: the spectra are corrected with {one.n_sources}."
+            f"{n_sources} sources leave foreground residual: the spectra are corrected with {one.n_sources}."
         )
     if not one.explained:
         remarks.append(
-            f"Foreground is left with {one.n_sources} sources too, and in the corrected spectra: remove more "
-            "(`himap suggest` says how many)."
+            f"There is foreground residual with {one.n_sources} sources too, and in the corrected spectra: "
+            "remove more (`himap suggest` says how many)."
         )
     return remarks
 

@@ -85,7 +85,7 @@ def error(case, remover, mask_peaks=True):
     """What `remover` leaves more than the truth, a `LowRankCube` less its channel means; not kept.
 
     An observation is the truth and the foreground, so this is the foreground less that which was found. Where
-    the method ends at some l, it is that of what is left up to there against the truth up to there.
+    the method ends at some l, it is that of the residual up to there against the truth up to there.
     """
     return error_of(case, separation(case, remover, mask_peaks), mask_peaks)
 

@@ -1,6 +1,6 @@
 """Foreground residual and signal loss of a method, each by itself, and the loss that a filter expects.
 
-C/C0 near 1 is no proof that HI is kept: what is lost of it and what is left of the foreground may cancel.
+C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may cancel.
 """
 
 from dataclasses import dataclass

@@ -72,7 +72,7 @@ def separation(case, remover, region, mask_peaks=True):
 
 
 def residual(case, remover, region, way):
-    """What is left by one of `WAYS`, mK, (n_channels, n_pix) float32; not kept. Of "inside" the rest is 0.
+    """The residual of one of `WAYS`, mK, (n_channels, n_pix) float32; not kept. Of "inside" the rest is 0.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def residual(case, remover, region, way):
 
 @product(name="masked_comparison")
 def compared(case, remover, region, way, margin=4.0):
-    """The `Comparison` of what is left by one of `WAYS` with the truth, inside of a region.
+    """The `Comparison` of the residual of one of `WAYS` with the truth, inside of a region.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def compared(case, remover, region, way, margin=4.0):
 
 @product(name="masked_by_depth")
 def by_depth(case, remover, region, way, edges=(0.0, 1.0, 2.0, 4.0, 8.0, 90.0)):
-    """Rms of what is left less the truth, mK, between some distances from the edge, deg, (n - 1,)."""
+    """Rms of the residual less the truth, mK, between some distances from the edge, deg, (n - 1,)."""
     left, depth = residual(case, remover, region, way), region.depth(case.survey.nside)
     kept = depth > 0
     wrong = left[:, kept] - pipeline.truth(case)[:, kept]

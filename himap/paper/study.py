@@ -105,7 +105,7 @@ class Study:
     def compared(self, beam, remover, *, mask_peaks=True, masked=False):
         """Both spectra against the truth, a `Comparison`.
 
-        With `masked`, without the lines of sight whose error stands out, in what is left and in the truth.
+        With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
         """
         with self._keeping:
             return cleaned.compared(self.case(beam), remover, mask_peaks, masked, masked=masked)

@@ -54,7 +54,7 @@ class GMCA(ForegroundRemover):
     n_falling: int = parameter(50, "iterations in which the thresholds fall", minimum=1)
     max_iterations: int = parameter(200, "largest number of iterations", minimum=1)
     tolerance: float = parameter(
-        1e-3, "change of the foreground to stop at, in units of what is left", minimum=0, above=True
+        1e-3, "change of the foreground to stop at, in units of the residual", minimum=0, above=True
     )
 
     def _separate(self, data):

@@ -55,7 +55,7 @@ class Separation:
         foreground = self.foreground
         for spectra, maps in ((self.mixing, self.sources), (foreground.spectra, foreground.maps)):
             expected = (shape[0], len(maps)), (len(maps), shape[1])
-            # A foreground is 1e5 times brighter than what is left: single precision would not do.
+            # A foreground is 1e5 times brighter than the residual: single precision would not do.
             double = spectra.dtype == maps.dtype == np.float64
             if (spectra.shape, maps.shape) != expected or not double:
                 got = f"{spectra.dtype} {spectra.shape}, {maps.dtype} {maps.shape}"

@@ -310,7 +310,7 @@ def suggest(asked):
     short_help="Measure how far the residual of CUBE depends on its beam.",
 )
 def sensitivity(asked):
-    """Clean CUBE with beams that differ a little from --beam, and tell how far the power that is left moves.
+    """Clean CUBE with beams that differ a little from --beam, and say how the power of the residual changes.
 
     \b
     himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
@@ -322,7 +322,7 @@ def sensitivity(asked):
     page = _output(asked)
     remover = create(asked.method, **asked.parameters)
     if "beams" not in remover.uses:
-        raise InputError(f"{remover.name} does not use the beam: no error of it changes what is left.")
+        raise InputError(f"{remover.name} does not use the beam: no error of it changes the residual.")
     errors = {"widths": asked.widths, "ripples": asked.ripples} if asked.widths or asked.ripples else {}
     if asked.beam is not None:
         measured.perturbed_beams(asked.beam, **errors, period=asked.period)  # before the work

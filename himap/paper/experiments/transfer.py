@@ -14,7 +14,7 @@ from himap.removal.cleaning import one_more
 from himap.store.store import product
 
 MOST = 4
-"""How many numbers of sources are tried, one after the other, until no foreground is seen to be left."""
+"""How many numbers of sources are tried, one after the other, until no foreground residual is detected."""
 
 COLUMNS = {
     "method": str,
