@@ -28,23 +28,22 @@
 # The chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
 # figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. One thing differs from the paper: the
 # real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper has PySM's
-# of nside 512. The HI box has 1024³ cells, {glue:text}`paper_size_cell` wide (a pixel at the far end is
-# {glue:text}`paper_size_pixel` wide), and in one more ledger the paper's 2048³.
+# of nside 512. In the ledger the HI box has the paper's 2048³ cells, in the figures 1024³, which are
+# {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide.
+# {doc}`01_simulations` compares the two.
 #
 # ```sh
 # himap templates FOLDER --nside 64
-# himap measure claims --preset paper -p n_realisations=1 -p n_sources_max=8 -p galaxy=templates -p template_dir=FOLDER --jobs 2
+# himap measure claims --preset paper -p box_cells=2048 -p n_realisations=1 -p n_restarts=1 -p n_sources_max=8 -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
 # ```
 #
-# The other ledgers are made with `-p box_cells=2048`, with `-p galaxy=synthetic`, and with other numbers of
-# skies and restarts, which the heads of the columns have. The results are stored in `book/results`; {doc}`19_scale` has their times.
+# The results are stored in `book/results`; {doc}`19_scale` has their times.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
 smaller: str = "claims_laptop"  # the ledger of the book
 real: str = "paper_templates"  # what is stored of the real Galaxy: a ledger and a folder of figures
-box: str = "paper_box"  # a ledger with the paper's HI box
 synthetic: str = "paper_synthetic"  # and of the synthetic one
 
 # %% tags=["hide-input"]
@@ -63,7 +62,7 @@ from himap.sky.cosmology import Cosmology, redshift
 
 folder = Path(results or RESULTS)
 ledgers, missing = [], []
-for name in (smaller, f"claims_{real}", f"claims_{box}", f"claims_{synthetic}"):
+for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
     try:
         ledgers.append(read_ledger(folder / f"{name}.json"))
     except InputError:  # none, or one of the claims as they were judged before
@@ -74,12 +73,10 @@ others = other_records(ledgers[0][1], folder)
 # (ledgers)=
 # ## The claims
 #
-# Columns are sizes, Galaxies and HI boxes. Compare `laptop` with the paper's size on the real Galaxy: four
-# times the pixels, twice the channels. Then the two boxes: Galaxy and noise are the same, and HI has the same
-# Fourier modes where both boxes have them. Then the two Galaxies: HI, noise and beams are the same. For
-# SDecGMCA each column is a few runs of a chaotic method, so that its parts may also differ by chance
-# ({doc}`27_restarts`). {doc}`15_claims` explains verdicts and signs; main parts that hold in less than 84 %
-# of the members are listed with that share.
+# Columns are sizes and Galaxies. Compare `laptop` with the paper's size on the real Galaxy: four times the
+# pixels, twice the channels, and smaller cells of HI. For SDecGMCA a column is one run, or a few, of a
+# chaotic method, so that its parts may also differ by chance ({doc}`27_restarts`). {doc}`15_claims` explains
+# verdicts and signs; main parts that hold in less than 84 % of the members are listed with that share.
 
 # %% tags=["hide-input"]
 absent = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."

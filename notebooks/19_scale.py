@@ -89,7 +89,7 @@ Markdown(steps_table(paper))
 # (whole)=
 # ### The ledger of one realisation
 #
-# With the real Galaxy and `--jobs 2`: light cone and observations as above, then the claims.
+# With the real Galaxy and `--jobs 2`: the light cone as above, then observations and claims.
 # {doc}`The status page <../book/status>` has the times of the chapters with figures.
 
 # %% tags=["hide-input"]
@@ -99,8 +99,8 @@ rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
 
 # %% [markdown]
-# The claims measure 80 separations, where Figs. 1 and 2 have 18: six methods in seven cases, other $\sigma$
-# of the peak masking, variants of SDecGMCA, and the scan of $n_s$.
+# With the scan of $n_s$ up to 20 the claims need 80 separations, where Figs. 1 and 2 have 18: six methods in
+# seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan.
 
 # %% [markdown]
 # ## The same at half that size

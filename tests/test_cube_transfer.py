@@ -11,9 +11,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
-from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
-from himap.cubes.spectra import compared, spectra_of
-from himap.cubes.transfer import (
+from himap.cubes.corrected import (
     HEADER,
     HEADER_OF_TRUTH,
     corrected_table,
@@ -21,6 +19,8 @@ from himap.cubes.transfer import (
     remarks_on,
     write_spectra,
 )
+from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
+from himap.cubes.spectra import compared, spectra_of
 from himap.maps import sphere
 from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power

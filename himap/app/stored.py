@@ -159,12 +159,12 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
 
 
 def times_of_all(steps, about):
-    """Time of light cone, observations and the ledger of one realisation: {part: seconds}.
+    """Time of light cone and of the ledger of one realisation, with its observations: {part: seconds}.
 
     Parameters
     ----------
     steps, about
-        The steps, and the provenance of the ledger once the observations were there, as they are stored.
+        The steps, and the provenance of the ledger once the light cone was there, as they are stored.
     """
-    parts = {row["step"]: row["seconds"] for row in steps["steps"][:2]}
-    return parts | {"the ledger": about["seconds"]}
+    first = steps["steps"][0]
+    return {first["step"]: first["seconds"], "observations and the ledger": about["seconds"]}

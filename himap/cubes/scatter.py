@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from himap.core.progress import progress
+from himap.cubes.corrected import plain_band
 from himap.cubes.report import figure, panel
-from himap.cubes.transfer import alms_of, plain_band
+from himap.cubes.transfer import alms_of
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.diagnostics import bands

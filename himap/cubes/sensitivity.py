@@ -7,8 +7,9 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import beams_of
+from himap.cubes.corrected import plain_band
 from himap.cubes.report import figure, write_page
-from himap.cubes.transfer import alms_of, mock_power_of_change, plain_band
+from himap.cubes.transfer import alms_of, mock_power_of_change
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams import named

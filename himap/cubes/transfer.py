@@ -3,18 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
-from himap.cubes.report import figure, panel
 from himap.cubes.spectra import spectra_of
-from himap.figures import plotting, styles
-from himap.figures.tables import Table
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
-from himap.measures.bootstrap import bootstrap_of, covariance, sigma
-from himap.measures.diagnostics import bands
+from himap.measures.bootstrap import bootstrap_of, sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import harmonic_power, mock_power, mock_power_of_cubes
 from himap.removal.cleaning import one_more
@@ -22,12 +17,6 @@ from himap.removal.data import means_of
 
 MOST = 2
 """How many numbers of sources spectra are corrected with: that of the cleaning, and one more."""
-
-HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
-"""Columns of `corrected_table`."""
-
-HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull")
-"""Further ones where there is a truth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,24 +214,6 @@ def correct(measured, spectra, truth=None):
     return found
 
 
-def remarks_on(corrected, n_sources):
-    """What the user should know of what `correct` gives, a list of sentences.
-
-    `n_sources` is that of the cleaning, None of a method that has none.
-    """
-    one, remarks = corrected["angular"], []
-    if one.n_sources != n_sources:
-        remarks.append(
-            f"{n_sources} sources leave foreground residual: the spectra are corrected with {one.n_sources}."
-        )
-    if not one.explained:
-        remarks.append(
-            f"There is foreground residual with {one.n_sources} sources too, and in the corrected spectra: "
-            "remove more (`himap suggest` says how many)."
-        )
-    return remarks
-
-
 def _both(spectra):
     return {"angular": spectra.angular.mean, "frequency": spectra.frequency.power}
 
@@ -265,101 +236,3 @@ def _in_bins(kind, x, transfer, power):
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
     )
-
-
-def corrected_table(corrected):
-    """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
-
-    Error bar, systematic and sample variance are relative to the corrected power. The pull is (corrected -
-    truth) / error bar.
-    """
-    knows = corrected["angular"].knows_truth
-    rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
-    for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
-        one, weights = corrected[kind], [inside / inside.sum()]
-        ((bar,), (sample,)) = one.sigma(weights), one.sigma(weights, "sample")
-        mean = one.corrected[inside].mean()
-        row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
-        row += [f"{mean / one.residual[inside].mean():.4f}"]
-        row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
-        row += [f"{one.systematic[inside].mean() / mean:+.2%}"]
-        row += [f"{sample:.2%}" if np.isfinite(sample) else "–"]
-        if knows:
-            ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
-            row += [*map("{:.4f}".format, ratios), f"{(ratios[1] - 1) / bar:+.1f}"]
-        rows.append(row)
-    return Table(header, rows, align="l" + "r" * (len(header) - 1))
-
-
-def correlation_table(corrected):
-    """A `Table` of the correlations of the errors of the bands of `corrected_table`; see `covariance`."""
-    columns = {
-        plain_band(name): corrected[kind].errors @ (inside / inside.sum())
-        for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items()
-    }
-    matrix = covariance(np.transpose(list(columns.values())))
-    bars = np.sqrt(np.diag(matrix))
-    rows = [
-        [name, *map("{:+.2f}".format, row)]
-        for name, row in zip(columns, matrix / bars / bars[:, None], strict=True)
-    ]
-    note = "Correlations of the error bars of bands."
-    return Table(["", *columns], rows, align="l" + "r" * len(columns), note=note)
-
-
-def plain_band(name):
-    """The name of a band of ratios as that of a band of the spectrum."""
-    ratio, _, where = name.partition(", ")
-    return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
-
-
-def corrected_parts(corrected, n_mocks):
-    """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
-    n_sources = corrected["angular"].n_sources
-    used = "" if n_sources is None else f", with {n_sources} sources"
-    text = (
-        f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with its "
-        f"foreground{used}. What comes back of their power is the transfer function T; what a residual has "
-        "beyond that is foreground residual, and subtracted. Thin lines are one error bar, from mocks that "
-        "are corrected by each other: the error of a cleaning of this very sky. Sample variance and noise "
-        "are a column of the table and not in the error bar; the systematic is by how much one source more "
-        "changes the result. Mocks must resemble the data: their HI has the power that himap assumes, or "
-        "that of the files that were given."
-    )
-    panels, shares = [], []
-    for kind, one in corrected.items():
-        bars = one.sigma(np.eye(len(one.x)))
-        curves = [
-            (one.x, one.residual, {"label": "residual", "color": styles.ORANGE, "linestyle": "--"}),
-            (one.x, one.corrected, {"label": "corrected", "color": styles.INDIGO}),
-        ]
-        edges = ((one.corrected * (1 + sign * bars)) for sign in (-1, 1))
-        thin = {"color": styles.INDIGO, "linewidth": 0.5, "label": "_error bar"}
-        curves += [(one.x, edge, thin) for edge in edges if np.isfinite(edge).all()]
-        if one.knows_truth:
-            curves.append((one.x, one.truth, {"label": "truth", "color": "black", "linestyle": ":"}))
-        panels.append(panel(kind, curves))
-        share = [(one.x, one.share, {"color": styles.BLUE})]
-        shares.append(panel(kind, share, ylabel="$T$", yscale="linear", ylim=(0, 1.1)))
-    picture, alt = plotting.lines(panels + shares, size=(4.6, 3)), "Corrected spectra and transfer functions"
-    tables = [corrected_table(corrected), *([correlation_table(corrected)] if n_mocks > 1 else [])]
-    return [figure(picture, alt, text, title="Corrected spectra"), *tables]
-
-
-def write_spectra(corrected, path):
-    """Write both spectra as CSV, one l or k a line; NaN where something is not known.
-
-    Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
-    (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``foreground``, ``systematic`` and ``truth`` (as ``residual``); for each mock also ``error_1`` and so on,
-    of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means over them.
-    """
-    tables = []
-    for kind, one in corrected.items():
-        each = np.eye(len(one.x))
-        columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
-        columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
-        columns |= {"foreground": one.foreground, "systematic": one.systematic, "truth": one.truth}
-        columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
-        tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
-    pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

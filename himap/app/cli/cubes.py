@@ -168,12 +168,13 @@ def transfer(asked):
 
 def _cleaned(asked):
     """A `CleanedCube`, and the function that writes its page, and spectra, to paths."""
+    from himap.cubes import corrected as texts
     from himap.cubes import scatter
-    from himap.cubes import transfer as measured
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
     from himap.cubes.report import patches_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
+    from himap.cubes.transfer import correct, measure_transfer
     from himap.cubes.writing import check_columns
     from himap.removal import create
     from himap.removal.restarts import checked_restarts
@@ -200,11 +201,11 @@ def _cleaned(asked):
     comparison = None if true is None else compared(cleaned, true)
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
-        found = measured.measure_transfer(cleaned, mocks)
-        corrected = measured.correct(found, spectra, comparison)
-        more = measured.corrected_parts(corrected, len(found[0][1].own.mocks))
-        click.echo(measured.corrected_table(corrected))
-        _tell(asked, *measured.remarks_on(corrected, getattr(remover, "n_sources", None)))
+        found = measure_transfer(cleaned, mocks)
+        corrected = correct(found, spectra, comparison)
+        more = texts.corrected_parts(corrected, len(found[0][1].own.mocks))
+        click.echo(texts.corrected_table(corrected))
+        _tell(asked, *texts.remarks_on(corrected, getattr(remover, "n_sources", None)))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
@@ -216,7 +217,7 @@ def _cleaned(asked):
     def write_pages(paths):
         write_report(cleaned, paths[0], spectra=shown, more=more, said=asked.said)
         if corrected is not None:
-            measured.write_spectra(corrected, paths[1])
+            texts.write_spectra(corrected, paths[1])
             if scattered is not None:
                 scatter.add_columns(scattered, paths[1])
 

@@ -33,7 +33,7 @@ _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters th
 @workers
 @debug
 def measure(name, *, pairs, preset, output, overwrite, check, grow):
-    """Measure the experiment NAME on many skies, and write its record.
+    """Measure the experiment NAME on many skies, and write its record. `himap list CHAPTER` shows parameters.
 
     \b
     authors      SDecGMCA as its authors' code was measured          (27_restarts)
@@ -46,8 +46,6 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     readings     every claim under every reading of SDecGMCA        (15_claims)
     restarts     SDecGMCA from several starts, in each reading       (15_claims)
     transfer     how well spectra are corrected, and their errors   (20_transfer_function)
-
-    `himap list` shows the parameters of these chapters.
 
     \b
     himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
