@@ -62,11 +62,11 @@
 # | undecided | any other |
 #
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
-# restarts, the second of one older run at the paper's size (`nside` 256, 500 channels), in another reading
-# of the text and by the rules that the ledger lists as *before*: its numbers are of those rules, and are
-# not to be compared with the first column. A single sky has no scatter over skies; in brackets is then the
-# $1\,\sigma$ interval of its restarts. {doc}`../book/status` states which of the records and figures are
-# stale.
+# restarts, the second of a single run at the paper's size (`nside` 256, 500 channels, an HI box of 2048³
+# cells), in the same reading and by the same rules. A single sky has no scatter over skies; in brackets is
+# then the $1\,\sigma$ interval of its restarts. The pictures at the paper's size are of an older run in
+# another reading, in which the noise of the instrument sets the thresholds of SDecGMCA.
+# {doc}`../book/status` states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -127,7 +127,7 @@ def claims_of(number):
 
 # %% tags=["remove-input"]
 Table(
-    ["", "conclusion of the paper", "half the paper's size, ensemble", "the paper's size, one older run"],
+    ["", "conclusion of the paper", "half the paper's size, ensemble", "the paper's size, one run"],
     [
         [f"{n}", one.says, badge(one, by_id[0]), badge(one, by_id[1])]
         for n, one in enumerate(CONCLUSIONS, start=1)
@@ -147,7 +147,7 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# The frequency power spectra of the same run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$.
+# The frequency power spectra of the older run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -201,17 +201,17 @@ claims_of(3)
 claims_of(4)
 
 # %% [markdown]
-# The figure is of the older run, with the noise of the instrument in the thresholds, where each further
-# source removes HI. In the reading of this page the error has a minimum, as in the paper ({doc}`11_ns_scan`).
+# The figure is of the older run, in whose reading each further source removes HI. In the reading of this page
+# the error has a minimum, as in the paper ({doc}`11_ns_scan`).
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
 # **The result is sensitive to the number of sources.** With too few the residual contains foreground; with
-# too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the
-# first column ends at 8, so the paper's rise beyond 10 is tested in {doc}`11_ns_scan` only.
-# {doc}`22_how_many` chooses the number without the truth.
+# too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scans of
+# both columns end at 8, so the paper's rise beyond 10 is tested in {doc}`11_ns_scan` only. {doc}`22_how_many`
+# chooses the number without the truth.
 #
 # ## 5. Masks
 

@@ -164,8 +164,8 @@ Table(head, CRIME, align="l" + 5 * "r")
 # %% [markdown]
 # The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
 # counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
-# Above 1300 MHz the mean temperature and $C_\ell$ on the largest scales are reliable; $C_\ell$ beyond
-# $\ell$ of about 50 and the brightest voxels are not. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
+# Above 1300 MHz the codes agree in the mean temperature and in $C_\ell$ on the largest scales; they differ in
+# $C_\ell$ beyond $\ell$ of about 50 and in the brightest voxels. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
 # the power along the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz.
 # CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
 # velocities, as differences of neighbouring cells; himap has neither.
@@ -256,15 +256,22 @@ head = ["choice", "", "flagged, 10⁻³", "brightest, mK", "P at low k, mK² MHz
 Table(head, CHOICES, align="ll" + 4 * "r")
 
 # %% [markdown]
-# The paper's box has 2048³ cells. That field, made with the modes of the box of 1024³ cells of the same seed
-# and those beyond, has been compared with it, and with another draw of 512³ cells, over the band of the
-# paper at `nside` 256: spectra are relative to those of 2048³ cells, whose values are in the last column.
-# What the claims become with it is in {doc}`18_paper_size`.
+# The paper's box has 2048³ cells. Such a field, with the Fourier modes of the box of 1024³ cells of the same
+# seed and those beyond, is compared with that box, and with another draw of 512³ cells, over the band of the
+# paper at `nside` 256. Spectra are relative to those of 2048³ cells, whose values are in the last column.
 
 # %% tags=["hide-input"]
 record = Record.load(EXPERIMENT, boxes or RESULTS / "boxes_paper.json")
 several = table_of(record.rows)
 Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", note=record.made.footer())
+
+# %% [markdown]
+# The mean temperature and the share of voxels that stand out hardly depend on the cell. The brightest voxel
+# and all spectra do: a channel of 1 MHz is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
+# power from modes along the line of sight that a coarser box lacks, at every $\ell$, and most in the nearest
+# channels.
+# Ratios to the truth, on which the claims are judged, are of one box each; {doc}`18_paper_size` judges them
+# with the paper's.
 
 # %% [markdown]
 # ## The foregrounds
