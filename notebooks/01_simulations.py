@@ -267,7 +267,7 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 
 # %% [markdown]
 # The mean temperature and the share of voxels that stand out hardly depend on the cell. The brightest voxel
-# and all spectra do: a channel of 1 MHz is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
+# and all spectra do: a channel is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
 # power from modes along the line of sight that a coarser box lacks, at every $\ell$, and most in the nearest
 # channels.
 # Ratios to the truth, on which the claims are judged, are of one box each; {doc}`18_paper_size` judges them

@@ -44,7 +44,7 @@
 results: str | None = None  # folder of stored results; None: that of the book
 smaller: str = "claims_laptop"  # the ledger of the book
 real: str = "paper_templates"  # what is stored of the real Galaxy: a ledger and a folder of figures
-synthetic: str = "paper_synthetic"  # and of the synthetic one
+synthetic: str = "paper_synthetic"  # a folder of figures of the synthetic one
 
 # %% tags=["hide-input"]
 from pathlib import Path
@@ -55,34 +55,25 @@ from IPython.display import Markdown
 from himap.app.causes import other_records
 from himap.app.stored import RESULTS, read_ledger
 from himap.app.stored_tables import ledgers_table, pictures, verdicts_table
-from himap.core.errors import InputError
 from himap.core.survey import PRESETS
 from himap.figures.numbers import quote
 from himap.sky.cosmology import Cosmology, redshift
 
 folder = Path(results or RESULTS)
-ledgers, missing = [], []
-for name in (smaller, f"claims_{real}", f"claims_{synthetic}"):
-    try:
-        ledgers.append(read_ledger(folder / f"{name}.json"))
-    except InputError:  # none, or one of the claims as they were judged before
-        missing.append(f"`{name}`")
+ledgers = [read_ledger(folder / f"{name}.json") for name in (smaller, f"claims_{real}")]
 others = other_records(ledgers[0][1], folder)
 
 # %% [markdown]
 # (ledgers)=
 # ## The claims
 #
-# Columns are sizes and Galaxies. Compare `laptop` with the paper's size on the real Galaxy: four times the
-# pixels, twice the channels, and smaller cells of HI. For SDecGMCA a column is one run, or a few, of a
-# chaotic method, so that its parts may also differ by chance ({doc}`27_restarts`). {doc}`15_claims` explains
-# verdicts and signs; main parts that hold in less than 84 % of the members are listed with that share.
+# The real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the pixels, twice the
+# channels and smaller cells of HI. For SDecGMCA a column is one run, or a few, of a chaotic method, so that
+# its parts may also differ by chance ({doc}`27_restarts`). {doc}`15_claims` explains verdicts and signs; main
+# parts that hold in less than 84 % of the members are listed with that share.
 
 # %% tags=["hide-input"]
-absent = f"There is no ledger {', '.join(missing)} of the claims as they are judged now: it is to be measured again."
-Markdown(
-    "\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=others), *[absent] * bool(missing)])
-)
+Markdown("\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=others)]))
 
 # %% tags=["hide-input"]
 size = PRESETS["paper"]

@@ -1,6 +1,5 @@
 """The chapters of what was measured once say what the files in book/results say."""
 
-import contextlib
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -162,16 +161,11 @@ def defaults():
 
 def stored_ledgers():
     chosen = defaults()
-    return [chosen["smaller"], f"claims_{chosen['real']}", f"claims_{chosen['synthetic']}"]
+    return [chosen["smaller"], f"claims_{chosen['real']}"]
 
 
 def readable_ledgers():
-    """Of the stored ones those of the claims as they are judged now."""
-    ledgers = []
-    for name in stored_ledgers():
-        with contextlib.suppress(InputError):
-            ledgers.append(read_ledger(RESULTS / f"{name}.json"))
-    return ledgers
+    return [read_ledger(RESULTS / f"{name}.json") for name in stored_ledgers()]
 
 
 def stored_folders():
