@@ -74,10 +74,10 @@ def test_smaller_cells_have_more_structure(rows):
 
 def test_spectra_in_the_table_are_relative_to_the_largest_box(rows):
     table = table_of(rows)
-    assert list(table.columns) == ["quantity", "band", "channels", "16³", "32³", "64³", "largest"]
+    assert list(table.columns)[3:] == ["16³", "32³", "64³", "value, 64³"]
     spectra = table["quantity"].isin([QUANTITIES[one] for one in ("C_l", "P", "P_beam")])
     assert set(table.loc[spectra, "64³"]) == {"1"}
-    assert (table.loc[~spectra, "64³"] == table.loc[~spectra, "largest"]).all()
+    assert (table.loc[~spectra, "64³"] == table.loc[~spectra, "value, 64³"]).all()
 
 
 def test_a_box_without_half(rows):

@@ -111,9 +111,10 @@ def table_of(rows):
     is_spectrum = by_box.index.get_level_values("quantity").isin(["C_l", "P", "P_beam"])
     texts = by_box.div(largest.where(is_spectrum, 1.0), axis=0).map("{:.3g}".format)
     texts.columns = [f"{n_cells}³" for n_cells in texts]
-    texts.insert(len(texts.columns), "largest", [f"{value:.3g}" for value in largest])
+    texts[f"value, {texts.columns[-1]}"] = [f"{value:.3g}" for value in largest]
     texts = texts.reset_index()
-    return texts.assign(quantity=texts["quantity"].map(QUANTITIES))
+    texts["quantity"] = texts["quantity"].map(QUANTITIES)
+    return texts.rename(columns={"band": "ℓ, or k in 1/MHz", "channels": "MHz"})
 
 
 EXPERIMENT = Experiment(
