@@ -12,7 +12,7 @@ import himap
 from himap.app import notebooks
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
-from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.experiments import EXPERIMENTS, authors, find_experiment
 from himap.paper.record import Experiment, Record, measuring_code
 
 CLAIMS = ("measure", "claims", "--preset", "ci")
@@ -172,6 +172,16 @@ class TestCheckAndGrow:
             "a.json: 1 rows of one sky are the same with today's code; 1 of single runs of a chaotic method "
             "are not compared.\n"
         )
+
+    def test_a_record_of_single_runs_is_refused_before_the_work(self, himap_command, monkeypatch):
+        row = {"restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
+        tables = iter([authors.EXPERIMENT.frame([{"seed": 2025} | row])])
+        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
+        monkeypatch.setattr(Experiment, "table", lambda self, skies: next(tables))
+        command = ("measure", "authors", "-p", "n_restarts=1")
+        assert himap_command(*command, "-o", "a.json")[0] == 0
+        code, _, err = himap_command(*command, "--check", "a.json")
+        assert code == 2 and "a.json has only single runs of chaotic methods: measure all of it again" in err
 
     def test_only_the_skies_that_are_missing(self, written, seen):
         before = stored("a.json")

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
+import numpy as np
 
 from himap.app.cli.shared import EXPERIMENT, PRESET, debug, named_values, overwrite_option, workers
 from himap.app.notebook_files import check_output, copy_name
@@ -86,10 +87,10 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     if record is not None:
         record.check_parameters(about(started))
     if check is not None:
+        if _single_draws(record.rows).all():  # before the work
+            raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
         rows = experiment.table(skies[:1])
         drawn = _single_draws(rows)
-        if drawn.all():
-            raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
         record.check(rows, about(started), drawn=drawn).save(path)
         n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
         said = f"{len(rows) - n} rows of one sky are the same with today's code"
@@ -113,12 +114,17 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
 
 
 def _single_draws(rows):
-    """Which rows are of single runs of chaotic methods, by the column "method": an array."""
+    """Which rows are of single runs of chaotic methods, an array.
+
+    They are those with its name in the column "method"; where there is none, those of a restart.
+    """
     from himap import removal
     from himap.removal.restarts import has_restarts
 
     chaotic = [name for name in removal.available() if has_restarts(removal.create(name))]
-    return (rows["method"].isin(chaotic) if "method" in rows else rows["seed"].isna()).to_numpy()
+    if "method" in rows:
+        return rows["method"].isin(chaotic).to_numpy()
+    return np.full(len(rows), "restart" in rows)
 
 
 def _parameters(experiment, pairs, preset, recorded):
