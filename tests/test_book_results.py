@@ -160,7 +160,7 @@ def defaults():
 
 def stored_ledgers():
     chosen = defaults()
-    return [chosen["smaller"], f"claims_{chosen['real']}"]
+    return [chosen["smaller"], f"claims_{chosen['real']}", f"claims_{chosen['coarser']}"]
 
 
 def readable_ledgers():
