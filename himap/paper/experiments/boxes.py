@@ -56,9 +56,8 @@ def skies(*, n_realisations=1, **settings):
 
 def seen_through(beam, survey):
     """HI maps seen through a `Beam`, mK, (n_channels, n_pix)."""
-    windows = beam.of_survey(survey).total
-    alms = pipeline.hi_alms_of_sky(survey.sky)
-    alms = np.array([sphere.multiply_beam(alm, window) for alm, window in zip(alms, windows, strict=True)])
+    pairs = zip(pipeline.hi_alms_of_sky(survey.sky), beam.of_survey(survey).total, strict=True)
+    alms = (sphere.multiply_beam(alm, window) for alm, window in pairs)
     return sphere.synthesise_cube(
         alms, survey.nside, n_channels=survey.n_channels, label="HI through the beam"
     )
