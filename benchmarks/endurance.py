@@ -146,7 +146,7 @@ def kill_workers(trial, n_times, chance):
                     killed = True
         code, said = process.wait(), place.errors.read_text(errors="replace")
         trial.counts["workers_killed"] += killed
-        trial.counts["told_in_a_sentence"] += code == 2 and "was killed" in said and "Traceback" not in said
+        trial.counts["told_in_a_sentence"] += code == 2 and "died of" in said and "Traceback" not in said
         trial.counts["done_all_the_same"] += code == 0
         trial.finish(place)
 
